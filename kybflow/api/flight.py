@@ -216,7 +216,15 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         vehicles = build_vehicles(plan, devices, events, lambda _: VehicleObserver(), Score(plan))
         clock = clock_for(plan, pace_of(plan, None))
         inputs = Inputs(plan.inputs, devices.inputs, events)
-        engine = Engine(plan, clock, devices.sessions, vehicles, events, inputs=inputs)
+        engine = Engine(
+            plan,
+            clock,
+            devices.sessions,
+            vehicles,
+            events,
+            inputs=inputs,
+            watching=devices.watching,
+        )
         lines = engine.inspect()
         failed = next((v.link_error for v in vehicles if v.link_error), None)
         return Inspected(lines, failed)
@@ -339,6 +347,7 @@ class _Run:
             request.seed,
             self._commands,
             inputs,
+            devices.watching,
         )
         engine.interrupts = self.interrupts
         for name, value in request.options:

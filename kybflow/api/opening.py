@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from kybflow.api.watching import watching_streams
 from kybflow.core.errors import DriverError, FileError, described
 from kybflow.core.signals import NO_INPUTS, InputReadings, Sticks
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
@@ -28,18 +29,20 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 
 class Devices(NamedTuple):
     """The open devices: the drivers' sessions, each vehicle's sensors beside them, and the inputs,
-    by name. vehicles: those that are built on them, which inputs may listen to."""
+    by name. vehicles: those that are built on them, which inputs may listen to. watching: what
+    sees each moving obstacle."""
 
     sessions: list[Session]
     sensors: dict[str, list[OpenSensor]]
     inputs: dict[str, InputLink]
     vehicles: dict[str, Vehicle]
+    watching: dict[str, Stream]
 
     def close(self) -> list[str]:
         """Close everything; a text for each device that could not be closed."""
         streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
         devices: list[Stream | Session | InputLink] = [
-            *self.inputs.values(), *streams, *self.sessions,
+            *self.inputs.values(), *streams, *self.watching.values(), *self.sessions,
         ]  # fmt: skip
         reasons = []
         for device in devices:
@@ -75,7 +78,7 @@ def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING)
 def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> Devices:
     """Open everything that the plan names. again: for each input that isn't opened, what an earlier
     run recorded of it. Raises DriverError, and nothing is open then."""
-    devices = Devices(_open_sessions(plan, seed), {}, {}, {})
+    devices = Devices(_open_sessions(plan, seed), {}, {}, {}, {})
     links = _links(devices)
     try:
         for vehicle in plan.vehicles:
@@ -84,6 +87,8 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
             for sensor in vehicle.sensors:
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
                 opened.append(OpenSensor(sensor, _stream(sensor.part, context, link, own)))
+        context = context_of(plan, plan.vehicles[0])
+        devices.watching.update(watching_streams(plan, links, context, seed))
         for plan_input in plan.inputs:
             devices.inputs[plan_input.name] = _input(plan_input, devices, again)
     except BaseException:
@@ -133,7 +138,7 @@ def _open_sessions(plan: Plan, seed: int) -> list[Session]:
             seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
             sessions.append(driver.open(seats, generator))
     except BaseException:
-        Devices(sessions, {}, {}, {}).close()
+        Devices(sessions, {}, {}, {}, {}).close()
         raise
     return sessions
 

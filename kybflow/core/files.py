@@ -17,7 +17,8 @@ class File:
     flies with the contents that were checked.
 
     name: the path as written, relative to the YAML file that names it. sha256: the digest of its
-    bytes. text: its contents (UTF-8).
+    bytes. text: its contents (UTF-8; what is no text, where the parameter takes such a file, stands
+    as surrogates).
     """
 
     name: str
@@ -26,6 +27,20 @@ class File:
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def is_text(self) -> bool:
+        """Whether all of it is text."""
+        try:
+            self.text.encode()
+        except UnicodeEncodeError:
+            return False
+        return True
+
+    @property
+    def data(self) -> bytes:
+        """Its bytes, but for a byte order mark."""
+        return self.text.encode("utf-8", "surrogateescape")
 
 
 class FilePath(str):

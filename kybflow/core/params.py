@@ -60,6 +60,7 @@ class _Facts:
     reads: Reads | None
     limited_by: str | None
     room: Room | None
+    binary: bool
 
 
 def param(
@@ -76,6 +77,7 @@ def param(
     reads: Reads | None = None,
     limited_by: str | None = None,
     room: Room | None = None,
+    binary: bool = False,
 ) -> Any:
     """Declare one parameter of a `@params` class.
 
@@ -84,11 +86,12 @@ def param(
     compiler checks that a text names such a thing. reads: the compiler checks a file with this
     reader. limited_by: the parameter beside it that it may not exceed, or the part never succeeds.
     room: the length says nothing where it is more than half of the fence's longest side (`across`),
-    or more than its height (`up`).
+    or more than its height (`up`). binary: the file need not be text.
     """
     facts = _Facts(
-        help, above, at_least, below, at_most, read_only, tightens, names, reads, limited_by, room
-    )
+        help, above, at_least, below, at_most, read_only, tightens, names, reads, limited_by, room,
+        binary,
+    )  # fmt: skip
     return dataclasses.field(default=default, metadata={_KEY: facts}, kw_only=True)
 
 
@@ -133,6 +136,7 @@ class Field:
     reads: Reads | None = None
     limited_by: str | None = None
     room: Room | None = None
+    binary: bool = False
 
     def loosens(self, before: Any, after: Any) -> bool:
         """Return whether a safety parameter, or any number of it, is less strict than before."""
@@ -225,7 +229,7 @@ def _field(cls: type, field: dataclasses.Field[Any], hint: Any) -> Field:
     return Field(
         field.name, shape, dimension, choices, optional, required, default,
         facts.help, facts.above, facts.at_least, facts.below, facts.at_most, facts.read_only,
-        facts.tightens, facts.names, facts.reads, facts.limited_by, facts.room,
+        facts.tightens, facts.names, facts.reads, facts.limited_by, facts.room, facts.binary,
     )  # fmt: skip
 
 

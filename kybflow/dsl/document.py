@@ -4,6 +4,7 @@ are gone."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -179,14 +180,23 @@ class AirframeEntry:
     spans: dict[str, Span]
 
 
+class Scan(NamedTuple):
+    """The parameters of a point cloud, as declared, and where its file is named."""
+
+    params: Any
+    span: Span
+
+
 @dataclass(frozen=True, slots=True)
 class ObstacleEntry:
-    """One entry of `world.obstacles`. may_touch: it is there to be touched."""
+    """One entry of `world.obstacles`. may_touch: it is there to be touched. scan: what a point
+    cloud is made of."""
 
     name: Text
     shape: Shape
     span: Span
     may_touch: bool = False
+    scan: Scan | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +206,17 @@ class MovingEntry:
     name: Text
     sphere: MovingSphere
     span: Span
+
+    def eye(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
+        """The first sensor that can tell where it is, with its vehicle and the parameters for it;
+        None where there is none."""
+        body = self.sphere.body or self.name.text
+        for vehicle in vehicles:
+            for sensor in vehicle.sensors:
+                params = sensor.part.spec.cls.tracking(sensor.part.params, body)
+                if params is not None:
+                    return vehicle, sensor.part, params
+        return None
 
 
 @dataclass(frozen=True, slots=True)

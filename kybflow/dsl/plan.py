@@ -307,6 +307,9 @@ class Plan:
     moving: dict[str, MovingSphere] = field(default_factory=dict)
     touchable: frozenset[str] = frozenset()
     """The obstacles that are there to be touched."""
+    watching: dict[str, tuple[str, PartPlan]] = field(default_factory=dict)
+    """What sees each moving obstacle: a sensor as of a vehicle, with that one's name. One that is
+    missing is simulated."""
     points: dict[str, Vec3] = field(default_factory=dict)
     tags: TagMap = NO_TAGS
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)

@@ -76,14 +76,16 @@ class Processor(Part[P]):
     that it accepts to the kind that it returns. `clamps`: what it changes is taken away for good,
     as beyond a fence, and does not only come later or around something: it is told as
     `clamp_started`, and a behavior that is done while its goal is clamped has failed. idle: it will
-    never change anything, and is not called. tells: the events that it may tell, each with the
-    fields that it carries besides its name.
+    never change anything, and is not called. goes_round: what stands between where the vehicle is
+    and where it is led is no hindrance. tells: the events that it may tell, each with the fields
+    that it carries besides its name.
     """
 
     kind = "processors"
     accepts: ClassVar[dict[SetpointKind, SetpointKind]]
     safety: ClassVar[bool] = False
     clamps: ClassVar[bool] = False
+    goes_round: ClassVar[bool] = False
     idle: bool = False
     tells: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 

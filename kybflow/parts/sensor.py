@@ -64,6 +64,12 @@ class Sensor(Part[P]):
         return None
 
     @classmethod
+    def tracking(cls, params: P, body: str) -> P | None:
+        """Return the parameters with which it gives the poses of another body of the system that
+        tracks its vehicle; None if it can't."""
+        return None
+
+    @classmethod
     def real_time(cls, params: P) -> bool:
         """Return whether it runs in real time, so that a simulation beside it must too."""
         return False

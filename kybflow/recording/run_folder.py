@@ -200,7 +200,7 @@ def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
 
 def contents(file: File) -> bytes:
     """The bytes of a file as they were read: its text, after a byte order mark if it had one."""
-    data = file.text.encode()
+    data = file.data
     same = hashlib.sha256(data).hexdigest() == file.sha256
     return data if same else BOM_UTF8 + data
 

@@ -22,10 +22,12 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
+from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery
-from kybflow.core.units import LENGTH, NUMBER, parse_quantity
+from kybflow.core.units import ANGLE, LENGTH, NUMBER, parse_quantity
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.growing_file import whole_lines
 from kybflow.recording.layout import (
@@ -39,6 +41,7 @@ from kybflow.recording.layout import (
 )
 from kybflow.recording.run_folder import EVENTS, FRAMES, INPUTS, LOG, SUMMARY, RunFolderError
 from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimators
+from kybflow.world.point_cloud import METRES, PointCloud, placed, thinned
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 MOST_TICKS = 6000
@@ -336,17 +339,19 @@ def read_world(path: Path) -> RecordedWorld:
         world = yaml.safe_load(path.read_text(encoding="utf-8")).get("world") or {}
         points = {name: _vector(at) for name, at in world.get("points", {}).items()}
         obstacles = {
-            name: _shape(found)
+            name: shape
             for name, found in world.get("obstacles", {}).items()
-            if "moving_sphere" not in found
+            if "moving_sphere" not in found and (shape := _shape(found, path.parent))
         }
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+    except (yaml.YAMLError, FileError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"`{path.name}` has no world that can be read: {error}") from error
     return RecordedWorld(points, obstacles)
 
 
-def _shape(obstacle: dict[str, Any]) -> Shape:
+def _shape(obstacle: dict[str, Any], folder: Path) -> Shape | None:
     ((kind, of),) = ((key, of) for key, of in obstacle.items() if isinstance(of, dict))
+    if kind == "point_cloud":
+        return _cloud(of, folder)
     if kind == "box":
         return Box(_vector(of["from"]), _vector(of["to"]))
     at = _vector(of["at"])
@@ -356,6 +361,20 @@ def _shape(obstacle: dict[str, Any]) -> Shape:
         return Sphere(at, _length(of["radius"]))
     x, y, z = (parse_quantity(str(n), NUMBER) for n in of["facing"])
     return Plane(at, (x, y, z))
+
+
+def _cloud(of: dict[str, Any], folder: Path) -> PointCloud | None:
+    """A point cloud from the copy of its file in the run folder, None where there is none."""
+    try:
+        text = (folder / of["file"]).read_bytes().decode("utf-8-sig", "surrogateescape")
+    except OSError:
+        return None
+    above = None if "above" not in of else _length(of["above"])
+    heading = parse_quantity(str(of["heading"]), ANGLE)
+    scan = read_points(File(of["file"], "", text))
+    points = placed(scan, METRES[of["units"]], _vector(of["at"]), heading, above)
+    radius = _length(of["radius"])
+    return PointCloud(tuple(map(tuple, thinned(points, radius).tolist())), radius)
 
 
 def _vector(texts: list[str]) -> Vec3:

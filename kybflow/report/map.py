@@ -10,6 +10,7 @@ import numpy as np
 from kybflow.report.data import Run, Track
 from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Plane, Shape
 
 _NEAR = 3.0
@@ -175,9 +176,12 @@ def _note(run: Run, outside: list[str]) -> str:
     return " ".join(parts)
 
 
-def outline(shape: Shape, window: Extent) -> tuple[list[float], list[float]]:
+Coordinates = list[float | None]
+
+
+def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
     """The outline of an obstacle from above; a wall is a line through the window, and a floor or
-    ceiling is nothing."""
+    ceiling is nothing. None ends one of several outlines."""
     if isinstance(shape, Box):
         (x0, y0, _), (x1, y1, _) = shape
         return [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
@@ -191,9 +195,29 @@ def outline(shape: Shape, window: Extent) -> tuple[list[float], list[float]]:
         middle = ux * ((window.x0 + window.x1) / 2 - x) + uy * ((window.y0 + window.y1) / 2 - y)
         x, y, along = x + ux * middle, y + uy * middle, (ux * reach, uy * reach)
         return [x - along[0], x, x + along[0]], [y - along[1], y, y + along[1]]
+    if isinstance(shape, PointCloud):
+        return _rows(shape)
     turns = [2.0 * pi * step / _ROUND for step in range(_ROUND + 1)]
     x, y, _ = shape.at
     return [x + shape.radius * cos(a) for a in turns], [y + shape.radius * sin(a) for a in turns]
+
+
+def _rows(cloud: PointCloud) -> tuple[Coordinates, Coordinates]:
+    """A point cloud from above: cells as wide as the radius in which there are points, those beside
+    each other in one rectangle, with half a radius more on each side."""
+    r = cloud.radius
+    cells = np.unique(np.floor(cloud.array[:, :2] / r)[:, ::-1], axis=0)
+    begins = np.ones(len(cells), bool)
+    begins[1:] = (np.diff(cells[:, 0]) != 0.0) | (np.diff(cells[:, 1]) != 1.0)
+    firsts = np.flatnonzero(begins)
+    lasts = np.append(firsts[1:], len(cells)) - 1
+    xs: Coordinates = []
+    ys: Coordinates = []
+    for (row, first), last in zip(cells[firsts].tolist(), cells[lasts, 1].tolist(), strict=True):
+        x0, x1, y0, y1 = (first - 0.5) * r, (last + 1.5) * r, (row - 0.5) * r, (row + 1.5) * r
+        xs += (x0, x1, x1, x0, x0, None)
+        ys += (y0, y0, y1, y1, y0, None)
+    return xs, ys
 
 
 def things(run: Run) -> dict[str, Extent]:
@@ -206,9 +230,13 @@ def things(run: Run) -> dict[str, Extent]:
         found[f"point {name}"] = Extent(x, y, x, y)
     for name, shape in run.world.obstacles.items():
         if not isinstance(shape, Plane):
-            xs, ys = outline(shape, Extent(0.0, 0.0, 0.0, 0.0))
+            xs, ys = map(_known, outline(shape, Extent(0.0, 0.0, 0.0, 0.0)))
             found[f"obstacle {name}"] = Extent(min(xs), min(ys), max(xs), max(ys))
     return found
+
+
+def _known(coordinates: Coordinates) -> list[float]:
+    return [x for x in coordinates if x is not None]
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:
@@ -243,9 +271,9 @@ def room(run: Run, window: Extent) -> list[dict[str, Any]]:
 
 
 def _obstacle(
-    name: str, xs: list[float], ys: list[float], first: bool, is_wall: bool
+    name: str, xs: Coordinates, ys: Coordinates, first: bool, is_wall: bool
 ) -> dict[str, Any]:
-    lowest = 1 if is_wall else min(range(len(ys)), key=ys.__getitem__)
+    lowest = 1 if is_wall else ys.index(min(_known(ys)))
     trace = {
         "type": "scatter",
         "mode": "lines+text",

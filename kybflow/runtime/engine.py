@@ -8,12 +8,13 @@ now ─► 1. every vehicle: measurements ─► estimate        then the fleet 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 from kybflow.core.errors import described
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
-from kybflow.parts import Session
+from kybflow.parts import Session, Stream
 from kybflow.runtime.clock import Clock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
@@ -29,7 +30,13 @@ from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.runtime.options import Options
-from kybflow.runtime.preflight import PreflightResult, PreflightTimeout, input_lines, preflight
+from kybflow.runtime.preflight import (
+    PreflightResult,
+    PreflightTimeout,
+    input_lines,
+    obstacle_lines,
+    preflight,
+)
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import BelievedView, TrueView
 
@@ -37,6 +44,7 @@ LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
 """Seconds that vehicles have to land after the mission's time limit, and the speed (m/s) of a
 descent from the top of the fence, for which they have longer if necessary."""
 _OBSERVED_EVERY = NS // 20
+NOTHING: Mapping[str, Stream] = MappingProxyType({})
 
 Observer = Callable[["Engine"], None]
 
@@ -55,6 +63,7 @@ class Engine:
         seed: int = 0,
         commands: CommandQueue | None = None,
         inputs: Inputs | None = None,
+        watching: Mapping[str, Stream] = NOTHING,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
@@ -78,7 +87,7 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
-        self._moving = MovingObstacles(plan.moving, events)
+        self._moving = MovingObstacles(plan.moving, events, watching)
         for vehicle in vehicles:
             vehicle.moving = self._moving.seen
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
@@ -188,8 +197,10 @@ class Engine:
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
             self.inputs.step(self.clock.now, flying=False)
+            self._moving.step(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
             lines += input_lines(self.plan, self.inputs.objections())
+            lines += obstacle_lines(self.plan, self._moving.objections(self.clock.now))
             if timeout.ends(lines, self.seconds()):
                 return lines
             self._advance()

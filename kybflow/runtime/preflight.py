@@ -77,6 +77,18 @@ def input_lines(
         yield PreflightResult(vehicle, f"input {own.name}", reason is None, reason or well, own.at)
 
 
+def obstacle_lines(
+    plan: Plan, objections: Iterable[tuple[str, str | None]]
+) -> Iterator[PreflightResult]:
+    """Yield the line of each moving obstacle, as one of the first vehicle."""
+    for name, reason in objections:
+        at = plan.watching[name][1].at if name in plan.watching else ""
+        vehicle = plan.vehicles[0].name
+        yield PreflightResult(
+            vehicle, f"obstacle {name}", reason is None, reason or "it is seen", at
+        )
+
+
 def _steering(vehicle: VehiclePlan) -> set[str]:
     behaviors = (state.behavior for state in vehicle.states.values())
     return {name for part in behaviors for name in named_in(part.params, "input").values()}

@@ -53,6 +53,12 @@ class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
     simulated = True
 
     @classmethod
+    def tracking(
+        cls, params: SimulatedMotionCaptureParams, body: str
+    ) -> SimulatedMotionCaptureParams:
+        return params
+
+    @classmethod
     def open(
         cls,
         params: SimulatedMotionCaptureParams,

@@ -6,11 +6,13 @@ along which that distance grows fastest, upwards where all are alike.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add, distance, scale, sub
+from kybflow.world.point_cloud import PointCloud
 
 UP: Vec3 = (0.0, 0.0, 1.0)
 
@@ -160,7 +162,17 @@ class Plane(NamedTuple):
         return az - (nx * (x - ax) + ny * (y - ay)) / nz if nz > STEEPEST else -inf
 
 
-Shape = Box | Cylinder | Sphere | Plane
+Convex = Box | Cylinder | Sphere | Plane
+Shape = Convex | PointCloud
+
+
+def around(shape: Shape, p: Vec3, reach: float) -> Iterable[tuple[float, Vec3]]:
+    """Return what of a shape is within `reach` of `p`, nothing where none is: distances, and the
+    way out at each. Of what is convex the nearest place says all."""
+    if isinstance(shape, PointCloud):
+        return shape.around(p, reach)
+    room = shape.distance(p)
+    return ((room, shape.outward(p)),) if room <= reach else ()
 
 
 _TURNING = 1.5
@@ -168,11 +180,13 @@ _TURNING = 1.5
 
 class MovingSphere(NamedTuple):
     """A ball that goes along straight lines through `along`, there and back, at up to `speed`
-    (m/s); it starts and stops with 1.5 m/s^2 at each point."""
+    (m/s); it starts and stops with 1.5 m/s^2 at each point. body: its name in motion capture, None
+    where that is its own."""
 
     along: tuple[Vec3, ...]
     radius: float
     speed: float
+    body: str | None = None
 
     def at(self, seconds: float) -> Vec3:
         """Return where its centre is so long after the start."""

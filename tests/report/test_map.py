@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from math import hypot
 
+import numpy as np
 import pytest
 from recorded_run import write_run
 
 from kybflow.report.data import RecordedWorld, read_run, read_world
 from kybflow.report.map import Extent, outline, path_map
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 
 WORLD = RecordedWorld(
@@ -103,6 +105,29 @@ def test_outlines_from_above():
     assert max(ys) > 3.0
     assert min(ys) < -3.0
     assert outline(WORLD.obstacles["floor"], window) == ([], [])
+
+
+def test_a_scan_is_drawn_by_its_points_and_read_from_the_copy_of_its_file(tmp_path):
+    (tmp_path / "scan.xyz").write_text("1000 2000 500\n1000 2000 0\n1400 2000 500\n")
+    path = tmp_path / "mission.resolved.yaml"
+    of = "file: scan.xyz, radius: 0.1 m, units: mm, at: [0.05 m, 0.05 m, 0 m], heading: 0 deg"
+    path.write_text(f"world: {{obstacles: {{heap: {{point_cloud: {{{of}, above: 0.1 m}}}}}}}}")
+    heap = read_world(path).obstacles["heap"]
+    assert heap.array == pytest.approx(np.array([[1.05, 2.05, 0.5], [1.45, 2.05, 0.5]]))
+    assert heap.radius == 0.1
+    xs, ys = outline(heap, Extent(-3.0, -3.0, 3.0, 3.0))
+    assert xs[5] is None
+    assert xs[:5] == pytest.approx([0.95, 1.15, 1.15, 0.95, 0.95])
+    assert ys[:5] == pytest.approx([1.95, 1.95, 2.15, 2.15, 1.95])
+    assert xs[6:11] == pytest.approx([1.35, 1.55, 1.55, 1.35, 1.35])
+    (tmp_path / "scan.xyz").unlink()
+    assert read_world(path).obstacles == {}
+
+
+def test_a_scan_has_its_name_in_the_map(run):
+    world = RecordedWorld({}, {"heap": PointCloud(((1.0, 1.0, 0.0), (1.5, 1.0, 0.0)), 0.1)})
+    [heap] = [t for t in path_map(replace(run, world=world)).traces if t["name"] == "obstacle"]
+    assert "".join(heap["text"]) == "heap"
 
 
 def test_a_collision_is_marked_where_it_was(run):

@@ -18,6 +18,7 @@ from kybflow.vision.rendering.drawing import Room
 from kybflow.vision.rendering.grid import grid as nodes
 from kybflow.vision.rendering.shutter import Shot
 from kybflow.vision.rendering.solids import Solids, cover, hides
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.world.tags import Tag, TagMap
 
@@ -65,6 +66,15 @@ def test_it_covers_the_pixels_whose_rays_meet_it(name: str, body: Truth) -> None
                 assert is_hit == bool(image[row, column]), (row, column)
                 met += is_hit
     assert (met > 0) == bool(image[sure].any())
+
+
+def test_a_scan_is_seen_ball_by_ball() -> None:
+    balls = [(0.7, 1.2, 0.8), (1.1, 0.9, 0.4)]
+    scan = PointCloud(tuple(balls), 0.15)
+    both = drawn(scan, PLACES[0])
+    assert both.any()
+    apart = [drawn(Sphere(ball, 0.15), PLACES[0]) > 0 for ball in balls]
+    assert ((both > 0) == (apart[0] | apart[1])).all()
 
 
 def test_what_is_seen_is_not_nothing() -> None:

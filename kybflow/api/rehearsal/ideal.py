@@ -74,6 +74,7 @@ def ideal(plan: Plan) -> Plan:
     return replace(
         plan,
         simulated=True,
+        watching={},
         control_rate=min(RATE, plan.control_rate),
         vehicles=tuple(_vehicle(vehicle) for vehicle in plan.vehicles),
         expectations=() if plan.faults else plan.expectations,

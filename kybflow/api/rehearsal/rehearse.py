@@ -99,7 +99,16 @@ def _flown(
             vehicle.requests.judge = judge
         observers = (watch.look, person)
         engine = Engine(
-            flown, clock, devices.sessions, vehicles, events, observers, 0, commands, inputs
+            flown,
+            clock,
+            devices.sessions,
+            vehicles,
+            events,
+            observers,
+            0,
+            commands,
+            inputs,
+            devices.watching,
         )
         for name, value in options:
             engine.options.set(name, value, "command line")

@@ -26,7 +26,10 @@ class Contacts:
             for geom, body in enumerate(bodies)
             if FIRST_BODY <= body < beyond
         }
-        self._names = [_told(model.geom(number).name) for number in range(model.ngeom)]
+        named = (model.geom(number).name for number in range(model.ngeom))
+        self._names = [
+            _told(name or model.body(body).name) for name, body in zip(named, bodies, strict=True)
+        ]
         for geom, index in self._vehicles.items():
             self._names[geom] = vehicles[index]
         self._touched: dict[tuple[int, str, bool], Time] = {}

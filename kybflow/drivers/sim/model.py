@@ -19,7 +19,8 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
+from kybflow.world.point_cloud import PointCloud
+from kybflow.world.shapes import Box, Convex, Cylinder, MovingSphere, Plane, Sphere
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
@@ -70,9 +71,10 @@ def world_text(
 <light pos="0 0 6" dir="0 0 -1" directional="true" castshadow="false" diffuse="0.6 0.6 0.6"/>
 <geom name="{FLOOR}" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
-{"".join(_obstacle(name, shape) for name, shape in obstacles.items())}
+{"".join(_obstacle(name, s) for name, s in obstacles.items() if not isinstance(s, PointCloud))}
 {vehicles}{"".join(parcel_text(context) for context in carrying)}
 {"".join(_moving(name, ball) for name, ball in moving.items())}
+{"".join(_cloud(name, s) for name, s in obstacles.items() if isinstance(s, PointCloud))}
 </worldbody>
 </mujoco>"""
 
@@ -86,7 +88,17 @@ def _fence(box: Box) -> str:
     )
 
 
-def _obstacle(name: str, shape: Shape) -> str:
+def _cloud(name: str, cloud: PointCloud) -> str:
+    """A body without joints, whose name all the balls share."""
+    balls = "".join(
+        f'<geom type="sphere" pos="{x:.6g} {y:.6g} {z:.6g}" size="{cloud.radius!r}"'
+        ' rgba="0.6 0.45 0.35 1"/>\n'
+        for x, y, z in cloud.points
+    )
+    return f'<body name="{escape(OBSTACLE + name)}">\n{balls}</body>\n'
+
+
+def _obstacle(name: str, shape: Convex) -> str:
     match shape:
         case Box(low, high):
             middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))

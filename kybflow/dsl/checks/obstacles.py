@@ -1,5 +1,6 @@
 """Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
-to KYB343, KYB345, KYB453, KYB510 and KYB511."""
+to KYB343, KYB345, KYB453, KYB510, KYB511, KYB546 and
+KYB547."""
 
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, th
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape
 
 _ROUNDING = 1e-6
@@ -100,7 +102,8 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
 
     The path between the points of a behavior, where that is known, must stay further from every
     obstacle than the vehicle's arm. An obstacle that carries the vehicle before a take-off or after
-    a landing is none to it, nor is one that it is too close to already.
+    a landing is none to it, nor is one that it is too close to already. Where a processor leads it
+    round obstacles, only the points themselves must be clear.
     """
     for vehicle, state, entry, footprint in (
         case.cached(footprints) if case.document.obstacles else ()
@@ -110,6 +113,8 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
             if entry is not None and obstacle.shape.distance(entry) < arm:
                 continue
             room, point = nearest(path, obstacle.shape, arm)
+            if room < arm and _goes_round(vehicle, state):
+                room, point = min((obstacle.shape.distance(p), p) for p in path)
             if room >= arm or (_is_vertical(state) and _carries(obstacle, path[0], vehicle)):
                 continue
             yield Diagnostic(
@@ -122,6 +127,27 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 related=values_of(state.part),
             )
             break
+
+
+def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
+    """KYB546: no point of a scan is in the fence (a warning): it is in another unit, or its origin
+    is elsewhere."""
+    fence = case.document.fence
+    for obstacle in case.document.obstacles:
+        if fence is None or obstacle.scan is None or not isinstance(obstacle.shape, PointCloud):
+            continue
+        points = obstacle.shape.array
+        if not ((points >= fence.low) & (points <= fence.high)).all(axis=1).any():
+            low, high = obstacle.shape.bounds
+            yield Diagnostic(
+                "KYB546",
+                f"no point of `{obstacle.name.text}` is in the fence",
+                obstacle.scan.span,
+                label=f"it reaches from {shown_point(low)} to {shown_point(high)}",
+                notes=(extent(fence),),
+                help="give its `units`, or where its origin is as `at`",
+                severity=Severity.WARNING,
+            )
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
@@ -138,18 +164,40 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
 
 
 def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
-    """KYB511: an obstacle moves, and the target's vehicles are real: the simulator alone moves it
-    and sees it."""
+    """KYB511: an obstacle moves, the target's vehicles are real, and none has a sensor that could
+    tell where it is: motion capture."""
     if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
         return
     for moving in case.document.moving:
-        yield Diagnostic(
-            "KYB511",
-            f"nothing sees where `{moving.name.text}` is",
-            moving.span,
-            label="it moves in the simulator only",
-            help="fly it on a simulated target, or remove it",
-        )
+        if moving.eye(case.vehicles()) is None:
+            yield Diagnostic(
+                "KYB511",
+                f"nothing sees where `{moving.name.text}` is",
+                moving.span,
+                label="motion capture tracks no vehicle",
+                help="give one the sensor `vrpn` or `motion_capture`, or fly a simulated target",
+            )
+
+
+def seen_as_another(case: Case) -> Iterator[Diagnostic]:
+    """KYB547: an obstacle that moves has the body in motion capture of a vehicle, or of another
+    obstacle: it would be where that one is."""
+    taken: dict[str, str] = {}
+    for vehicle in case.vehicles() if case.document.moving else ():
+        for sensor in vehicle.sensors:
+            claim = sensor.part.spec.cls.claim(sensor.part.params, vehicle.name.text)
+            if claim is not None:
+                taken.setdefault(claim.what, vehicle.name.text)
+    for moving in case.document.moving:
+        name, eye = moving.name.text, moving.eye(case.vehicles())
+        claim = None if eye is None else eye[1].spec.cls.claim(eye[2], name)
+        if claim is not None and taken.setdefault(claim.what, name) != name:
+            yield Diagnostic(
+                "KYB547",
+                f"`{name}` has {claim.what}, as `{taken[claim.what]}` has",
+                moving.span,
+                help="give it its own `body`",
+            )
 
 
 def kept_from(case: Case) -> Iterator[ObstacleEntry]:
@@ -222,6 +270,8 @@ def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float,
 def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3]:
     """The least distance of a line from a shape, by golden section: that of a convex solid has one
     minimum along a line. Ends as soon as it is sure that the line keeps `enough` away."""
+    if isinstance(shape, PointCloud):
+        return shape.nearest_on(a, b)
     low, high, length = 0.0, 1.0, distance(a, b)
     for _ in range(_STEPS):
         left, right = high - _RATIO * (high - low), low + _RATIO * (high - low)
@@ -239,6 +289,11 @@ def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3
 def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
     (ax, ay, az), (bx, by, bz) = a, b
     return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
+
+
+def _goes_round(vehicle: VehicleEntry, state: StateEntry) -> bool:
+    """Whether something leads the vehicle round what is in the way: it does so in the air only."""
+    return not _is_vertical(state) and any(use.spec.cls.goes_round for use in vehicle.processors)
 
 
 def _is_vertical(state: StateEntry) -> bool:

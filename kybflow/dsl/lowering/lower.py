@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.files import File
@@ -75,6 +76,7 @@ def lower(
         resolved=resolved,
         obstacles={use.name.text: use.shape for use in document.obstacles},
         moving={use.name.text: use.sphere for use in document.moving},
+        watching=dict(_watching(document)),
         touchable=frozenset(use.name.text for use in document.obstacles if use.may_touch),
         points=document.points,
         tags=TagMap(tag for use in document.tags for tag in use.tags),
@@ -85,6 +87,16 @@ def lower(
         inputs=tuple(_input(use) for use in document.inputs.values()),
         files=files_of(document),
     )
+
+
+def _watching(document: Document) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
+    """The first sensor that can tell where a moving obstacle is, and its vehicle."""
+    for moving in document.moving:
+        eye = moving.eye(document.vehicles.values())
+        if eye is not None:
+            vehicle, use, params = eye
+            part = replace(_part(use, f"obstacles.{moving.name.text}"), params=params)
+            yield moving.name.text, (vehicle.name.text, part)
 
 
 def _input(use: InputEntry) -> InputPlan:
@@ -248,19 +260,26 @@ def files_of(document: Document) -> tuple[File, ...]:
 
 def _named(document: Document) -> Iterator[tuple[File, str]]:
     """Each file that a parameter names, and the folder beside which it does."""
-    for use in _uses(document):
-        for field in use.spec.fields:
-            file = getattr(use.params, field.name)
-            if isinstance(file, File):
-                yield file, os.path.dirname(use.spans[field.name].file)
+    yield from _named_by_parts(document)
     for tags in document.tags:
         if isinstance(tags.params, TagFile):
             yield tags.params.file, os.path.dirname(tags.span.file)
+    for obstacle in document.obstacles:
+        if obstacle.scan is not None:
+            yield obstacle.scan.params.file, os.path.dirname(obstacle.scan.span.file)
     for vehicle in document.vehicles.values():
         for camera in vehicle.cameras:
             if camera.params.calibration is not None:
                 beside = os.path.dirname(camera.spans["calibration"].file)
                 yield camera.params.calibration, beside
+
+
+def _named_by_parts(document: Document) -> Iterator[tuple[File, str]]:
+    for use in _uses(document):
+        for field in use.spec.fields:
+            file = getattr(use.params, field.name)
+            if isinstance(file, File):
+                yield file, os.path.dirname(use.spans[field.name].file)
 
 
 def _uses(document: Document) -> Iterator[PartUse]:

@@ -59,7 +59,7 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
     """A required field of `dimension` that no part declares: a key of the language, a mission's
     parameter."""
-    limits = {k: bounds.get(k) for k in ("above", "at_least", "below", "at_most")}
+    limits: dict[str, Any] = {k: bounds.get(k) for k in ("above", "at_least", "below", "at_most")}
     return Field(
         name=name, shape=shape, dimension=dimension, choices=(), optional=False, required=True,
         default=None, help="", read_only=False, **limits,
@@ -268,7 +268,9 @@ def _attached(node: Scalar, field: Field) -> Diagnosed[File | None]:
     """The file that `node` names, beside or below the file in which it stands; None, and a finding,
     when its part can't use it."""
     try:
-        file = _read(node.text, Path(node.span.file).parent)
+        file = _read(
+            node.text, Path(node.span.file).parent, "surrogateescape" if field.binary else "strict"
+        )
     except FileError as error:
         yield Diagnostic("KYB370", str(error), node.span, help=error.hint)
         return None
@@ -294,7 +296,7 @@ def _path_of(node: Scalar) -> Diagnosed[FilePath | None]:
 
 def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
     notes: tuple[str, ...] = ()
-    lines = file.text.splitlines()
+    lines = file.text.splitlines() if file.is_text else []
     if 0 < error.line <= len(lines):  # what is missing is behind the last
         text = lines[error.line - 1].strip()
         shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
@@ -303,7 +305,8 @@ def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
     return Diagnostic("KYB371", f"`{file.name}`: {error}", node.span, label, notes, error.hint)
 
 
-def _read(name: str, folder: Path) -> File:
+def _read(name: str, folder: Path, errors: str) -> File:
+    """The file; `errors` says what becomes of bytes that are no text."""
     hint = "name a file beside or below the one that names it"
     try:
         path = Path(os.path.realpath(folder / name))
@@ -321,7 +324,7 @@ def _read(name: str, folder: Path) -> File:
     if len(data) > MAX_FILE_BYTES:
         raise FileError(f"`{name}` is larger than {MAX_FILE_BYTES // 1_000_000} MB")
     try:
-        return File(name, hashlib.sha256(data).hexdigest(), data.decode("utf-8-sig"))
+        return File(name, hashlib.sha256(data).hexdigest(), data.decode("utf-8-sig", errors))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise FileError(f"`{name}` is not UTF-8 text in line {line}") from None

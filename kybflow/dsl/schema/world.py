@@ -29,6 +29,7 @@ from kybflow.core.units import (
     Speed,
 )
 from kybflow.dsl.reading.calibration import read_calibration
+from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.dsl.reading.tag_table import LARGEST, read_tags
 from kybflow.dsl.schema.building import (
     Schema,
@@ -123,9 +124,34 @@ class ObstacleParams:
 
 @declared
 class MovingSphereParams:
-    along: Path = param("The points through which its centre goes.")
+    along: Path = param("The points through which its centre goes, where it is simulated.")
     radius: Length = param("Its radius.", above=0.0)
-    speed: Speed = param("How fast it goes.", above=0.0, at_most=2.0)
+    speed: Speed = param("How fast it goes, at most.", above=0.0, at_most=2.0)
+    body: str | None = param(
+        "Its name in motion capture, which sees where it is; the obstacle's by default.",
+        default=None,
+    )
+
+
+@declared
+class PointCloudParams:
+    file: File = param(
+        "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
+        reads=read_points, binary=True,
+    )  # fmt: skip
+    radius: Length = param(
+        "How far around each point it is solid: half the greatest gap in the scan, or more.",
+        above=0.0, at_most=1.0,
+    )  # fmt: skip
+    units: Literal["m", "mm"] = param("What the file measures in.", default="m")
+    at: Position = param("Where the scan's origin is, world frame.", default=ZERO)
+    heading: Angle = param(
+        "The scan turned about the vertical by this, counter-clockwise from above.", default=0.0
+    )
+    above: Length | None = param(
+        "Points that are not higher than this are left out, world frame: the floor's.",
+        default=None,
+    )
 
 
 @declared
@@ -182,7 +208,7 @@ def _obstacle() -> Schema:
     facing = vector(NUMBER, "Its direction, of any length; what is behind it is solid.")
     return mapping(
         "obstacle",
-        "One solid: a box, a cylinder, a sphere, a plane or a moving sphere.",
+        "One solid: a box, a cylinder, a sphere, a plane, a point cloud or a moving sphere.",
         {
             **params_schema(fields_of(ObstacleParams), "obstacle")["properties"],
             "box": _solid("box", "A box along the axes.", {"from": low, "to": high}),
@@ -191,6 +217,9 @@ def _obstacle() -> Schema:
             ),
             "sphere": _solid("sphere", "A ball.", {"at": at, "radius": radius}),
             "plane": _solid("plane", "A wall without end.", {"at": point, "facing": facing}),
+            "point_cloud": _declared(
+                PointCloudParams, "point_cloud", "What a scanner saw: balls around points."
+            ),
             "moving_sphere": _solid(
                 "moving_sphere",
                 "A ball that goes along lines, there and back.",

@@ -28,6 +28,7 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.reading.values import decode, origin, quantity_field
 from kybflow.dsl.schema.world import MovingSphereParams
 from kybflow.dsl.shaping.parts import params_of
+from kybflow.dsl.shaping.point_clouds import scanned
 from kybflow.dsl.shaping.tags import tags_in
 from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
 
@@ -123,17 +124,18 @@ def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleEntry, ...]]:
         if len(solids) != 1:
             what = " and ".join(f"a {kind}" for kind in solids) or "nothing solid"
             message = f"the obstacle `{name}` is {what}"
-            hint = "write one of `box`, `cylinder`, `sphere`, `plane` and `moving_sphere`"
+            hint = f"write one of {', '.join(f'`{kind}`' for kind in _KINDS[:-1])} and `{_MOVING}`"
             yield Diagnostic("KYB155", message, entry.key.span, help=hint)
             continue
         ((kind, solid),) = solids.items()
-        body = solid.value
-        if kind == _MOVING:
+        body, may_touch = solid.value, _text_of(entry.value, "contact") == "allowed"
+        if kind == _CLOUD:
+            obstacles += yield from scanned(entry.key, solid, may_touch)
+        if kind not in _SOLIDS:
             continue
         if isinstance(body, Mapping) and (yield from _is_whole(body, kind, _KEYS[kind])):
             shape = yield from _SOLIDS[kind](body)
             if shape is not None:
-                may_touch = _text_of(entry.value, "contact") == "allowed"
                 obstacles.append(ObstacleEntry(entry.key.as_text, shape, entry.key.span, may_touch))
     return tuple(obstacles)
 
@@ -146,7 +148,7 @@ def _moving(node: Node | None) -> Diagnosed[tuple[MovingEntry, ...]]:
             continue
         of = yield from params_of(MovingSphereParams, own.value, _MOVING, own.key.span)
         if of is not None:
-            sphere = MovingSphere(of.along, of.radius, of.speed)
+            sphere = MovingSphere(of.along, of.radius, of.speed, of.body)
             found.append(MovingEntry(entry.key.as_text, sphere, entry.key.span))
     return tuple(found)
 
@@ -201,14 +203,14 @@ _KEYS = {
     "sphere": ("at", "radius"),
     "plane": ("at", "facing"),
 }
-_MOVING = "moving_sphere"
+_MOVING, _CLOUD = "moving_sphere", "point_cloud"
 _SOLIDS: dict[str, Callable[[Mapping], Diagnosed[Shape | None]]] = {
     "box": _box,
     "cylinder": _cylinder,
     "sphere": _sphere,
     "plane": _plane,
 }
-_KINDS = (*_SOLIDS, _MOVING)
+_KINDS = (*_SOLIDS, _CLOUD, _MOVING)
 
 
 _NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)

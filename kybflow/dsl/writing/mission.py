@@ -16,12 +16,13 @@ from kybflow.dsl.document import (
     Document,
     FaultEntry,
     FlowEntry,
+    ObstacleEntry,
     PhaseEntry,
     SensorEntry,
 )
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
 from kybflow.dsl.resolving.imports import without_homes
-from kybflow.dsl.schema.world import GridParams, TagParams
+from kybflow.dsl.schema.world import GridParams, PointCloudParams, TagParams
 from kybflow.dsl.writing.values import (
     YamlLine,
     origin,
@@ -35,7 +36,8 @@ from kybflow.dsl.writing.values import (
     written_fields,
 )
 from kybflow.dsl.writing.vehicle import vehicle_lines
-from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.point_cloud import PointCloud
+from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 
 
 def to_yaml(document: Document) -> str:
@@ -129,12 +131,13 @@ def world_lines(document: Document) -> Iterator[YamlLine]:
         yield "  obstacles:", at
         for use in document.obstacles:
             contact = ", contact: allowed" if use.may_touch else ""
-            yield f"    {use.name.text}: {{{_solid(use.shape)}{contact}}}", use.span.at
+            yield f"    {use.name.text}: {{{_solid(use)}{contact}}}", use.span.at
     for moving in document.moving:
-        along, radius, speed = moving.sphere
+        along, radius, speed, body = moving.sphere
         points = ", ".join(vector(point, LENGTH) for point in along)
         size = f"radius: {quantity(radius, LENGTH)}, speed: {quantity(speed, SPEED)}"
-        text = f"{{moving_sphere: {{along: [{points}], {size}}}}}"
+        named = f", body: {quoted(body)}" if body else ""
+        text = f"{{moving_sphere: {{along: [{points}], {size}{named}}}}}"
         yield f"    {moving.name.text}: {text}", moving.span.at
     if document.tags:
         yield "  tags:", at
@@ -158,7 +161,12 @@ def _corners(box: Box) -> str:
     return f"from: {vector(box.low, LENGTH)}, to: {vector(box.high, LENGTH)}"
 
 
-def _solid(shape: Shape) -> str:
+def _solid(use: ObstacleEntry) -> str:
+    if use.scan is not None:
+        fields = ", ".join(written_fields(use.scan.params, fields_of(PointCloudParams)))
+        return f"point_cloud: {{{fields}}}"
+    shape = use.shape
+    assert not isinstance(shape, PointCloud)
     at = "" if isinstance(shape, Box) else f"at: {vector(shape.at, LENGTH)}"
     match shape:
         case Box():

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
 from kybflow.core.signals import NS, Tick, Time
-from kybflow.world.shapes import UP
+from kybflow.world.shapes import UP, around
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _CLOSING, _LATEST = 20.0, 0.1
@@ -75,19 +75,10 @@ class Nearby:
     ) -> Iterator[Hazard]:
         """Yield what is within reach of a point that moves at `speed`, as seen from `also` where
         that is nearer by more than its slack. reach_of: how far that is at a closing speed."""
-        now, later = tick.now, self._later
-        reach = reach_of(speed)
         known, slack = also or Witness(point, 0.0)
-        for name, shape in self._solids:
-            if now < later.get(name, 0):
-                continue
-            room = shape.distance(point)
-            if room > reach:
-                later[name] = now + _until(room - reach)
-                continue
-            there = shape.distance(known) + slack
-            worse = known if there < room else point
-            yield Hazard(name, min(room, there), shape.outward(worse))
+        if self._solids:
+            yield from self._standing(point, reach_of(speed), tick.now, known, slack)
+        now, later = tick.now, self._later
         for name, seen in tick.moving.items() if self._moves else ():
             unseen = min((now - seen.time) / NS, _LOST)
             radius = seen.radius + seen.speed * unseen
@@ -108,6 +99,23 @@ class Nearby:
             else:
                 found = _ball(name, point, other.position, other.velocity, hull)
             yield found._replace(is_vehicle=True)
+
+    def _standing(
+        self, point: Vec3, reach: float, now: Time, known: Vec3, slack: float
+    ) -> Iterator[Hazard]:
+        """Yield the solids within reach of a point, as `near`."""
+        later = self._later
+        for name, shape in self._solids:
+            if now < later.get(name, 0):
+                continue
+            room = shape.distance(point)
+            if room > reach:
+                later[name] = now + _until(room - reach)
+                continue
+            there = shape.distance(known) + slack
+            place, more = (known, slack) if there < room else (point, 0.0)
+            for apart, outward in around(shape, place, reach):
+                yield Hazard(name, apart + more, outward)
 
 
 def _ball(name: str, point: Vec3, at: Vec3, velocity: Vec3, radius: float) -> Hazard:

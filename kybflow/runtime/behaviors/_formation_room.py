@@ -12,7 +12,7 @@ from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
 from kybflow.flight.formation.layout import Layout
-from kybflow.world.shapes import Box, Shape, Sphere
+from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
 
@@ -100,6 +100,8 @@ class FormationRoom:
         for offset in frame.all_turned(layout.places) if solids or sides else ():
             place = add(centre, offset)
             surfaces = [Surface(room + dot(offset, out), out) for room, out in sides]
-            surfaces += [Surface(o.distance(place) - keep, o.outward(place)) for o in solids]
+            for one in solids:
+                seen = around(one, place, keep + reach)
+                surfaces += [Surface(apart - keep, outward) for apart, outward in seen]
             found += [(offset, one) for one in surfaces if one.room < reach]
         return found

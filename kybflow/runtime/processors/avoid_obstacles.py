@@ -50,6 +50,7 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
         kind: kind
         for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
     }
+    goes_round = True
     tells = BLOCKED
 
     def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:

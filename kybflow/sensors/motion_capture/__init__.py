@@ -8,6 +8,7 @@ says otherwise.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kybflow.core.params import param, params
@@ -52,6 +53,10 @@ class MotionCaptureSensor(Sensor[MotionCaptureSensorParams]):
     @classmethod
     def claim(cls, params: MotionCaptureSensorParams, vehicle: str) -> Claim:
         return Claim("body", f"the body `{params.body or vehicle}` of `{params.host}`")
+
+    @classmethod
+    def tracking(cls, params: MotionCaptureSensorParams, body: str) -> MotionCaptureSensorParams:
+        return replace(params, body=body)
 
     @classmethod
     def real_time(cls, params: MotionCaptureSensorParams) -> bool:

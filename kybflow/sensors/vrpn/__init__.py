@@ -9,6 +9,7 @@ written for a body that is lost, is left out.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kybflow.core.errors import DriverError
@@ -64,6 +65,10 @@ class Vrpn(Sensor[VrpnParams]):
     def claim(cls, params: VrpnParams, vehicle: str) -> Claim:
         part = f", sensor {params.sensor}," if params.sensor else ""
         return Claim("body", f"the body `{params.body or vehicle}`{part} of `{params.host}`")
+
+    @classmethod
+    def tracking(cls, params: VrpnParams, body: str) -> VrpnParams:
+        return replace(params, body=body, sensor=0)
 
     @classmethod
     def real_time(cls, params: VrpnParams) -> bool:

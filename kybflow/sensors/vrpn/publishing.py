@@ -1,6 +1,7 @@
 """Simulated vehicles on the network: what their motion capture measures, as a VRPN server tells it.
 
-The poses are those that the program itself gets, with their noise and latency and every fault.
+The poses are those that the program itself gets, with their noise and latency and every fault. The
+world's moving obstacles are bodies, too.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import dataclasses
 import random
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import KybflowError
@@ -16,6 +18,11 @@ from kybflow.core.geometry import LEVEL, Vec3, add, integrate
 from kybflow.core.signals import Measurement, Pose, Time
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Driver, Link, Seat, Session
+from kybflow.sensors._simulated_ball import SimulatedBall
+from kybflow.sensors.simulated_motion_capture import (
+    SimulatedMotionCaptureParams,
+    SimulatedPoses,
+)
 from kybflow.sensors.vrpn.server import Server
 
 Publish = Callable[[str, Pose], None]
@@ -35,13 +42,14 @@ def to(server: Server, clock: Callable[[], Time] = time.time_ns) -> Publish:
 
 
 def published(plan: Plan, publish: Publish) -> Plan:
-    """The plan whose vehicles' poses are published as they arrive. Raises KybflowError for one
-    whose vehicles are not simulated."""
+    """The plan whose vehicles' poses are published as they arrive, and those of the obstacles that
+    move with them. Raises KybflowError for one whose vehicles are not simulated."""
     for vehicle in plan.vehicles:
         if not vehicle.driver.cls.simulated:
             raise KybflowError(f"`{vehicle.name}` flies on `{vehicle.driver.name}`, which is real")
+    balls = _Balls(plan, publish)
     drivers: dict[Any, Any] = {
-        v.driver.cls: _Published(v.driver.cls, publish) for v in plan.vehicles
+        v.driver.cls: _Published(v.driver.cls, publish, balls) for v in plan.vehicles
     }
     vehicles = (
         dataclasses.replace(
@@ -80,8 +88,8 @@ def still(
 class _Published:
     """A driver that publishes what its links read, and is that driver otherwise."""
 
-    def __init__(self, driver: type[Driver[Any]], publish: Publish) -> None:
-        self._driver, self._publish = driver, publish
+    def __init__(self, driver: type[Driver[Any]], publish: Publish, balls: _Balls) -> None:
+        self._driver, self._publish, self._balls = driver, publish, balls
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._driver, name)
@@ -89,15 +97,40 @@ class _Published:
     def open(self, seats: Sequence[Seat], generator: random.Random) -> Session:
         session = self._driver.open(seats, generator)
         for name, link in session.links.items():
-            _tap(link, name, self._publish)
+            _tap(link, name, self._publish, self._balls)
         return session
 
 
-def _tap(link: Link, name: str, publish: Publish) -> None:
-    """Publish the poses of `link` as they are read."""
+class _Balls:
+    """The moving obstacles, as simulated motion capture sees them."""
+
+    def __init__(self, plan: Plan, publish: Publish) -> None:
+        self._publish = publish
+        self._streams = {
+            ball.body or name: SimulatedBall(
+                ball, partial(_poses, generator=random.Random(f"published {name}"))
+            )
+            for name, ball in plan.moving.items()
+        }
+
+    def step(self, now: Time) -> None:
+        """Publish what has come of each; for any time at most once."""
+        for body, stream in self._streams.items():
+            for pose in stream.read(now):
+                if type(pose) is Pose:
+                    self._publish(body, pose)
+
+
+def _poses(link: Link, generator: random.Random) -> SimulatedPoses:
+    return SimulatedPoses(SimulatedMotionCaptureParams(), link, generator)
+
+
+def _tap(link: Link, name: str, publish: Publish, balls: _Balls) -> None:
+    """Publish the poses of `link` as they are read, and what moves beside it."""
     read = link.read
 
     def tapped(now: Time) -> Sequence[Measurement]:
+        balls.step(now)
         measurements = read(now)
         for measurement in measurements:
             if type(measurement) is Pose:

@@ -10,7 +10,7 @@ is then seen through the lens's distortion, each point when its row is exposed.
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import pi, sqrt
 from types import MappingProxyType
 from typing import NamedTuple
@@ -22,7 +22,8 @@ from kybflow.core.geometry import Vec3, add, norm, scale, sub
 from kybflow.vision.projection import Array
 from kybflow.vision.rendering.grid import grid
 from kybflow.vision.rendering.shutter import FAR, Shot
-from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.point_cloud import PointCloud
+from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere
 
 NONE: Mapping[str, Shape] = MappingProxyType({})
 _STEP = 8
@@ -40,7 +41,7 @@ _TOUCHING, _STEPS = 0.005, 64
 class Solid(NamedTuple):
     """centre, radius: of a ball around the shape."""
 
-    shape: Shape
+    shape: Convex
     grey: int
     centre: Vec3
     radius: float
@@ -53,7 +54,8 @@ class Solids:
     def __init__(self, obstacles: Mapping[str, Shape], parcel: float, seed: int) -> None:
         self._fixed = [
             Solid(shape, _grey(seed, name), *_ball(shape))
-            for name, shape in obstacles.items()
+            for name, whole in obstacles.items()
+            for shape in _parts(whole)
             if not isinstance(shape, Plane)
         ]
         self._half = (0.5 * parcel,) * 3
@@ -159,7 +161,7 @@ def _hull(points: Array) -> Array:
     return corners
 
 
-def _corners(shape: Shape, eye: Vec3) -> Array:
+def _corners(shape: Convex, eye: Vec3) -> Array:
     """Points whose hull has the outline that the shape has from `eye`, (n, 3)."""
     turn = numpy.linspace(0.0, 2.0 * pi, _ROUND, endpoint=False)
     ring = numpy.column_stack((numpy.cos(turn), numpy.sin(turn)))
@@ -185,7 +187,15 @@ def _corners(shape: Shape, eye: Vec3) -> Array:
             raise ValueError("a wall without end has no corners")
 
 
-def _ball(shape: Shape) -> tuple[Vec3, float]:
+def _parts(shape: Shape) -> Iterator[Convex]:
+    """A shape by parts that are convex."""
+    if isinstance(shape, PointCloud):
+        yield from (Sphere(point, shape.radius) for point in shape.points)
+    else:
+        yield shape
+
+
+def _ball(shape: Convex) -> tuple[Vec3, float]:
     """The centre and the radius of a ball around a shape."""
     match shape:
         case Cylinder(at, radius, height):

@@ -12,6 +12,7 @@ from kybflow.core.signals import NS
 from kybflow.drivers.sim import Sim
 from kybflow.parts import Seat
 from kybflow.parts.link import Touch
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -20,6 +21,9 @@ SHAPES = {
     "pillar": Cylinder((0.8, 0.0, 0.0), 0.3, 3.0),
     "ball": Sphere((0.8, 0.0, 1.0), 0.3),
     "wall": Plane((0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+    "scan": PointCloud(
+        tuple((0.6, 0.05 * y, 0.05 * z) for y in range(-6, 7) for z in range(10, 31)), 0.06
+    ),
 }
 
 

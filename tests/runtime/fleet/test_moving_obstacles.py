@@ -1,15 +1,25 @@
 """Moving obstacles: where they are, how fast they go, and that nobody sees them any more."""
 
+import random
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
+from math import inf, nan
 
 import pytest
 from part_bench import SITE
 
-from kybflow.core.geometry import ZERO, norm, scale, sub
-from kybflow.core.signals import NS, Event, SeenObstacle, Tick
+from kybflow.core.errors import DriverError
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, distance, norm, scale, sub
+from kybflow.core.signals import NS, Event, Measurement, Pose, SeenObstacle, Tick, Time
 from kybflow.flight.avoidance.surroundings import Nearby
+from kybflow.parts import Stream
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
+from kybflow.sensors._simulated_ball import SimulatedBall
+from kybflow.sensors.simulated_motion_capture import (
+    SimulatedMotionCapture,
+    SimulatedMotionCaptureParams,
+)
 from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -36,27 +46,110 @@ def test_it_is_no_faster_than_told_and_never_jolts() -> None:
     assert max(norm(sub(b, a)) for a, b in pairwise(speeds)) < 0.0151
 
 
-def test_its_velocity_is_that_of_late() -> None:
-    moving = MovingObstacles({"ball": BALL}, Events())
-    for i in range(100):
+class Seen(Stream):
+    """A pose of the ball each 10 ms, 20 ms late, wherever `at` says that it is seen."""
+
+    def __init__(self, at: Callable[[float], Vec3 | None] = BALL.at) -> None:
+        self._at = at
+        self.why: str | None = None
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        if self.why == "broken":
+            raise DriverError("broken")
+        time = now - 2 * STEP
+        place = self._at(time / NS)
+        return () if place is None or time < 0 else (Pose(time, place, LEVEL),)
+
+    def trouble(self) -> str | None:
+        return self.why
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def watched(
+    stream: Stream, steps: Iterable[int] = range(300)
+) -> tuple[MovingObstacles, list[Event]]:
+    told: list[Event] = []
+    moving = MovingObstacles({"ball": BALL}, Events((told.append,)), {"ball": stream})
+    for i in steps:
         moving.step(i * STEP)
+    return moving, told
+
+
+def test_it_is_where_it_was_seen_and_its_velocity_is_that_of_late() -> None:
+    moving, told = watched(Seen(), range(100))
     seen = moving.seen["ball"]
-    assert seen.position == pytest.approx(BALL.at(0.99))
+    assert seen.time == 97 * STEP
+    assert seen.position == pytest.approx(BALL.at(0.97))
     assert seen.velocity == pytest.approx((0.5, 0.0, 0.0))
+    assert told == []
 
 
 def test_one_that_is_not_seen_is_told_and_found_again() -> None:
-    told: list[Event] = []
-    events = Events((told.append,))
-    seen = {"now": True}
-    moving = MovingObstacles(
-        {"ball": BALL}, events, lambda name, now: BALL.at(now / NS) if seen["now"] else None
-    )
-    for i in range(300):
-        seen["now"] = not 100 <= i < 200
-        moving.step(i * STEP)
+    stream = Seen(lambda t: None if 1.0 <= t < 2.0 else BALL.at(t))
+    stream.why = "the server is gone"
+    moving, told = watched(stream)
     assert [event.name for event in told] == ["obstacle_lost", "obstacle_found"]
-    assert told[0].fields == {"obstacle": "ball", "reason": "not seen for 0.5 s"}
+    reason = "not seen for 0.5 s: the server is gone"
+    assert told[0].fields == {"obstacle": "ball", "reason": reason}
+    assert [*moving.objections(299 * STEP)] == [("ball", None)]
+
+
+def test_nobody_takes_off_beside_one_that_was_never_seen() -> None:
+    moving, told = watched(Seen(lambda t: None))
+    assert told == []
+    assert [*moving.objections(299 * STEP)] == [("ball", "it is not seen")]
+
+
+def test_a_stream_that_raises_is_one_that_sees_nothing() -> None:
+    stream = Seen()
+    moving, told = watched(stream)
+    stream.why = "broken"
+    for i in range(300, 400):
+        moving.step(i * STEP)
+    assert [event.name for event in told] == ["obstacle_lost"]
+    assert "broken" in str(told[0].fields["reason"])
+
+
+def test_a_pose_that_is_repeated_bit_by_bit_is_of_a_body_that_is_lost() -> None:
+    still = random.Random(1)
+
+    def at(t: float) -> Vec3:
+        return (1.0, 0.0, 1.0) if t > 1.0 else (1.0 + still.gauss(0.0, 1e-3), 0.0, 1.0)
+
+    _, told = watched(Seen(at))
+    assert [event.name for event in told] == ["obstacle_lost"]
+
+
+def test_one_that_stands_and_is_measured_without_noise_is_seen() -> None:
+    _, told = watched(Seen(lambda t: (1.0, 0.0, 1.0)))
+    assert told == []
+
+
+def test_a_body_that_is_taken_for_another_is_no_faster_than_told() -> None:
+    moving, _ = watched(Seen(lambda t: (3.0, 0.0, 1.0) if t > 1.0 else BALL.at(t)), range(104))
+    assert moving.seen["ball"].position == (3.0, 0.0, 1.0)
+    assert norm(moving.seen["ball"].velocity) == pytest.approx(0.5)
+
+
+def test_what_is_no_place_and_what_comes_late_is_left_out() -> None:
+    wrong = {1.0: (nan, 0.0, 0.0), 1.01: (inf, 0.0, 0.0)}
+    moving, _ = watched(Seen(lambda t: wrong.get(round(t, 2), BALL.at(t))), range(104))
+    assert moving.seen["ball"].time == 99 * STEP
+
+
+def test_simulated_motion_capture_sees_it_late_and_with_noise() -> None:
+    params = SimulatedMotionCaptureParams(latency=0.03, position_noise=0.002)
+    context: VehicleContext = SITE
+    stream = SimulatedBall(
+        BALL, lambda link: SimulatedMotionCapture.open(params, context, link, random.Random(3))
+    )
+    poses = [pose for i in range(200) for pose in stream.read(i * STEP)]
+    assert len(poses) == pytest.approx(197, abs=2)
+    off = [distance(pose.position, BALL.at(pose.time / NS)) for pose in poses]
+    assert 0.001 < sum(off) / len(off) < 0.006
+    assert poses[-1].time <= 199 * STEP - 0.03 * NS
 
 
 def room(unseen: float) -> float:

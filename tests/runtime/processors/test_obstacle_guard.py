@@ -6,6 +6,7 @@ from part_bench import DT, SITE, at_rest, estimate, tick
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale
 from kybflow.core.signals import Setpoint, SetpointKind, Told
 from kybflow.runtime.processors.obstacle_guard import ObstacleGuard, ObstacleGuardParams
+from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane
 
 PILLAR = Cylinder((1.0, 0.0, 0.0), 0.2, 2.5)
@@ -68,6 +69,32 @@ def test_it_gets_stuck_in_no_corner(kind: SetpointKind) -> None:
     way = pushed(SITE._replace(obstacles=corner), kind, (0.5, 0.5, 0.0))
     for shape in corner.values():
         assert min(shape.distance(p) for p in way) > KEPT - 5e-3
+
+
+def scanned(shape: Box | Cylinder, spacing: float = 0.06) -> list[Vec3]:
+    """What a scanner sees of a shape around the height of 1 m."""
+    steps = [spacing * k for k in range(-16, 17)]
+    near = (
+        (x, y, 1.0 + z) for x in [*steps, *(s + 0.96 for s in steps)] for y in steps for z in steps
+    )
+    return [p for p in near if abs(shape.distance(p)) < 0.5 * spacing]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_stops_before_a_scanned_pillar(kind: SetpointKind) -> None:
+    scan = PointCloud(tuple(scanned(PILLAR)), 0.05)
+    way = pushed(SITE._replace(obstacles={"scan": scan}), kind, EAST)
+    assert min(scan.distance(p) for p in way) > KEPT - 1e-2
+    assert scan.distance(way[-1]) < KEPT + 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_sees_both_walls_of_a_scanned_corner(kind: SetpointKind) -> None:
+    """Fast along one, near it: of the other it knows before that is the nearer one."""
+    walls = Box((0.9, -1.0, 0.0), (1.5, 1.0, 2.5)), Box((-1.0, 0.36, 0.0), (1.5, 0.9, 2.5))
+    scan = PointCloud(tuple(p for wall in walls for p in scanned(wall)), 0.05)
+    way = pushed(SITE._replace(obstacles={"scan": scan}), kind, (0.9, 0.05, 0.0))
+    assert min(scan.distance(p) for p in way) > KEPT - 1e-2
 
 
 def test_what_keeps_clear_passes_bit_for_bit() -> None:

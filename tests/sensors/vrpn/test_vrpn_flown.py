@@ -95,3 +95,63 @@ def test_a_server_that_is_restarted_in_flight(opening: str, tmp_path: Path) -> N
     assert str(told[0].fields["reason"]).startswith(f"no VRPN server at 127.0.0.1:{port}: ")
     assert "; no VRPN server at " in str(changes[1].fields["reason"])
     assert back > BACK + 1.0  # what was lost counts again after `recover_after`
+
+
+BALL = """\
+kybflow: 1
+mission: ball
+import:
+  std: library/airframes.yaml
+world:
+  fence: {{from: [-3, -3, 0], to: [3, 3, 2.5]}}
+  obstacles:
+    ball:
+      moving_sphere:
+        {{along: [[0, 2.4, 1], [0, -2.4, 1]], radius: 15 cm, speed: 40 cm/s, body: ball_7}}
+vehicles:
+  nano:
+    like: std.nano_plus
+    start: {{at: [0, 0, 0]}}
+    processors:
+      - limit_speed
+      - limit_acceleration
+      - {{use: avoid_obstacles, keep: 20 cm}}
+      - fence
+      - position_error
+    behaviors:
+      up:   {{do: take_off, height: 1 m, then: hold, within: 15 s}}
+      hold: {{do: hover, for_time: 6 s, then: down}}
+      down: {{do: land}}
+targets:
+  lab:
+    all:
+      driver: sim
+      sensors: {{mocap: {{use: vrpn, host: "127.0.0.1:{port}"}}}}
+expect:
+  - finally nano in landed
+  - eventually distance(nano to [0 0 1]) > 20 cm    # it has given way
+"""
+
+
+@pytest.mark.slow  # the flight takes as long as it takes
+def test_a_ball_that_the_network_sees_is_given_way_to(tmp_path: Path) -> None:
+    port = free_port()
+    shutil.copytree(Path(__file__).parents[3] / "missions" / "library", tmp_path / "library")
+    mission = tmp_path / "ball.yaml"
+    mission.write_text(BALL.format(port=port), encoding="utf-8")
+    plan = compile_mission(mission, catalog=load_catalog(), target="lab").plan
+    assert plan is not None
+    events: list[Event] = []
+    server = Server(port=port)
+    gone = 9 * NS
+
+    def publish(name: str, pose: Pose) -> None:
+        if name == "nano" or pose.time < gone:
+            server.publish(name, pose.position, pose.attitude, 10**9 * NS + pose.time)
+
+    flown = fly(published(plan, publish), RunRequest(out=tmp_path / "run"), (events.append,))
+    server.close()
+    assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
+    [lost] = [event for event in events if event.name.startswith("obstacle_")]
+    assert lost.fields["obstacle"] == "ball"
+    assert gone + 0.45 * NS < lost.time < gone + 0.6 * NS
