@@ -78,9 +78,9 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
-        self._moving = MovingObstacles(plan.moving, events)
+        self.moving = MovingObstacles(plan.moving, events)
         for vehicle in vehicles:
-            vehicle.moving = self._moving.seen
+            vehicle.moving = self.moving.seen
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
@@ -145,7 +145,7 @@ class Engine:
         if self.plan.faults:
             self.injection.step(now)
         if self.plan.moving:
-            self._moving.step(now)
+            self.moving.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
