@@ -134,7 +134,7 @@ def fly(
         if request.skips_rehearsal:
             events.tell("rehearsal_skipped")
         with Interrupts(run), _served(servers, commands, folder.path, events):
-            run.fly((record, *observers, *_pictures(plan, folder)))
+            run.fly((record, *_obstacles(plan, recorder), *observers, *_pictures(plan, folder)))
             record.close()
             wall_time_s = time.monotonic() - began
             summary = run.summary(wall_time_s, record.failed)
@@ -230,6 +230,12 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         return Inspected(lines, failed)
     finally:
         devices.close()
+
+
+def _obstacles(plan: Plan, recorder: Recorder) -> list[Observer]:
+    if not plan.moving:
+        return []
+    return [lambda engine: recorder.obstacles(engine.clock.now, engine.moving.seen)]
 
 
 def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:

@@ -5,13 +5,13 @@ buttons are `button0` to `button3`. The force is
 
     f = force p - spring x - damping v,
 
-p being what the steered behavior lets the hand feel: how much slower or faster the vehicle is than
-asked, as a share of its speed, and the way out of what it comes near to. It is no longer than
-`most`, and passive: the device gives out no more energy than the hand put in and 0.05 J
-(`kybflow.inputs.haptics`). All but the damping fades within 200 ms when the vehicle is held, the
-input is lost, or the tick says nothing. TeleKyb had f = -20 x - 5 v + 100 (mean velocity - asked /
-5), with nothing that kept it passive. `force_x`, `force_y` and `force_z` tell the force as shares
-of `most`, as axes, so that the report shows it.
+p being what the steered behavior lets the hand feel, the mean over all vehicles that it steers: how
+much slower or faster they are than asked, as a share of the speed, and the way out of what is near.
+It is no longer than `most`, and passive: the device gives out no more energy than the hand put in
+and 0.05 J (`kybflow.inputs.haptics`). All but the damping fades within 200 ms when all that it
+steers is held, the input is lost, or the tick says nothing. TeleKyb had f = -20 x - 5 v + 100 (mean
+velocity - asked / 5), with nothing that kept it passive. `force_x`, `force_y` and `force_z` tell
+the force as shares of `most`, as axes, so that the report shows it.
 
 `device: force_dimension` is an omega, delta, sigma or lambda (`pip install 'kybflow[haptics]'` and
 the maker's SDK); `simulated` is a hand that follows the script `hand`.

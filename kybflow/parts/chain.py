@@ -177,6 +177,12 @@ class Supervisor(Part[P]):
         return 0.0
 
     @classmethod
+    def keeps_apart(cls, params: P, own: float, other: float) -> float:
+        """Return the distance (m) of two vehicles' centres below which it alarms, their diameters
+        being `own` and `other`; 0 where it watches no such distance."""
+        return 0.0
+
+    @classmethod
     def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
         """Return those of `events` that it can raise for the vehicle of `context`."""
         return cls.events

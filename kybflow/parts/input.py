@@ -40,7 +40,7 @@ class FeltLink(InputLink):
     @abstractmethod
     def feel(self, push: Vec3 | None) -> None:
         """Let the hand feel what it steers: `push`, along the axes x, y and z, about 1 for a whole
-        mismatch; None: nothing, since the vehicle is held or the input lost. Called once a tick,
+        mismatch; None: nothing, since what it steers is held or the input lost. Called once a tick,
         after `read`. Raises DriverError."""
 
 

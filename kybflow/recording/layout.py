@@ -23,6 +23,7 @@ from kybflow.core.signals import (
     Event,
     MeasurementKind,
     Recorded,
+    SeenObstacles,
     SetpointKind,
     kind_name,
 )
@@ -31,6 +32,7 @@ from kybflow.parts import AIR
 
 PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
+OBSTACLES_TOPIC = "/obstacles"
 METADATA = "kybflow"
 
 RATE = 50
@@ -56,6 +58,19 @@ EVENT_SCHEMA = {
         "vehicle": {"type": "string"},
         "at": {"type": "string"},
         "fields": {"type": "object"},
+    },
+}
+
+OBSTACLES_SCHEMA = {
+    "title": f"{PACKAGE}/Obstacles",
+    "type": "object",
+    "additionalProperties": {
+        "type": "object",
+        "properties": {
+            "seen_s": {"type": "number"},
+            "position": {"type": "array", "items": {"type": "number"}},
+            "radius": {"type": "number"},
+        },
     },
 }
 
@@ -167,6 +182,15 @@ def event_record(event: Event) -> dict[str, Any]:
     }
 
 
+def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
+    """The moving obstacles as `/obstacles` holds them: when each was seen last, in seconds since
+    the run began, and where; metres, world frame."""
+    return {
+        name: {"seen_s": one.time / NS, "position": one.position, "radius": one.radius}
+        for name, one in seen.items()
+    }
+
+
 def head(plan: Plan) -> dict[str, Any]:
     """The facts of the mission that a reader of the file needs, for the file's metadata."""
     return {
@@ -176,22 +200,32 @@ def head(plan: Plan) -> dict[str, Any]:
         "simulated": plan.simulated,
         "control_rate": plan.control_rate,
         "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
-        "vehicles": {v.name: _vehicle(v) for v in plan.vehicles},
+        "vehicles": {v.name: _vehicle(v, plan) for v in plan.vehicles},
     }
 
 
-def _vehicle(vehicle: VehiclePlan) -> dict[str, Any]:
+def _vehicle(vehicle: VehiclePlan, plan: Plan) -> dict[str, Any]:
+    others = (other for other in plan.vehicles if other.name != vehicle.name)
     return {
         "start": vehicle.start,
         "heading": vehicle.heading,
+        "keeps_apart": {other.name: _kept_apart(vehicle, other) for other in others},
         "states": {
             state.name: {
                 "built_in": state.built_in,
                 "aloft": all(leg == (AIR, AIR) for leg in state.legs),
+                "hears": state.behavior.cls.hears,
             }
             for state in vehicle.states.values()
         },
     }
+
+
+def _kept_apart(vehicle: VehiclePlan, other: VehiclePlan) -> float:
+    """The distance (m) to another vehicle below which a supervisor alarms at first; 0 for none."""
+    own, theirs = vehicle.airframe.diameter, other.airframe.diameter
+    bounds = (s.cls.keeps_apart(s.params, own, theirs) for s in vehicle.supervisors)
+    return max(bounds, default=0.0)
 
 
 class MeasurementLayout:

@@ -6,7 +6,8 @@ Each vehicle has `/NAME/tick` (one message a control tick, `kybflow.recording.la
 others once one arrived. `/NAME/wanted` has what the behavior asked for in each tick in which
 something else was followed, `/NAME/command` the setpoint of each command that has one, and
 `/NAME/estimator/ESTIMATOR` what each of its estimators says, flown on or not, fifty times a second
-at most. `/events` holds every event as JSON. A message's log and publish time are the tick's time,
+at most. `/events` holds every event as JSON, `/obstacles` where the moving obstacles are, twenty
+times a second. A message's log and publish time are the tick's time,
 so the file holds no other clock: two runs with the same seed give the same bytes. Why the messages
 are encoded as they are: docs/adr/0001-recording-encoding.md.
 """
@@ -32,6 +33,7 @@ from kybflow.core.signals import (
     Measurement,
     MeasurementKind,
     Pose,
+    SeenObstacles,
     Setpoint,
     SetpointKind,
     Time,
@@ -50,6 +52,8 @@ from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
     METADATA,
+    OBSTACLES_SCHEMA,
+    OBSTACLES_TOPIC,
     PACKAGE,
     SETPOINT_KINDS,
     definition,
@@ -57,6 +61,7 @@ from kybflow.recording.layout import (
     head,
     kept_every,
     layout_of,
+    obstacles_record,
     struct_format,
 )
 from kybflow.recording.run_folder import RunUnwritten
@@ -113,6 +118,11 @@ class Recorder:
         )
         self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan))})
         self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
+        self._obstacles: Channel | None = None
+        if plan.moving:
+            self._obstacles = Channel(
+                OBSTACLES_TOPIC, schema=OBSTACLES_SCHEMA, context=self._context
+            )
         every = kept_every(plan.control_rate)
         self._vehicles = {
             v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
@@ -132,6 +142,11 @@ class Recorder:
 
     def event(self, event: Event) -> None:
         self._events.base.log(json.dumps(event_record(event)).encode(), event.time)
+
+    def obstacles(self, now: Time, seen: SeenObstacles) -> None:
+        """Where the moving obstacles were seen last."""
+        if self._obstacles is not None:
+            self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
 
     def close(self) -> None:
         """Write what is left and the index; may be called again."""

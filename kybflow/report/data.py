@@ -34,6 +34,7 @@ from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
     METADATA,
+    OBSTACLES_TOPIC,
     PACKAGE,
     definition,
     dtype_spec,
@@ -59,7 +60,7 @@ _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.
 class StateVisit:
     """One visit to a state, from `start` to `end` seconds. ended: how its behavior ended, empty
     where the recording ends before. aloft: the behavior neither takes off nor lands. built_in: the
-    language adds the state."""
+    language adds the state. hears: the behavior flies by what other vehicles publish."""
 
     name: str
     part: str
@@ -68,6 +69,7 @@ class StateVisit:
     ended: str
     aloft: bool
     built_in: bool
+    hears: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,15 @@ class RecordedWorld:
 
 
 @dataclass(frozen=True)
+class MovingTrack:
+    """An obstacle that moved: seconds, where its centre was (n, 3) and its radius, metres."""
+
+    time: Array
+    position: Array
+    radius: float
+
+
+@dataclass(frozen=True)
 class Picture:
     """A camera frame in which tags are marked. time: seconds. used, rejected: the numbers of tags
     that the pose rests on and that it left out; None where there was no pose."""
@@ -130,6 +141,7 @@ class Run:
     estimators: tuple[EstimatorTrack, ...] = ()
     pictures: tuple[Picture, ...] = ()
     inputs: dict[str, InputRows] = field(default_factory=dict)
+    moving: dict[str, MovingTrack] = field(default_factory=dict)
 
     @property
     def simulated(self) -> bool:
@@ -157,8 +169,25 @@ def read_run(folder: Path) -> Run:
         e for name in log.mission["vehicles"] for e in read_estimators(log.messages, name)
     )
     return Run(
-        log.mission, summary, provenance, events, tracks, end, world, estimators, pictures, inputs
-    )
+        log.mission, summary, provenance, events, tracks, end, world, estimators, pictures, inputs,
+        read_moving(log),
+    )  # fmt: skip
+
+
+def read_moving(log: Recording) -> dict[str, MovingTrack]:
+    """Where each moving obstacle was, by name."""
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for message in log.messages.get(OBSTACLES_TOPIC, []):
+        for name, one in json.loads(message.data).items():
+            rows.setdefault(name, []).append(one)
+    return {
+        name: MovingTrack(
+            np.array([row["seen_s"] for row in seen]),
+            np.array([row["position"] for row in seen]),
+            seen[0]["radius"],
+        )
+        for name, seen in rows.items()
+    }
 
 
 def read_inputs(folder: Path) -> dict[str, InputRows]:
@@ -316,9 +345,9 @@ def _check_layout(path: Path, schema: Schema) -> None:
 
 
 def _keep(log: Recording, topic: str, message: Message) -> None:
-    """Keep battery reports and estimators, and ticks at the rate of the report."""
+    """Keep battery reports, estimators and obstacles, and ticks at the rate of the report."""
     log.last[topic] = message.log_time
-    if topic.endswith("/battery") or "/estimator/" in topic:
+    if topic.endswith("/battery") or "/estimator/" in topic or topic == OBSTACLES_TOPIC:
         log.messages.setdefault(topic, []).append(message)
     elif topic.endswith("/tick"):
         seen = log.seen[topic] = log.seen.get(topic, 0) + 1

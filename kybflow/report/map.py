@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import cos, hypot, pi, sin
 from typing import Any, NamedTuple
 
@@ -11,13 +12,14 @@ from kybflow.report.data import Run, Track
 from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line
 from kybflow.world.point_cloud import PointCloud
-from kybflow.world.shapes import Box, Plane, Shape
+from kybflow.world.shapes import Box, Plane, Shape, Sphere
 
 _NEAR = 3.0
 """Metres around the path within which the room is always drawn; beyond, a long path takes more of
 it in."""
 _ROUND = 48
 """Corners of a circle."""
+_GREY = "#7d8894"
 
 
 class Extent(NamedTuple):
@@ -49,15 +51,19 @@ class Extent(NamedTuple):
 
 def path_map(run: Run) -> Figure:
     """Paths over the fence, the obstacles and the named points."""
-    standing = things(run)
-    path = _path_extent(run)
-    near = path.grown(max(_NEAR, 1.5 * path.span))
-    shown = {name: extent for name, extent in standing.items() if near.covers(extent)}
-    window = _around([path, *shown.values()])
-    window = window.grown(max(0.25, 0.06 * window.span))
-    traces = [*room(run, window), *_paths(run), _starts(run), *_parcels(run), *_collisions(run)]
+    window, outside = shown(run)
+    traces = [
+        *room(run, window), *moving_paths(run), *_paths(run), _starts(run), *_parcels(run),
+        *_collisions(run),
+    ]  # fmt: skip
+    note, layout = _note(run, outside), seen_from_above(run, window)
+    return Figure("path", "Path from above", note, traces, layout, over_time=False)
+
+
+def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
+    """The layout of a figure from above, with the fence."""
     width, height = window.x1 - window.x0, window.y1 - window.y0
-    layout = {
+    return {
         "xaxis": {
             "title": {"text": "x, east (m)"},
             "range": [window.x0, window.x1],
@@ -73,8 +79,16 @@ def path_map(run: Run) -> Figure:
         "height": round(min(680.0, max(400.0, 900.0 * height / width))),
         "hovermode": "closest",
     }
-    note = _note(run, [name for name in standing if name not in shown])
-    return Figure("path", "Path from above", note, traces, layout, over_time=False)
+
+
+def shown(run: Run) -> tuple[Extent, list[str]]:
+    """What figures from above show, and the labels of what lies farther away."""
+    standing, path = things(run), _path_extent(run)
+    near = path.grown(max(_NEAR, 1.5 * path.span))
+    within = {name: extent for name, extent in standing.items() if near.covers(extent)}
+    window = _around([path, *within.values()])
+    window = window.grown(max(0.25, 0.06 * window.span))
+    return window, [name for name in standing if name not in within]
 
 
 def _paths(run: Run) -> list[dict[str, Any]]:
@@ -232,11 +246,38 @@ def things(run: Run) -> dict[str, Extent]:
         if not isinstance(shape, Plane):
             xs, ys = map(_known, outline(shape, Extent(0.0, 0.0, 0.0, 0.0)))
             found[f"obstacle {name}"] = Extent(min(xs), min(ys), max(xs), max(ys))
+    for name, ball in run.moving.items():
+        (x0, y0), (x1, y1) = ball.position[:, :2].min(axis=0), ball.position[:, :2].max(axis=0)
+        way = Extent(float(x0), float(y0), float(x1), float(y1))
+        found[f"obstacle {name}"] = way.grown(ball.radius)
     return found
 
 
 def _known(coordinates: Coordinates) -> list[float]:
     return [x for x in coordinates if x is not None]
+
+
+def moving_paths(run: Run) -> Iterator[dict[str, Any]]:
+    """The traces of where moving obstacles went, each with the ball where it was first."""
+    for number, (name, ball) in enumerate(run.moving.items()):
+        x, y = ball.position[:, 0], ball.position[:, 1]
+        hover = f"obstacle {name}<br>%{{x:.3f}}, %{{y:.3f}} m"
+        way = line("moving obstacle", x, y, _GREY, 1.5, hover=hover)
+        way["line"]["dash"] = "dot"
+        yield {**way, "legendgroup": way["name"], "showlegend": number == 0}
+        yield from moving_ball(run, name, 0.0, name)
+
+
+def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str, Any]]:
+    """The traces of a moving obstacle where it was seen last at a moment, in seconds, and of the
+    text in it."""
+    ball = run.moving[name]
+    seen = max(0, int(np.searchsorted(ball.time, moment, side="right")) - 1)
+    x, y, z = map(float, ball.position[seen])
+    xs, ys = outline(Sphere((x, y, z), ball.radius), Extent(x, y, x, y))
+    inside = {"type": "scatter", "mode": "text", "x": [x], "y": [y], "text": [text]}
+    style = {"textfont": {"color": "ink", "size": 10}, "hoverinfo": "skip", "showlegend": False}
+    return [_obstacle(name, xs, ys, first=False), {**inside, **style, "name": name}]
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:
@@ -246,7 +287,9 @@ def room(run: Run, window: Extent) -> list[dict[str, Any]]:
     for number, (name, shape) in enumerate(run.world.obstacles.items()):
         xs, ys = outline(shape, window)
         if xs:
-            traces.append(_obstacle(name, xs, ys, number == 0, isinstance(shape, Plane)))
+            is_wall = isinstance(shape, Plane)
+            drawn = _obstacle(name, xs, ys, first=number == 0, is_wall=is_wall)
+            traces.append(_labelled(drawn, name, ys, is_wall))
     places: dict[tuple[float, float], list[str]] = {}
     for name, (x, y, _) in run.world.points.items():
         places.setdefault((x, y), []).append(name)
@@ -271,24 +314,28 @@ def room(run: Run, window: Extent) -> list[dict[str, Any]]:
 
 
 def _obstacle(
-    name: str, xs: Coordinates, ys: Coordinates, first: bool, is_wall: bool
+    name: str, xs: Coordinates, ys: Coordinates, *, first: bool, is_wall: bool = False
 ) -> dict[str, Any]:
-    lowest = 1 if is_wall else ys.index(min(_known(ys)))
     trace = {
         "type": "scatter",
-        "mode": "lines+text",
+        "mode": "lines",
         "name": "obstacle",
         "legendgroup": "obstacle",
         "showlegend": first,
         "x": xs,
         "y": ys,
-        "text": [name if place == lowest else "" for place in range(len(xs))],
-        "textposition": "bottom center",
-        "textfont": {"color": "ink", "size": 11},
-        "line": {"color": "#7d8894", "width": 3.0 if is_wall else 1.5},
+        "line": {"color": _GREY, "width": 3.0 if is_wall else 1.5},
         "hovertemplate": f"obstacle {name}<br>%{{x:.3f}}, %{{y:.3f}} m<extra></extra>",
     }
     return trace if is_wall else {**trace, "fill": "toself", "fillcolor": "rgba(125,136,148,0.3)"}
+
+
+def _labelled(trace: dict[str, Any], name: str, ys: Coordinates, is_wall: bool) -> dict[str, Any]:
+    """An obstacle with its name below it, or in the middle of a wall."""
+    lowest = 1 if is_wall else ys.index(min(_known(ys)))
+    text = [name if place == lowest else "" for place in range(len(ys))]
+    style = {"textposition": "bottom center", "textfont": {"color": "ink", "size": 11}}
+    return {**trace, **style, "mode": "lines+text", "text": text}
 
 
 def fence(run: Run) -> list[dict[str, Any]]:

@@ -1,5 +1,5 @@
-"""The figures of several vehicles: how far from each other they were, and the swarm from above at
-moments of the flight."""
+"""The figures of vehicles among others and moving obstacles: everybody from above at moments of the
+flight, and how far from each other the vehicles were."""
 
 from __future__ import annotations
 
@@ -13,23 +13,28 @@ from kybflow.core.errors import UnitError
 from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array, norm
+from kybflow.report.map import moving_ball, room, seen_from_above, shown
 from kybflow.report.plot import VEHICLES, Figure, coloured, line, over_time
 
 _MOST_PAIRS = 28
 """The most pairs with a line each; of more vehicles each has its distance to the nearest."""
+_MOST_NAMED = 15
+"""The most lines that the legend names; of more, who hovers reads the name."""
 _MOMENTS = 9
 """How often the swarm is shown from above."""
 _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
 
 
 def swarm_figures(run: Run) -> list[Figure]:
-    """The figures of a run of several vehicles; of one there are none."""
+    """The figures of a run of several vehicles; of one there are none, but for moving obstacles."""
     flown = [track for track in run.tracks if len(track.time)]
-    return [_from_above(run), _distances(run, flown)] if len(flown) > 1 else []
+    above = [_from_above(run)] if len(flown) > 1 or (flown and run.moving) else []
+    return [*above, _distances(run, flown)] if len(flown) > 1 else above
 
 
 def _distances(run: Run, tracks: list[Track]) -> Figure:
-    """The distance of each pair while both fly, and the least that the mission asks for."""
+    """The distance of each pair while both fly, the bounds below which supervisors alarm, and the
+    least that an expectation allows."""
     pairs = list(combinations(tracks, 2))
     if len(pairs) <= _MOST_PAIRS:
         curves = [(f"{a.name} and {b.name}", a.time, _between(a, b)) for a, b in pairs]
@@ -41,14 +46,35 @@ def _distances(run: Run, tracks: list[Track]) -> Figure:
         line(name, time, gap, VEHICLES[n % len(VEHICLES)], 1.6, hover="%{y:.3f} m")
         for n, (name, time, gap) in enumerate(curves)
     ]
-    bound = least_separation(run)
-    if bound is not None:
-        ends = np.array([0.0, run.end])
-        limit = line("least allowed", ends, np.full(2, bound), "alarm", 1.4)
-        limit["line"]["dash"] = "6px,4px"
-        traces.append(limit)
+    if len(traces) > _MOST_NAMED:
+        traces = [{**trace, "showlegend": False} for trace in traces]
+    if alarms := alarm_distances(run):
+        traces += [_bound(run, f"alarm below {_metres(at)}", at, "2px,3px") for at in alarms]
+        note += " A supervisor alarms below a dotted line, and sooner when two close in."
+    expected = least_separation(run)
+    if expected is not None:
+        traces.append(_bound(run, f"expected above {_metres(expected)}", expected, "6px,4px"))
         note += " The dashed line is the least that an expectation allows."
     return Figure("distances", "Distances", note, traces, over_time(run, "distance (m)", "tozero"))
+
+
+def _bound(run: Run, name: str, bound: float, dash: str) -> dict[str, Any]:
+    """A level line over the whole run."""
+    limit = line(name, np.array([0.0, run.end]), np.full(2, bound), "alarm", 1.4)
+    limit["line"]["dash"] = dash
+    return limit
+
+
+def _metres(length: float) -> str:
+    return f"{round(length, 3):g} m"
+
+
+def alarm_distances(run: Run) -> list[float]:
+    """The distances below which supervisors alarm at first, metres, each once; none that are
+    zero."""
+    vehicles = run.mission.get("vehicles", {}).values()
+    kept = (bound for facts in vehicles for bound in facts.get("keeps_apart", {}).values())
+    return sorted({round(bound, 3) for bound in kept if bound > 0.0})
 
 
 def least_separation(run: Run) -> float | None:
@@ -93,40 +119,42 @@ def _at(track: Track, times: Array) -> Array:
 
 
 def _from_above(run: Run) -> Figure:
-    """The ways from above, and at some moments the vehicles in the air, joined to a figure."""
-    traces = [
-        {
-            **line(track.name, track.position[:, 0], track.position[:, 1], colour, 0.8),
-            "opacity": 0.4,
-        }
-        for track, colour in coloured(run)
-    ]
+    """The ways from above, and at some moments the moving obstacles and the vehicles in the air,
+    joined to a figure."""
+    window, _ = shown(run)
+    traces = room(run, window)
+    for track, colour in coloured(run):
+        way = line(track.name, track.position[:, 0], track.position[:, 1], colour, 1.2)
+        traces.append({**way, "opacity": 0.5})
     for moment in np.linspace(0.0, run.end, _MOMENTS + 2)[1:-1]:
-        traces += _moment(run, float(moment))
-    layout = {
-        "xaxis": {"title": {"text": "x, east (m)"}},
-        "yaxis": {"title": {"text": "y, north (m)"}, "scaleanchor": "x"},
-        "height": 560,
-        "hovermode": "closest",
-    }
-    note = f"Who flies at {_MOMENTS} moments, from above; lines join who is in one state."
-    return Figure("from_above", "The swarm from above", note, traces, layout, over_time=False)
+        at = float(moment)
+        for name in run.moving:
+            traces += moving_ball(run, name, at, f"{at:.0f}")
+        traces += _moment(run, at)
+    note = (
+        f"Who flies at {_MOMENTS} moments, with their seconds. Lines join who is in one state and"
+    )
+    note += " flies by what the others publish."
+    layout = seen_from_above(run, window)
+    return Figure("from_above", "From above over time", note, traces, layout, over_time=False)
 
 
 def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
-    """The vehicles that fly at a moment: a dot each, and lines between those in one state."""
+    """The vehicles that fly at a moment: a dot each, and lines between those in one
+    state in which they hear each other."""
     places = {}
     for track, colour in coloured(run):
         here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)
         if not np.isnan(here[0]):
-            state = next((v.name for v in track.visits if v.start <= moment < v.end), "")
-            places[track.name] = (float(here[0]), float(here[1]), float(here[2]), colour, state)
+            visit = next((v for v in track.visits if v.start <= moment < v.end), None)
+            joins = visit.name if visit is not None and visit.hears else ""
+            places[track.name] = (float(here[0]), float(here[1]), float(here[2]), colour, joins)
     if not places:
         return []
     edges: list[float] = []
     sides: list[float] = []
     for a, b in combinations(places.values(), 2) if len(places) <= len(VEHICLES) else ():
-        if a[4] == b[4]:
+        if a[4] == b[4] != "":
             edges += [a[0], b[0], np.nan]
             sides += [a[1], b[1], np.nan]
     joined = line("", np.array(edges), np.array(sides), "soft", 0.7)

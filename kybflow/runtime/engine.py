@@ -87,9 +87,9 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
-        self._moving = MovingObstacles(plan.moving, events, watching)
+        self.moving = MovingObstacles(plan.moving, events, watching)
         for vehicle in vehicles:
-            vehicle.moving = self._moving.seen
+            vehicle.moving = self.moving.seen
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
@@ -154,7 +154,7 @@ class Engine:
         if self.plan.faults:
             self.injection.step(now)
         if self.plan.moving:
-            self._moving.step(now)
+            self.moving.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
@@ -197,10 +197,10 @@ class Engine:
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
             self.inputs.step(self.clock.now, flying=False)
-            self._moving.step(self.clock.now)
+            self.moving.step(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
             lines += input_lines(self.plan, self.inputs.objections())
-            lines += obstacle_lines(self.plan, self._moving.objections(self.clock.now))
+            lines += obstacle_lines(self.plan, self.moving.objections(self.clock.now))
             if timeout.ends(lines, self.seconds()):
                 return lines
             self._advance()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,6 +30,7 @@ from kybflow.core.signals import (
     Odometry,
     Payload,
     Pose,
+    SeenObstacle,
     Setpoint,
     SetpointKind,
     Sticks,
@@ -38,6 +40,8 @@ from kybflow.core.signals import (
 from kybflow.recording.layout import definition, dtype_spec, struct_format
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
+from kybflow.report.data import read_log, read_moving
+from kybflow.world.shapes import MovingSphere
 
 ESTIMATE = Estimate(
     7,
@@ -94,6 +98,21 @@ def one_setpoint(path: Path, topic: str):
 
 def float32(values) -> tuple[float, ...]:
     return tuple(np.array(values, np.float32).tolist())
+
+
+def test_moving_obstacles_are_recorded_where_they_were_seen(tmp_path):
+    ball = MovingSphere(((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)), 0.2, 0.5)
+    plan = replace(make_plan("mk"), moving={"ball": ball})
+    recorder = Recorder(tmp_path / "log.mcap", plan)
+    seen = SeenObstacle(NS, (0.5, 0.0, 1.0), (0.5, 0.0, 0.0), 0.2, 0.5)
+    recorder.obstacles(2 * NS, {"ball": seen})
+    recorder.close()
+    (message,) = messages(tmp_path / "log.mcap", "/obstacles")
+    assert message.log_time == 2 * NS
+    told = json.loads(message.data)
+    assert told == {"ball": {"seen_s": 1.0, "position": [0.5, 0.0, 1.0], "radius": 0.2}}
+    [(name, track)] = read_moving(read_log(tmp_path / "log.mcap")).items()
+    assert (name, track.time.tolist(), track.radius) == ("ball", [1.0], 0.2)
 
 
 def test_a_tick_holds_every_value(tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from recorded_run import write_run
 
-from kybflow.report.data import RecordedWorld, read_run, read_world
+from kybflow.report.data import MovingTrack, RecordedWorld, read_run, read_world
 from kybflow.report.map import Extent, outline, path_map
 from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
@@ -128,6 +128,16 @@ def test_a_scan_has_its_name_in_the_map(run):
     world = RecordedWorld({}, {"heap": PointCloud(((1.0, 1.0, 0.0), (1.5, 1.0, 0.0)), 0.1)})
     [heap] = [t for t in path_map(replace(run, world=world)).traces if t["name"] == "obstacle"]
     assert "".join(heap["text"]) == "heap"
+
+
+def test_where_a_moving_obstacle_went_is_drawn_and_lies_in_the_picture(run):
+    place = np.array([[2.0, 0.0, 1.0], [3.2, 1.0, 1.0]])
+    moving = {"ball": MovingTrack(np.array([0.0, 5.0]), place, 0.5)}
+    figure = path_map(replace(run, moving=moving))
+    assert [t["name"] for t in figure.traces].count("moving obstacle") == 1
+    [label] = [t for t in figure.traces if t.get("mode") == "text"]
+    assert (label["x"], label["y"], label["text"]) == ([2.0], [0.0], ["ball"])
+    assert figure.layout["xaxis"]["range"][1] > 3.7
 
 
 def test_a_collision_is_marked_where_it_was(run):

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kybflow.report.data import RecordedWorld, Run, Track
-from kybflow.report.swarm import least_separation, swarm_figures
+from kybflow.report.data import MovingTrack, RecordedWorld, Run, StateVisit, Track
+from kybflow.report.swarm import alarm_distances, least_separation, swarm_figures
 
 TIME = np.linspace(0.0, 10.0, 101)
 
@@ -21,9 +21,14 @@ def track(name: str, x: float, flies_until: float = 10.0) -> Track:
     return Track(name, [x, 0, 0], TIME, place, place, flies, flies, flies, TIME, flies, ())
 
 
-def run(*tracks: Track, expect: str = "always separation(a and b) > 60 cm") -> Run:
+def run(*tracks: Track, expect: str = "always separation(a and b) > 60 cm", **more: Any) -> Run:
     summary = {"expectations": [{"text": expect}]}
-    return Run({}, summary, {}, [], tracks, 10.0, RecordedWorld())
+    return Run({}, summary, {}, [], tracks, 10.0, RecordedWorld(), **more)
+
+
+def facts(**kept: float) -> dict[str, Any]:
+    """What a recording's head says of a vehicle."""
+    return {"keeps_apart": kept}
 
 
 def values(trace: dict[str, Any]) -> Any:
@@ -37,11 +42,19 @@ def test_one_vehicle_has_no_such_figures() -> None:
 def test_each_pair_has_its_distance_while_both_fly_and_the_bound_is_shown() -> None:
     _, distances = swarm_figures(run(track("a", 0.0), track("b", 1.0), track("c", 3.0, 5.0)))
     curves = {trace["name"]: values(trace) for trace in distances.traces}
-    assert list(curves) == ["a and b", "a and c", "b and c", "least allowed"]
+    assert list(curves) == ["a and b", "a and c", "b and c", "expected above 0.6 m"]
     assert curves["a and b"] == pytest.approx(np.ones(101))
     assert curves["b and c"][:51] == pytest.approx(np.full(51, 2.0))
     assert np.isnan(curves["b and c"][52:]).all()
-    assert curves["least allowed"] == pytest.approx([0.6, 0.6])
+    assert curves["expected above 0.6 m"] == pytest.approx([0.6, 0.6])
+
+
+def test_the_distances_below_which_supervisors_alarm_are_shown() -> None:
+    heads = {"a": facts(b=0.6, c=0.3), "b": facts(a=0.6, c=0.0)}
+    two = replace(run(track("a", 0.0), track("b", 1.0)), mission={"vehicles": heads})
+    assert alarm_distances(two) == [0.3, 0.6]
+    names = [trace["name"] for trace in swarm_figures(two)[1].traces]
+    assert names == ["a and b", "alarm below 0.3 m", "alarm below 0.6 m", "expected above 0.6 m"]
 
 
 def test_of_many_vehicles_each_has_its_distance_to_the_nearest() -> None:
@@ -67,3 +80,24 @@ def test_the_swarm_from_above_shows_who_flies_at_each_moment() -> None:
     above, _ = swarm_figures(run(track("a", 0.0), track("b", 1.0, 5.0)))
     dots = [trace for trace in above.traces if trace.get("mode") == "markers+text"]
     assert [len(trace["x"]) for trace in dots] == [2, 2, 2, 2, 2, 1, 1, 1, 1]
+
+
+def dots(figure: Any, mode: str) -> list[dict[str, Any]]:
+    return [trace for trace in figure.traces if trace.get("mode") == mode]
+
+
+def test_a_moving_obstacle_is_shown_at_each_moment_beside_a_single_vehicle_too() -> None:
+    ball = MovingTrack(TIME, np.stack([TIME, 0 * TIME, 1 + 0 * TIME], axis=1), 0.2)
+    [above] = swarm_figures(run(track("a", 0.0), moving={"ball": ball}))
+    named = [(trace["text"], trace["x"]) for trace in dots(above, "text")]
+    assert [text for [text], _ in named] == [f"{second}" for second in range(1, 10)]
+    assert [x for _, [x] in named] == pytest.approx([*range(1, 10)])
+
+
+@pytest.mark.parametrize("hears", [False, True])
+def test_lines_join_those_who_hear_each_other(hears: bool) -> None:
+    visit = StateVisit("square", "formation", 0.0, 10.0, "", True, False, hears)
+    pair = (replace(track(name, x), visits=(visit,)) for name, x in (("a", 0.0), ("b", 1.0)))
+    above, _ = swarm_figures(run(*pair))
+    edges = [trace for trace in above.traces if trace.get("name") == ""]
+    assert [len(trace["x"]["bdata"]) > 0 for trace in edges] == [hears] * 9

@@ -23,7 +23,7 @@ from kybflow.core.signals import (
 )
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.dsl.plan import PartPlan, Plan, SourceFile, StatePlan, VehiclePlan
-from kybflow.parts import AIR, GROUND
+from kybflow.parts import AIR, GROUND, Behavior
 from kybflow.recording.outcome import Ending, summarise
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import create_run_folder
@@ -104,7 +104,7 @@ def _vehicle(name: str, place: int) -> VehiclePlan:
     )
     nothing = PartPlan("nothing", object, None, "nothing")
     states = {
-        state: StatePlan(state, PartPlan(part, object, None, state), (leg,), ())
+        state: StatePlan(state, PartPlan(part, Behavior, None, state), (leg,), ())
         for (state, part), leg in zip(STATES, LEGS, strict=True)
     }
     return VehiclePlan(

@@ -22,6 +22,7 @@ from kybflow.core.errors import DriverError, described
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, InputReading, InputReadings, Time
 from kybflow.dsl.plan import InputPlan
+from kybflow.flight.formation.shapes import centroid
 from kybflow.parts import InputLink
 from kybflow.parts.input import FeltLink
 from kybflow.runtime.events import Events, Fields
@@ -70,14 +71,14 @@ class Inputs:
         return len(self._inputs)
 
     def step(self, now: Time, vehicles: Iterable[Vehicle] = (), *, flying: bool = True) -> None:
-        """Read every input, tell what happened, in flight only, and let each hand feel those of the
-        vehicles that it steers, as they were in the last tick. Called at the start of a tick."""
+        """Read every input, tell what happened, in flight only, and let each hand feel the vehicles
+        that it steers, as they were in the last tick. Called at the start of a tick."""
         for one in self._inputs:
             self._heard[one.plan.name] = one.step(now, flying)
         if self._felt:
-            pushes = {name: push for vehicle in vehicles for name, push in vehicle.pushes()}
+            steered = [push for vehicle in vehicles for push in vehicle.pushes()]
             for one, link in self._felt:
-                one.feel(link, pushes.get(one.plan.name, ZERO))
+                one.feel(link, _felt([push for name, push in steered if name == one.plan.name]))
 
     def end(self, now: Time, why: str) -> None:
         """Note that nothing more is heard, so that a record's last deflection doesn't go on where
@@ -89,6 +90,15 @@ class Inputs:
         """Yield each input with why it can't be used now, None where it can."""
         for one in self._inputs:
             yield one.plan, one.trouble and one.trouble.reason
+
+
+def _felt(pushes: list[Vec3 | None]) -> Vec3 | None:
+    """Return what a hand feels: the mean over the vehicles that it steers and that are free; None
+    where none is."""
+    if not pushes:
+        return ZERO
+    free = tuple(push for push in pushes if push is not None)
+    return centroid(free) if free else None
 
 
 class _Input:

@@ -50,6 +50,10 @@ class Proximity(Supervisor[ProximityParams]):
     events = ("too_close",)
 
     @classmethod
+    def keeps_apart(cls, params: ProximityParams, own: float, other: float) -> float:
+        return _bound(0.5 * (own + other), params)
+
+    @classmethod
     def objections(cls, params: ProximityParams, context: VehicleContext) -> Iterator[Objection]:
         touching = context.airframe.diameter
         for name, start in context.starts.items():
@@ -82,7 +86,7 @@ class Proximity(Supervisor[ProximityParams]):
         for name, other in tick.fleet.items():
             if now < due.get(name, 0) or other is None:
                 continue
-            bound = max(self._touching.get(name, self._own) + params.margin, params.distance)
+            bound = _bound(self._touching.get(name, self._own), params)
             apart = distance(here, other.position)
             gap = apart - bound
             if gap >= _FAR:
@@ -99,6 +103,12 @@ class Proximity(Supervisor[ProximityParams]):
         apart, bound, name = min(close)
         reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
         return Alarm("too_close", Reaction[self.params.reaction.upper()], reason, apart, bound)
+
+
+def _bound(touching: float, params: ProximityParams) -> float:
+    """Return the distance (m) that two centres keep at least. touching: at which the airframes
+    touch."""
+    return max(touching + params.margin, params.distance)
 
 
 def _stopping(own: Estimate, other: Estimate, apart: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -228,3 +229,30 @@ def test_the_hand_of_a_lost_input_feels_nothing() -> None:
     bench.device.gone = None
     bench.run(1.0)
     assert [*felt, bench.device.felt] == [ZERO, None, ZERO]
+
+
+class Steered:
+    """A vehicle that `stick` steers; push: what its hand should feel."""
+
+    def __init__(self, push: Vec3 | None) -> None:
+        self.push = push
+
+    def pushes(self) -> Iterator[tuple[str, Vec3 | None]]:
+        yield "stick", self.push
+
+
+@pytest.mark.parametrize(
+    ("pushes", "felt"),
+    [
+        ([], ZERO),
+        ([(1.0, 0.0, 0.0), (0.0, 0.5, 0.0)], (0.5, 0.25, 0.0)),
+        ([(1.0, 0.0, 0.0), None], (1.0, 0.0, 0.0)),
+        ([None, None], None),
+    ],
+)
+def test_a_hand_feels_the_mean_of_those_that_it_steers_and_that_are_not_held(
+    pushes: list[Vec3 | None], felt: Vec3 | None
+) -> None:
+    bench = Bench()
+    bench.inputs.step(0, [Steered(push) for push in pushes])
+    assert bench.device.felt == felt

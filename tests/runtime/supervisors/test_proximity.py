@@ -1,5 +1,6 @@
 """proximity: heard when two vehicles are closer than their airframes allow."""
 
+import pytest
 from part_bench import SITE, estimate, tick
 
 from kybflow.core.signals import Alarm, Reaction
@@ -52,3 +53,8 @@ def test_far_apart_it_looks_no_more_often_than_it_must() -> None:
     assert supervisor.check(apart(1.4), airborne=True) is None
     assert supervisor.check(apart(0.1, 0.049), airborne=True) is None
     assert supervisor.check(apart(0.1, 0.051), airborne=True) is not None
+
+
+def test_it_declares_the_distance_that_it_alarms_below() -> None:
+    assert Proximity.keeps_apart(ProximityParams(), 0.4, 0.2) == pytest.approx(0.35)
+    assert Proximity.keeps_apart(ProximityParams(distance=0.6), 0.4, 0.2) == pytest.approx(0.6)
