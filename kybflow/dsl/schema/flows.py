@@ -3,7 +3,10 @@ packages."""
 
 from __future__ import annotations
 
+from typing import get_args
+
 from kybflow.core.units import DURATION
+from kybflow.dsl.plan import Arrive
 from kybflow.dsl.schema.building import NEXT, Schema, mapping, named, quantity, text
 from kybflow.parts.observables import EVENT_FIELDS
 
@@ -64,6 +67,11 @@ def _phase() -> Schema:
             },
             "run": named("Vehicles or groups, and the behavior that each is asked to enter.",
                          _goal("The behavior")),
+            "arrive": {
+                "description": "How those that `run` names arrive: `together`, on straight lines at"
+                " one pace, or `in_turns`, each when the one before is there.",
+                "enum": list(get_args(Arrive)),
+            },
             "next": {
                 "description": "Ways out, asked from the top in every tick; `end` ends the flow.",
                 "type": "array", "items": NEXT,

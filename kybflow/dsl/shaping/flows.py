@@ -91,6 +91,7 @@ def _phase(entry: MappingEntry, shared: tuple[TransitionEntry, ...]) -> Diagnose
     for request in entries_of(body.get("run")).values():
         asked[request.key.as_text] = yield from goal_of(request)
     run = {who: goal for who, goal in asked.items() if goal is not None}
+    arrive = body.get("arrive")
     return PhaseEntry(
         name=entry.key.as_text,
         run=tuple((who, state) for who, (state, _) in run.items()),
@@ -104,6 +105,7 @@ def _phase(entry: MappingEntry, shared: tuple[TransitionEntry, ...]) -> Diagnose
         span=entry.key.span,
         inherited=entry.inherited,
         values={who.text: values for who, (_, values) in run.items() if values is not None},
+        arrive=arrive.as_text if isinstance(arrive, Scalar) and not arrive.is_null else None,
     )
 
 
