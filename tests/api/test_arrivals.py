@@ -106,7 +106,7 @@ def test_together_does_not_help_where_ways_cross_in_their_middle(tmp_path: Path)
 @pytest.mark.parametrize(
     ("ways", "run", "apart"),
     [
-        pytest.param(CROSSING, IN_TURNS, 5.0, marks=pytest.mark.thorough),
+        pytest.param(CROSSING, IN_TURNS, 6.0, marks=pytest.mark.thorough),
         pytest.param(FOLLOWING, TOGETHER, 0.01, marks=pytest.mark.thorough),
     ],
 )
