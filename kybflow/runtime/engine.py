@@ -81,6 +81,7 @@ class Engine:
         self._moving = MovingObstacles(plan.moving, events)
         for vehicle in vehicles:
             vehicle.moving = self._moving.seen
+            vehicle.heed(self.options.set)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0

@@ -213,6 +213,8 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     if cls.events:
         word = "alarms" if spec.kind == "supervisors" else "tells"
         yield f"{word} {', '.join(f'`{name}`' for name in cls.events)}"
+    if spec.kind == "processors" and cls.retunes:
+        yield f"retunes {', '.join(f'`{name}`' for name in sorted(cls.retunes))} of the tracker"
 
 
 def _kinds(kinds: Iterable[MeasurementKind]) -> str:

@@ -61,9 +61,7 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
 
 def _paced(case: Case) -> str:
     """The behaviors that keep a common pace, in words."""
-    names = case.catalog.names("behaviors")
-    paced = (name for name in names if case.catalog.get("behaviors", name).cls.keeps_pace)
-    return " or ".join(f"`{name}`" for name in paced)
+    return " or ".join(f"`{spec.name}`" for spec in case.parts("behaviors") if spec.cls.keeps_pace)
 
 
 def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
