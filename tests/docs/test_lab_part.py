@@ -35,8 +35,6 @@ def test_the_part_is_listed_with_its_parameters(installed: dict[str, str]):
     assert shown.returncode == 0
     assert "How far up it goes." in shown.stdout
     assert kybflow({**os.environ}, "parts", "bob").returncode == 2
-    shown = kybflow(installed, "parts", "gains_by_speed")
-    assert "retunes `derivative` of the tracker" in shown.stdout
 
 
 def test_the_page_of_parts_is_without_it(installed: dict[str, str]):
