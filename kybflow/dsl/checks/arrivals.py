@@ -10,6 +10,7 @@ from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import PhaseEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names.option_names import members
 from kybflow.dsl.plan import Arrive
 
 _TOGETHER: Arrive = "together"
@@ -22,7 +23,8 @@ def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
     for phase, _ in case.cached(_arriving):
         assert phase.arrive is not None
         asked = {a.vehicle for a in assignments(case.document, phase.run)}
-        if len(asked) < 2:
+        is_known = all(members(case.document, who.text) for who, _ in phase.run)
+        if len(asked) < 2 and is_known:
             who = "only " + "".join(f"`{name}`" for name in asked) if asked else "nobody"
             yield Diagnostic(
                 "KYB530",
