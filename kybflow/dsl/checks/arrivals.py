@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.checks.flows import Assignment, assignments, phases
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import PhaseEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
@@ -18,18 +20,28 @@ _LASTING = frozenset({"hover", "landed"})
 """Built-in states that are not left by themselves, or after a long wait only."""
 
 
+class _Arriving(NamedTuple):
+    """A phase that says how its vehicles arrive, and what it asks of each."""
+
+    phase: PhaseEntry
+    how: Text
+    asked: list[Assignment]
+
+
 def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
-    """KYB530: a phase says how its vehicles arrive, and runs fewer than two."""
-    for phase, _ in case.cached(_arriving):
-        assert phase.arrive is not None
-        asked = {a.vehicle for a in assignments(case.document, phase.run)}
+    """KYB530: a phase says how its vehicles arrive, and runs fewer than two.
+
+    Phases that came through `like` are excepted: a template is for groups of any size.
+    """
+    for phase, how, asked in case.cached(_arriving):
+        vehicles = {assignment.vehicle for assignment in asked}
         is_known = all(members(case.document, who.text) for who, _ in phase.run)
-        if len(asked) < 2 and is_known:
-            who = "only " + "".join(f"`{name}`" for name in asked) if asked else "nobody"
+        if len(vehicles) < 2 and is_known and not phase.inherited:
+            who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "nobody"
             yield Diagnostic(
                 "KYB530",
-                f"`{phase.name.text}` runs {who}, who can't arrive `{phase.arrive.text}`",
-                phase.arrive.span,
+                f"`{phase.name.text}` runs {who}, who can't arrive `{how.text}`",
+                how.span,
                 label="needs two vehicles",
                 help="leave it out, or name the others in `run`",
             )
@@ -41,9 +53,8 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
     It must be one behavior that flies one straight line and knows how long it takes; a chain of
     behaviors is no such thing.
     """
-    for phase, asked in case.cached(_arriving):
-        assert phase.arrive is not None
-        if phase.arrive.text != _TOGETHER:
+    for _, how, asked in case.cached(_arriving):
+        if how.text != _TOGETHER:
             continue
         for vehicle, goal, assignment in _asked(case, asked):
             cls = case.behavior(vehicle, goal)
@@ -55,8 +66,8 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
                 "KYB531",
                 f"`{assignment.goal.text}` of `{assignment.vehicle}` can't keep a common pace",
                 assignment.goal.span,
-                label=f"{what} is not one straight line",
-                notes=(f"line {phase.arrive.span.line} says `arrive: {phase.arrive.text}`",),
+                label=f"{what} keeps none",
+                notes=(_said(how, assignment),),
                 help=f"use {_paced(case)}, or say `arrive: in_turns`",
             )
 
@@ -72,9 +83,8 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
 
     A turn passes when the vehicle leaves the state, or the chain, that it was asked for.
     """
-    for phase, asked in case.cached(_arriving):
-        assert phase.arrive is not None
-        if phase.arrive.text == _TOGETHER:
+    for _, how, asked in case.cached(_arriving):
+        if how.text == _TOGETHER:
             continue
         for vehicle, goal, assignment in list(_asked(case, asked))[:-1]:
             if _lasts(vehicle, goal):
@@ -83,7 +93,7 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
                     f"`{assignment.goal.text}` of `{assignment.vehicle}` never ends",
                     assignment.goal.span,
                     label="the others wait for it",
-                    notes=(f"line {phase.arrive.span.line} says `arrive: {phase.arrive.text}`",),
+                    notes=(_said(how, assignment),),
                     help="give it an end, or a `next` that leaves it",
                 )
 
@@ -96,11 +106,15 @@ def _lasts(vehicle: VehicleEntry, goal: str) -> bool:
     return goal in endless_states(vehicle) and ways.isdisjoint({"next", "within"})
 
 
-def _arriving(case: Case) -> Iterator[tuple[PhaseEntry, list[Assignment]]]:
-    """Every phase that says how its vehicles arrive, and what it asks of each."""
+def _said(how: Text, assignment: Assignment) -> str:
+    return f"{how.span.beside(assignment.goal.span)} says `arrive: {how.text}`"
+
+
+def _arriving(case: Case) -> Iterator[_Arriving]:
     for _, phase in phases(case.document):
         if phase.arrive is not None:
-            yield phase, list(assignments(case.document, phase.run))
+            asked = list(assignments(case.document, phase.run))
+            yield _Arriving(phase, phase.arrive, asked)
 
 
 def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehicleEntry, str, Assignment]]:
