@@ -323,6 +323,16 @@ class Told(NamedTuple):
     fields: dict[str, str | float | bool | None]
 
 
+class Retune(NamedTuple):
+    """A processor's setpoint, and other values (SI) of options of its vehicle's tracker, by name:
+    those that its class declares. They are asked for as `set` asks, in effect from the next tick
+    on.
+    """
+
+    output: Setpoint
+    options: Mapping[str, float]
+
+
 class PlannedPoint(NamedTuple):
     """Where a vehicle should be at `time`, as an external planner says it: seconds of the run;
     position, velocity and acceleration in the world; heading in radians, None to keep it."""

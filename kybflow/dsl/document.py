@@ -301,7 +301,7 @@ class FaultEntry:
 class PhaseEntry:
     """One phase of a flow as written; keys of `run` and `give` are vehicles or groups. `values` are
     those with which a key of `run` enters its state. `inherited` is true when it came through
-    `like`."""
+    `like`. `arrive` is one of `Arrive`, None where it isn't written."""
 
     name: Text
     run: tuple[tuple[Text, Text], ...]
@@ -311,6 +311,7 @@ class PhaseEntry:
     span: Span
     inherited: bool = False
     values: dict[str, Mapping] = field(default_factory=dict)
+    arrive: Text | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -235,6 +235,10 @@ class FaultPlan:
     at: str = ""
 
 
+Arrive = Literal["together", "in_turns"]
+"""How the vehicles of a phase arrive: at one time, or one after the other."""
+
+
 @dataclass(frozen=True, slots=True)
 class PhasePlan:
     """One phase of a flow. On entry it gives vehicles to other flows (`give`: vehicle to flow),
@@ -243,7 +247,7 @@ class PhasePlan:
     entered with in place of its own). `transitions` are
     asked like those of a state: `next` from the top, then `within`; the target `end` ends the flow.
     So does a phase without any, or one that `ends`, when no vehicle that it ran is in its state any
-    more."""
+    more. arrive: how the vehicles of `run` arrive, each by itself without it."""
 
     name: str
     run: dict[str, str]
@@ -254,6 +258,7 @@ class PhasePlan:
     at: str = ""
     values: dict[str, Values] = field(default_factory=dict)
     ends: bool = False
+    arrive: Arrive | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,21 @@ def span_at(at: str, texts: Texts) -> Span:
     return Span(file or at, line, start + 1, line, max(len(text), start + 1) + 1)
 
 
-def collided(own: Doing, other: Doing, texts: Texts) -> Diagnostic:
+class Arrival(NamedTuple):
+    """How a `phase` that asks two vehicles for what brings them too close could keep them apart.
+    order: in words, where the turns must come otherwise than it is written."""
+
+    phase: str
+    ways: tuple[str, ...]
+    order: str = ""
+
+    @property
+    def hint(self) -> str:
+        said = " or ".join(f"`arrive: {way}`" for way in self.ways)
+        return f"let the phase `{self.phase}` say {said} {self.order}".rstrip()
+
+
+def collided(own: Doing, other: Doing, texts: Texts, arrival: Arrival | None = None) -> Diagnostic:
     """KYB470: two vehicles are nearer to each other than an arm of each: they collide."""
     return Diagnostic(
         "KYB470",
@@ -62,7 +76,8 @@ def collided(own: Doing, other: Doing, texts: Texts) -> Diagnostic:
         span_at(own.at, texts),
         label=f"in `{own.state}`",
         notes=(other.note,),
-        help="let one of them wait for the other, or keep their ways apart",
+        help=f"{arrival.hint if arrival else 'let one of them wait for the other'}, "
+        "or keep their ways apart",
     )
 
 
@@ -103,7 +118,13 @@ def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool, texts: T
 
 
 def failsafe_acted(
-    own: Doing, reaction: str, why: str, by: str, others: tuple[str, ...], texts: Texts
+    own: Doing,
+    reaction: str,
+    why: str,
+    by: str,
+    others: tuple[str, ...],
+    texts: Texts,
+    arrival: Arrival | None = None,
 ) -> Diagnostic:
     """KYB474: the failsafe takes over although nothing is broken: what the mission does crosses a
     bound of a supervisor. others: what the vehicles do that the reason names."""
@@ -113,7 +134,9 @@ def failsafe_acted(
         span_at(own.at, texts),
         label=why,
         notes=(*others, *((f"the bound: {by}",) if by else ())),
-        help="stay within the bound, or move it",
+        help=f"{arrival.hint}, or move the bound"
+        if arrival
+        else "stay within the bound, or move it",
     )
 
 
@@ -231,7 +254,14 @@ def common_place(own: Doing, other: Doing, *, rests: bool, texts: Texts) -> Diag
     )
 
 
-def too_close(own: Doing, other: Doing, gap: float, needed: float, texts: Texts) -> Diagnostic:
+def too_close(
+    own: Doing,
+    other: Doing,
+    gap: float,
+    needed: float,
+    texts: Texts,
+    arrival: Arrival | None = None,
+) -> Diagnostic:
     """KYB480: two vehicles fly so close to each other that the discs of their rotors meet, unless
     they are turned well."""
     near = format_quantity(round(gap, 2), LENGTH)
@@ -241,7 +271,7 @@ def too_close(own: Doing, other: Doing, gap: float, needed: float, texts: Texts)
         span_at(own.at, texts),
         label=f"their rotors need {format_quantity(round(needed, 2), LENGTH)}",
         notes=(other.note,),
-        help="keep their ways apart",
+        help=f"{arrival.hint}, or keep their ways apart" if arrival else "keep their ways apart",
         severity=Severity.WARNING,
     )
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import ZERO, Vec3, add, heading_of, norm, scale, sub, wrap
 from kybflow.core.signals import Estimate, Setpoint, SetpointKind
 from kybflow.core.units import DEG
-from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
+from kybflow.flight.profiles import STEEPEST, Pace, Profile, smoothstep
 
 IDLE = Setpoint(SetpointKind.IDLE)
 """Rotors at rest, on the ground."""
@@ -67,6 +67,15 @@ class Straight:
         self._start, self._end = start, Motion(goal)
         self._direction = scale(way, 1.0 / length) if length > 0.0 else ZERO
         self._profile = Profile.within(length, speed, acceleration)
+        self.duration = self._profile.duration
+
+    @property
+    def pace(self) -> Pace:
+        return self._profile.pace
+
+    def keep(self, pace: Pace) -> None:
+        """Time the line as `pace`, which is no quicker, before it has begun."""
+        self._profile = Profile.paced(self._profile.distance, pace)
         self.duration = self._profile.duration
 
     def at(self, time: float) -> Motion:

@@ -12,8 +12,9 @@ so a ramp covers V ramp / 2. (Perlin, "Improving noise", SIGGRAPH 2002, for S; t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import sqrt
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, scale
 
@@ -37,6 +38,29 @@ def smoothstep(s: float) -> tuple[float, float, float, float]:
         30.0 * s * s * rest * rest,
         60.0 * s * rest * (1.0 - 2.0 * s),
     )
+
+
+class Pace(NamedTuple):
+    """How a profile is timed, seconds: `ramp` is the length of each ramp, `cruise` the distance by
+    the largest speed.
+
+    Profiles of one pace cover the same share of their distances at every time, whatever these are.
+    So of two vehicles on straight lines the one moves on a straight line as the other sees it.
+    """
+
+    cruise: float
+    ramp: float
+
+    @property
+    def duration(self) -> float:
+        return self.ramp + self.cruise
+
+    @classmethod
+    def slowest(cls, paces: Iterable[Pace]) -> Pace:
+        """Return the quickest pace that none of several has to hurry for: with the longest ramp
+        and the longest cruise, each keeps its own limits of speed and of acceleration."""
+        cruises, ramps = zip(*paces, strict=True)
+        return cls(max(cruises), max(ramps))
 
 
 class Profile:
@@ -70,6 +94,15 @@ class Profile:
         if length < peak * _SHORTEST:
             return cls(distance, length / _SHORTEST, _SHORTEST)
         return cls(distance, peak, STEEPEST * peak / acceleration)
+
+    @classmethod
+    def paced(cls, distance: float, pace: Pace) -> Profile:
+        """Return the profile that is timed as `pace`."""
+        return cls(distance, distance / pace.cruise, pace.ramp) if distance else cls(0.0, 0.0, 0.0)
+
+    @property
+    def pace(self) -> Pace:
+        return Pace(self.duration - self.ramp, self.ramp)
 
     def at(self, time: float) -> Progress:
         """Return the progress at `time` (s): zero before the start, `distance` after the end."""

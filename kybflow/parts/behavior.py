@@ -27,6 +27,7 @@ from kybflow.core.signals import (
     Told,
 )
 from kybflow.flight.motion import Motion
+from kybflow.flight.profiles import Pace
 from kybflow.parts.base import Objection, P, Part
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -171,7 +172,8 @@ class Behavior(Part[P]):
     axes: those that the inputs must have which its parameters name. push: what a hand that steers
     it should feel, along the axes x, y and z. hears: whether it listens to what other vehicles
     publish. says: what it publishes to them itself, of its latest update; recorded as a
-    measurement of its class.
+    measurement of its class. keeps_pace: whether it flies one straight line and has a `pace`, that
+    of its way, and can `keep` a slower one, so that several arrive together.
     """
 
     kind = "behaviors"
@@ -186,6 +188,8 @@ class Behavior(Part[P]):
     axes: ClassVar[tuple[str, ...]] = ()
     push: Vec3 = ZERO
     hears: ClassVar[bool] = False
+    keeps_pace: ClassVar[bool] = False
+    pace: Pace | None = None
     says: Measurement | None = None
 
     def __init_subclass__(
@@ -215,6 +219,11 @@ class Behavior(Part[P]):
         """Take a point of an external planner's trajectory before the update of a tick; return why
         it is refused, None where it is not."""
         return "its behavior takes no trajectory"
+
+    def keep(self, pace: Pace) -> None:
+        """Fly at another pace, no quicker than its own, from the second update on. Called after the
+        first, of those that keep one."""
+        raise NotImplementedError
 
     @classmethod
     def prepare(cls) -> None:

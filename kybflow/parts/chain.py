@@ -14,6 +14,7 @@ from kybflow.core.signals import (
     Estimate,
     Measurement,
     MeasurementKind,
+    Retune,
     Setpoint,
     SetpointKind,
     Tick,
@@ -78,7 +79,8 @@ class Processor(Part[P]):
     `clamp_started`, and a behavior that is done while its goal is clamped has failed. idle: it will
     never change anything, and is not called. goes_round: what stands between where the vehicle is
     and where it is led is no hindrance. tells: the events that it may tell, each with the fields
-    that it carries besides its name.
+    that it carries besides its name. retunes: the options of the vehicle's tracker that it may give
+    other values.
     """
 
     kind = "processors"
@@ -88,6 +90,7 @@ class Processor(Part[P]):
     goes_round: ClassVar[bool] = False
     idle: bool = False
     tells: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    retunes: ClassVar[frozenset[str]] = frozenset()
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -113,9 +116,9 @@ class Processor(Part[P]):
         yield from ()
 
     @abstractmethod
-    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm | Told:
-        """Return the changed setpoint, with an event that it `tells` as a Told, or an Alarm that
-        requests a reaction; called once a tick."""
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm | Told | Retune:
+        """Return the changed setpoint, with an event that it `tells` as a Told or values that it
+        `retunes` as a Retune, or an Alarm that requests a reaction; called once a tick."""
 
 
 class Tracker(Part[P]):

@@ -90,6 +90,7 @@ class Engine:
         self.moving = MovingObstacles(plan.moving, events, watching)
         for vehicle in vehicles:
             vehicle.moving = self.moving.seen
+            vehicle.heed(self.options.set)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0

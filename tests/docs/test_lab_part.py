@@ -48,9 +48,26 @@ def test_its_mission_flies(installed: dict[str, str], tmp_path: Path):
     assert flown.returncode == 0, flown.stdout + flown.stderr
 
 
+def test_its_processor_retunes_the_tracker_in_flight(installed: dict[str, str], tmp_path: Path):
+    mission = str(ROOT / "examples" / "lab-parts" / "scheduled.yaml")
+    flown = kybflow(installed, "run", mission, "--out", str(tmp_path), "--no-report")
+    assert flown.returncode == 0, flown.stdout + flown.stderr
+    told = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    changed = [e["fields"] for e in map(json.loads, told) if e["event"] == "option_changed"]
+    assert {(e["option"], e["by"]) for e in changed} == {
+        ("nano.tracker.derivative", "processor gains_by_speed")
+    }
+    values = [float(e["value"]) for e in changed]
+    assert values == [7.5, 7.125, 6.75, 6.375, 6.0, 6.375, 6.75, 7.125, 7.5]
+
+
 def test_its_parts_keep_the_contract_of_all_parts(installed: dict[str, str]):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    command += [str(ROOT / "tests" / "parts" / "test_part_contract.py"), "-k", "bob or tally"]
+    command += [
+        str(ROOT / "tests" / "parts" / "test_part_contract.py"),
+        "-k",
+        "bob or tally or gains",
+    ]
     judged = subprocess.run(command, env=installed, capture_output=True, text=True, check=False)
     assert judged.returncode == 0, judged.stdout
     assert "skipped" not in judged.stdout.splitlines()[-1]

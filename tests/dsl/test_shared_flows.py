@@ -30,7 +30,7 @@ flows:
                within: $limit, otherwise: land}
       near:   {next: [{when: distance(a to world.points.dock) < 3 m, go: land}],
                within: 5 s, otherwise: land}
-      land:   {run: {swarm: down}}
+      land:   {run: {swarm: down}, arrive: in_turns}
   ends: {like: basis.ends, phases: {over: {next: [{after: 2 s, go: end}]}}}
 """
 BASIS = """
@@ -189,3 +189,15 @@ def test_the_flow_of_the_library_flies(late: str, phases: list[str], tmp_path: P
     summary = fly(result.plan, RunRequest(out=tmp_path / "run")).summary
     assert summary["outcome"] == "succeeded"
     assert [visit["name"] for visit in summary["flows"]["team"]["phases"]] == phases
+
+
+@pytest.mark.parametrize(
+    ("written", "means"),
+    [("{}", "in_turns"), ("{arrive: null}", None), ("{arrive: $how}", "in_turns")],
+)
+def test_how_vehicles_arrive_is_merged_and_removed_as_every_key_is(
+    tmp_path: Path, written: str, means: str | None
+) -> None:
+    how = "parameters: {how: {type: text, default: in_turns}}\n" if "$" in written else ""
+    plan = plan_of(tmp_path, f"  team: {{like: lab.hop, phases: {{land: {written}}}}}\n{how}")
+    assert plan.flows[0].phases["land"].arrive == means

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.flight.profiles import Profile, smoothstep
+from kybflow.flight.profiles import STEEPEST, Pace, Profile, smoothstep
 
 distances = st.floats(0.0, 100.0)
 speeds = st.floats(0.01, 10.0)
@@ -95,3 +95,31 @@ def test_a_little_way_takes_a_second_and_no_jerk_to_speak_of(distance: float) ->
     jerks = [abs(profile.at(0.001 * i)[3]) for i in range(1000)]
     assert max(jerks) <= 48.0 * distance
     assert profile.at(1.0)[0] == distance
+
+
+ways = st.lists(
+    st.tuples(st.floats(0.01, 10.0), st.floats(0.05, 3.0), st.floats(0.1, 3.0)), min_size=1
+)
+
+
+@given(ways, st.floats(0.0, 1.0))
+def test_at_the_pace_of_the_slowest_all_have_covered_the_same_share_within_their_limits(
+    limits: list[tuple[float, float, float]], share: float
+) -> None:
+    own = [Profile.within(*limit) for limit in limits]
+    pace = Pace.slowest(profile.pace for profile in own)
+    paced = [Profile.paced(distance, pace) for distance, _, _ in limits]
+
+    assert pace.duration >= max(profile.duration for profile in own) - 1e-9
+    covered = [p.at(share * pace.duration)[0] / p.distance for p in paced]
+    assert covered == pytest.approx([covered[0]] * len(covered), abs=1e-9)
+    for profile, (_, speed, acceleration) in zip(paced, limits, strict=True):
+        assert profile.duration == pytest.approx(pace.duration)
+        assert profile.speed <= speed * (1.0 + 1e-9)
+        assert STEEPEST * profile.speed / profile.ramp <= max(
+            acceleration, STEEPEST * profile.distance / 0.25
+        ) * (1.0 + 1e-9)
+
+
+def test_no_way_keeps_every_pace() -> None:
+    assert Profile.paced(0.0, Pace(2.0, 1.0)).at(1.0) == (0.0, 0.0, 0.0, 0.0)

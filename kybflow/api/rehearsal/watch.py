@@ -11,15 +11,16 @@ from itertools import combinations
 from math import hypot, inf
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, distance, dot, norm, sub
+from kybflow.api.rehearsal.arrivals import Way, arrival, least_distance
+from kybflow.core.geometry import Vec3, distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.expressions.describe import describe
-from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
-from kybflow.dsl.rehearsed import Doing, Texts, Waiting
+from kybflow.dsl.plan import PhasePlan, Plan, StatePlan, TransitionPlan
+from kybflow.dsl.rehearsed import Arrival, Doing, Texts, Waiting
 from kybflow.parts import GROUND
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -59,10 +60,12 @@ class Watch:
         self._wrong: set[str] = set()
         self._before: dict[str, Vec3] = {}
         self._widest = 0.0
+        self._began: dict[tuple[str, str], Vec3] = {}
         self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
         self._hearing = {
             "collided": self._collided,
             "landed_hard": self._landed_hard,
+            "behavior_started": self._started,
             "clamp_started": self._clamped,
             "failsafe_started": self._failsafe,
             "behavior_failed": self._failed,
@@ -122,7 +125,7 @@ class Watch:
             if distance(here, there) < max(telling, self._widest) + moved and (
                 flies or other_flies
             ):
-                self._note_gap(one, other, _least(sub(was, went), sub(here, there)))
+                self._note_gap(one, other, least_distance(sub(was, went), sub(here, there)))
 
     def end(self, engine: Engine) -> None:
         """The engine has stopped."""
@@ -147,11 +150,12 @@ class Watch:
         assert self._engine is not None
         if self.separation is None or gap < self.separation.metres:
             self.separation = LeastSeparation(gap, self._engine.seconds(), (one.name, other.name))
-        needed = _half_needed(one) + _half_needed(other)
+        needed = _needed(one, other)
         collides = gap < one.context.airframe.arm + other.context.airframe.arm
         if gap < needed and not collides and one.airborne and other.airborne:
             own, beside = self._doing(one), self._doing(other)
-            found = rehearsed.too_close(own, beside, gap, needed, self._texts)
+            mend = self._arrival(one, other, needed)
+            found = rehearsed.too_close(own, beside, gap, needed, self._texts, mend)
             self._add(found, *sorted((one.name, other.name)))
 
     def _look_at_fence(self, vehicle: Vehicle, place: Vec3) -> None:
@@ -175,7 +179,8 @@ class Watch:
         if other is None:
             self._add(rehearsed.ran_into(own, into, self._texts), vehicle.name, into)
         else:
-            found = rehearsed.collided(own, self._doing(other), self._texts)
+            mend = self._arrival(vehicle, other, _needed(vehicle, other))
+            found = rehearsed.collided(own, self._doing(other), self._texts, mend)
             self._add(found, *sorted((vehicle.name, into)))
 
     def _landed_hard(self, event: Event) -> None:
@@ -199,8 +204,12 @@ class Watch:
         if vehicle.requests.retired == why:
             return  # the engine lands it at the time limit, which is told otherwise
         own, reaction = self._doing(vehicle), str(event.fields["reaction"])
-        others = tuple(self._doing(o).note for o in self._vehicles.values() if f"`{o.name}`" in why)
-        found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts)
+        named = [o for o in self._vehicles.values() if f"`{o.name}`" in why]
+        others, bound = tuple(self._doing(other).note for other in named), event.fields.get("bound")
+        mend = None
+        if named and isinstance(bound, float):
+            mend = self._arrival(vehicle, named[0], bound)
+        found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts, mend)
         self._add_of(vehicle, vehicle.activity.state, found)
 
     def _failed(self, event: Event) -> None:
@@ -270,6 +279,35 @@ class Watch:
         x, y, _ = truth.position
         return min(others, key=lambda o: _level((x, y), o), default=None)
 
+    def _started(self, event: Event) -> None:
+        truth = self._vehicles[event.vehicle].truth
+        if truth is not None:
+            self._began[event.vehicle, str(event.fields["behavior"])] = truth.position
+
+    def _arrival(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
+        """Return what the phase that lets two vehicles fly at once could say to keep them `needed`
+        metres apart, None where it is no phase, or it says so already."""
+        assert self._engine is not None
+        for flow in self._plan.flows:
+            running = self._engine.flows.running(flow.name)
+            if not running.active or not {one.name, other.name} <= running.phase.run.keys():
+                continue
+            if not any(running.is_in_its_state(v.name, v.state) for v in (one, other)):
+                continue
+            phase = running.phase
+            return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
+        return None
+
+    def _way(self, vehicle: Vehicle, phase: PhasePlan) -> Way:
+        """Return what a phase lets a vehicle fly, from where it was when it began."""
+        name = vehicle.name
+        cls, state = vehicle.plan.states[phase.run[name]].behavior.cls, phase.run[name]
+        begin = self._began.get((name, state))
+        told = cls.footprint(vehicle.activity.params_of(state, phase.values.get(name, ())), begin)
+        is_straight = told is not None and len(told.points) == 2 and not told.path
+        end = told.exit if told is not None and is_straight else None
+        return Way(name, begin or vehicle.context.start, end, cls.keeps_pace)
+
     def _states(self) -> tuple[str, ...]:
         return tuple(self._doing(vehicle).note for vehicle in self._vehicles.values())
 
@@ -299,19 +337,13 @@ class Watch:
 
 
 def _half_needed(vehicle: Vehicle) -> float:
-    """Half of the distance that two such vehicles need between them."""
+    """Half of the distance at which the discs of the rotors of two such vehicles don't meet, m."""
     frame = vehicle.context.airframe
     return frame.arm + 0.5 * frame.rotor_radius
 
 
-def _least(before: Vec3, after: Vec3) -> float:
-    """The least distance of two that were `before` apart and are `after`, on straight ways."""
-    way = sub(after, before)
-    length = dot(way, way)
-    share = 0.0 if length == 0.0 else min(1.0, max(0.0, -dot(before, way) / length))
-    return norm(
-        (before[0] + share * way[0], before[1] + share * way[1], before[2] + share * way[2])
-    )
+def _needed(one: Vehicle, other: Vehicle) -> float:
+    return _half_needed(one) + _half_needed(other)
 
 
 def _level(place: tuple[float, float], other: Vehicle) -> float:

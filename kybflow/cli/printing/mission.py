@@ -176,6 +176,7 @@ def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
         states.setdefault(goal, []).append(vehicle)
     names = {of: name for name, of in groups.items()}
     steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
+    steps += [f"arrive {phase.arrive}"] if phase.arrive else []
     steps += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
     steps += [_action(option) for option in phase.set]
     ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in phase.transitions)

@@ -190,9 +190,11 @@ def _facts(spec: PartSpec) -> Iterator[str]:
         yield ", ".join(f"{leg.start.value} → {leg.end.value}" for leg in cls.flight)
         yield f"gives {_values([cls.emits])}"
         yield from ([] if cls.needs_estimate else ["needs no estimate"])
+        yield from (["keeps a common pace"] if cls.keeps_pace else [])
     elif spec.kind == "processors":
         yield from (["a safety part"] if cls.safety else [])
         yield f"takes {_values(cls.accepts)}"
+        yield from (f"retunes `{option}` of the tracker" for option in sorted(cls.retunes))
     elif spec.kind == "trackers":
         yield f"takes {_values(cls.accepts)}"
         yield f"gives {_values(cls.kinds(spec.params()))}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from kybflow.core.errors import PartError
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import Text
@@ -18,7 +20,7 @@ from kybflow.parts import Behavior, Flight, Leg
 if TYPE_CHECKING:
     from typing import Any
 
-    from kybflow.parts.catalog import Catalog
+    from kybflow.parts.catalog import Catalog, PartSpec
 
 T = TypeVar("T")
 NO_TARGET = frozenset({"fault"})
@@ -56,6 +58,12 @@ class Case:
         for vehicle in self.vehicles():
             for state in vehicle.states.values():
                 yield vehicle, state
+
+    def parts(self, kind: str) -> Iterator[PartSpec]:
+        """Every part of a kind at hand; one that can't be loaded is told where it is used."""
+        for name in self.catalog.names(kind):
+            with suppress(PartError):
+                yield self.catalog.get(kind, name)
 
     def condition(self, text: Text | None, scope: Scope) -> Condition | None:
         """The parsed condition; None when there is none or when it has errors."""

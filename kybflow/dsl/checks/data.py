@@ -10,7 +10,6 @@ from dataclasses import replace
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
-from kybflow.core.errors import PartError
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
@@ -19,7 +18,7 @@ from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.shaping.targets import divides, provided
 
 if TYPE_CHECKING:
-    from kybflow.parts.catalog import PartSpec
+    pass
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
@@ -95,12 +94,11 @@ def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[Command
     asked = vehicle.driver.spec.cls.tracker(vehicle.driver.params)
     if asked is not None:
         return _with_tracker(case, vehicle, _written(asked))
-    for name in case.catalog.names("trackers"):
-        spec = _loaded(case, "trackers", name)
-        if spec is None or any(field.required for field in spec.fields):
+    for spec in case.parts("trackers"):
+        if any(field.required for field in spec.fields):
             continue
         if spec.cls.kinds(spec.params()) <= takes:
-            return _with_tracker(case, vehicle, name)
+            return _with_tracker(case, vehicle, spec.name)
     return ""
 
 
@@ -158,20 +156,11 @@ def _sources(vehicle: VehicleEntry) -> str:
 def _way_out(case: Case, vehicle: VehicleEntry, use: EstimatorEntry, kind: MeasurementKind) -> str:
     """A sensor that would do, where there is one."""
     shows = vehicle.driver.spec.cls.shows(vehicle.driver.params)
-    for name in case.catalog.names("sensors"):
-        spec = _loaded(case, "sensors", name)
-        if spec is not None and kind in spec.cls.provides and spec.cls.simulated <= shows:
-            own = f"{vehicle.name.text}: {{sensors: {{{use.part.label}: {{use: {name}}}}}}}"
+    for spec in case.parts("sensors"):
+        if kind in spec.cls.provides and spec.cls.simulated <= shows:
+            own = f"{vehicle.name.text}: {{sensors: {{{use.part.label}: {{use: {spec.name}}}}}}}"
             return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
     return "use another estimator, or another driver in `targets`"
-
-
-def _loaded(case: Case, kind: str, name: str) -> PartSpec | None:
-    """A part; None for one that can't be loaded, which is told where it is used."""
-    try:
-        return case.catalog.get(kind, name)
-    except PartError:
-        return None
 
 
 def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:

@@ -87,6 +87,7 @@ _FAMILIES = {
     "KYB470": "Rehearsals",
     "KYB510": "Where it goes and how fast",
     "KYB520": "Groups and flows",
+    "KYB535": "Data from sensor to rotor",
     "KYB545": "Where it goes and how fast",
 }
 """The families of codes, each from its first code on."""

@@ -194,6 +194,7 @@ def _phase_text(phase: PhasePlan, groups: Groups) -> str:
     """What a phase requests, as the second line of its box."""
     requests_to = {**phase.run, **phase.chains}
     texts = [f"{names}: {state}" for names, state in _together(requests_to, groups)]
+    texts += [f"arrive {phase.arrive}"] if phase.arrive else []
     texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
     return " · ".join(texts) or "asks nothing"
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
-from kybflow.dsl.plan import FlowPlan, PhasePlan, SetOption, TransitionPlan, Values
+from kybflow.dsl.plan import Arrive, FlowPlan, PhasePlan, SetOption, TransitionPlan, Values
 from kybflow.dsl.shaping.entry_values import values_for
 from kybflow.dsl.shaping.flows import given_vehicles, own_vehicles
 
@@ -52,6 +52,7 @@ def _phase(phase: PhaseEntry, document: Document, scope: Scope, catalog: Catalog
         at=phase.span.at,
         values=_values(phase, document),
         ends=all(bool(transition.since) for transition in phase.transitions),
+        arrive=None if phase.arrive is None else cast("Arrive", phase.arrive.text),
     )
 
 

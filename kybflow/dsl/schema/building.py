@@ -150,7 +150,8 @@ def _with_null(schema: Any) -> Any:
     if not isinstance(schema, dict) or "type" not in schema:
         return schema
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
-    return {**schema, "type": [*kinds, "null"]}
+    either = {"anyOf": [*schema["anyOf"], {"type": "null"}]} if "anyOf" in schema else {}
+    return {**schema, "type": [*kinds, "null"], **either}
 
 
 NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"

@@ -3,11 +3,25 @@ packages."""
 
 from __future__ import annotations
 
+from kybflow.core.params import declared, fields_of, param
 from kybflow.core.units import DURATION
-from kybflow.dsl.schema.building import NEXT, Schema, mapping, named, quantity, text
+from kybflow.dsl.plan import Arrive
+from kybflow.dsl.schema.building import NEXT, Schema, field_schema, mapping, named, quantity, text
 from kybflow.parts.observables import EVENT_FIELDS
 
 _SCALAR = ["string", "number", "boolean"]
+
+
+@declared
+class PhaseParams:
+    arrive: Arrive | None = param(
+        "How those that `run` names arrive: `together`, on straight lines at one pace, or "
+        "`in_turns`, each when the one before is there.",
+        default=None,
+    )
+
+
+(ARRIVE,) = fields_of(PhaseParams)
 
 
 def groups_schema() -> Schema:
@@ -64,6 +78,7 @@ def _phase() -> Schema:
             },
             "run": named("Vehicles or groups, and the behavior that each is asked to enter.",
                          _goal("The behavior")),
+            "arrive": field_schema(ARRIVE),
             "next": {
                 "description": "Ways out, asked from the top in every tick; `end` ends the flow.",
                 "type": "array", "items": NEXT,

@@ -12,6 +12,8 @@ from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of, items_of
+from kybflow.dsl.reading.values import decode
+from kybflow.dsl.schema.flows import ARRIVE
 from kybflow.dsl.shaping.callbacks import named_values
 from kybflow.dsl.shaping.entry_values import goal_of
 from kybflow.dsl.shaping.states import duration, next_transition
@@ -91,6 +93,7 @@ def _phase(entry: MappingEntry, shared: tuple[TransitionEntry, ...]) -> Diagnose
     for request in entries_of(body.get("run")).values():
         asked[request.key.as_text] = yield from goal_of(request)
     run = {who: goal for who, goal in asked.items() if goal is not None}
+    arrive = yield from _arrival(body.get("arrive"))
     return PhaseEntry(
         name=entry.key.as_text,
         run=tuple((who, state) for who, (state, _) in run.items()),
@@ -104,7 +107,15 @@ def _phase(entry: MappingEntry, shared: tuple[TransitionEntry, ...]) -> Diagnose
         span=entry.key.span,
         inherited=entry.inherited,
         values={who.text: values for who, (_, values) in run.items() if values is not None},
+        arrive=arrive,
     )
+
+
+def _arrival(node: Node | None) -> Diagnosed[Text | None]:
+    if not isinstance(node, Scalar) or node.is_null:
+        return None
+    value: str | None = yield from decode(node, ARRIVE)
+    return None if value is None else node.as_text
 
 
 def _limit(body: Mapping) -> Diagnosed[tuple[TransitionEntry, ...]]:

@@ -224,6 +224,7 @@ def _phase(phase: PhaseEntry) -> str:
     options = [f"{a.target.text}: {option_value(a.value)}" for a in phase.set if a.target]
     pairs = [_pairs("give", phase.give), _pairs("run", phase.run, phase.values)]
     pairs.insert(1, f"set: {{{', '.join(options)}}}" if options else "")
+    pairs.append("" if phase.arrive is None else f"arrive: {phase.arrive.text}")
     own = [transition for transition in phase.transitions if not transition.since]
     ways = [way(transition) for transition in own if transition.cause == "next"]
     pairs.append(f"next: [{', '.join(ways)}]" if ways else "")

@@ -26,7 +26,7 @@ from kybflow.core.units import (
     Vec3,
 )
 from kybflow.flight.motion import Coast, Dwell, Straight, Turn
-from kybflow.flight.profiles import Profile
+from kybflow.flight.profiles import Pace, Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
@@ -59,14 +59,21 @@ class FlyToParams:
 
 
 class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    keeps_pace = True
+
     def __init__(self, params: FlyToParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._coast = Coast.after(entry.motion)
         speed = entry.cruise_speed(params.speed)
         self._way = Straight(self._coast.end, params.position, speed, params.acceleration)
         self._turn = Turn(entry.heading, params.heading, params.turn_rate)
+        self.pace = self._way.pace
         self._end = max(self._coast.duration, self._way.duration, self._turn.duration)
         self._there = Dwell()
+
+    def keep(self, pace: Pace) -> None:
+        self._way.keep(pace)
+        self._end = max(self._end, pace.duration)
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         time = tick.elapsed

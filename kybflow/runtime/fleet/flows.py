@@ -2,14 +2,18 @@
 
 Each flow has a state machine, whose states are its phases. On entry a phase gives vehicles to other
 flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
-flow at a time drives a vehicle: what another asks of it is refused, and told. A flow that ends
+flow at a time drives a vehicle: what another asks of it is refused, and told. Where a phase lets
+its vehicles arrive in turns, each is asked when the one before has left the state that it was asked
+for; where together, the pace of their behaviors is made one when they begin. A flow that ends
 gives back the vehicles that it was given. Its time stands still while a vehicle that it drives is
 paused. When a person lands every vehicle, every flow ends.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, described
@@ -17,12 +21,14 @@ from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, FlowMachine
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
+from kybflow.flight.profiles import Pace
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import rounded
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 Conditions = Callable[[Expression], Callable[[], bool]]
+_NOTHING: frozenset[str] = frozenset()
 
 
 class Driven(Protocol):
@@ -57,12 +63,21 @@ class PhaseVisit(NamedTuple):
 
 
 class RunningFlow:
-    """One flow: its machine, when it entered its phase, and the phases that it has been in."""
+    """One flow: its machine, when it entered its phase, and the phases that it has been in.
+
+    unpaced: whether its vehicles arrive together and begin in this tick. turn: the vehicle whose
+    turn it is. waiting: those whose turn comes. missed: the events that were told while a turn
+    passed.
+    """
 
     def __init__(self, plan: FlowPlan, machine: FlowMachine) -> None:
         self.plan, self.machine = plan, machine
         self.entered: Time = 0
         self.visits: list[PhaseVisit] = []
+        self.unpaced = False
+        self.turn = ""
+        self.waiting: deque[str] = deque()
+        self.missed: AbstractSet[str] = _NOTHING
 
     @property
     def active(self) -> bool:
@@ -77,8 +92,15 @@ class RunningFlow:
         self.entered = now
         self.visits.append(PhaseVisit(self.phase.name, rounded(now / NS)))
 
+    def is_in_its_state(self, vehicle: str, state: str) -> bool:
+        """Whether a vehicle in `state` does what the phase asked it for."""
+        phase = self.phase
+        return is_in(state, phase.chains.get(vehicle, phase.run[vehicle]))
+
     def left(self, how: str, now: Time) -> None:
         self.visits[-1] = self.visits[-1]._replace(end_s=rounded(now / NS), ended=how)
+        self.waiting.clear()
+        self.missed = _NOTHING
 
     def wait(self, dt: float) -> None:
         """Let a tick of `dt` seconds pass in which the phase's time stands still."""
@@ -201,14 +223,48 @@ class Flows:
 
     def _step(self, flow: RunningFlow, now: Time, dt: float) -> None:
         phase = flow.phase
+        if flow.unpaced:
+            self._pace(flow)
+        if flow.waiting and self._passes_turn(flow):
+            return
         if phase.transitions:
             elapsed, heard = (now - flow.entered) / NS, self._events.heard("")
+            if flow.missed:
+                heard, flow.missed = heard | flow.missed, _NOTHING
             flow.machine.step(elapsed, heard, "running", dt)
             if not phase.ends or flow.machine.state != phase.name:
                 return
-        asked = {**phase.run, **phase.chains}.items()
-        if not any(is_in(self._vehicles[v].state, state) for v, state in asked):
+        if not any(flow.is_in_its_state(v, self._vehicles[v].state) for v in phase.run):
             flow.machine.end("done")
+
+    def _passes_turn(self, flow: RunningFlow) -> bool:
+        """Whether the turn passes to the next vehicle in this tick.
+
+        It does as yet nothing, and the one before it is in its place, where `all swarm in hover`
+        holds although some have not begun: no way out is asked, and what is heard is kept.
+        """
+        if flow.is_in_its_state(flow.turn, self._vehicles[flow.turn].state):
+            return False
+        self._ask_next(flow)
+        flow.missed |= self._events.heard("")
+        return True
+
+    def _ask_next(self, flow: RunningFlow) -> None:
+        """Ask the next vehicle whose turn it is; one that the flow doesn't drive is left out."""
+        while flow.waiting:
+            flow.turn = flow.waiting.popleft()
+            if self._ask(flow, flow.turn):
+                return
+
+    def _pace(self, flow: RunningFlow) -> None:
+        """Let the behaviors that begin in this tick arrive together: at the pace of the slowest."""
+        flow.unpaced = False
+        requests = [self._vehicles[vehicle].requests for vehicle in flow.phase.run]
+        paces = [(one, pace) for one in requests if (pace := one.pace) is not None]
+        if paces:
+            slowest = Pace.slowest(pace for _, pace in paces)
+            for one, _ in paces:
+                one.keep(slowest)
 
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
@@ -223,15 +279,26 @@ class Flows:
                 self._options.set(option.option, option.value, f"flow {name}", phase.at)
             except OptionRefused:
                 continue  # it is told
-        for vehicle, state in phase.run.items():
-            reason = self._not_mine(flow, vehicle)
-            if reason is None:
-                requests, values = self._vehicles[vehicle].requests, phase.values.get(vehicle, ())
-                requests.switch(state, Requester.FLOW, phase.at, values=values)
-            else:
-                self._events.tell(
-                    "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason
-                )
+        if phase.arrive == "in_turns":
+            flow.waiting.extend(phase.run)
+            self._ask_next(flow)
+        else:
+            flow.unpaced = phase.arrive == "together"
+            for vehicle in phase.run:
+                self._ask(flow, vehicle)
+
+    def _ask(self, flow: RunningFlow, vehicle: str) -> bool:
+        """Ask a vehicle for what the phase runs; return whether the flow drives it."""
+        phase, reason = flow.phase, self._not_mine(flow, vehicle)
+        state = phase.run[vehicle]
+        if reason is None:
+            requests, values = self._vehicles[vehicle].requests, phase.values.get(vehicle, ())
+            requests.switch(state, Requester.FLOW, phase.at, values=values)
+        else:
+            self._events.tell(
+                "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason
+            )
+        return reason is None
 
     def _give(self, flow: RunningFlow, vehicle: str, to: str) -> bool:
         """Whether another flow drives the vehicle now."""

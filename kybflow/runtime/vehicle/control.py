@@ -7,11 +7,12 @@ last flight.
 from __future__ import annotations
 
 from collections.abc import Callable, Set
+from contextlib import suppress
 from typing import Any
 
-from kybflow.core.errors import PartError, PartFailed, Refused
-from kybflow.core.signals import Alarm, Command, Setpoint, SetpointKind, Tick, Time, Told
-from kybflow.dsl.plan import VehiclePlan
+from kybflow.core.errors import OptionRefused, PartError, PartFailed, Refused
+from kybflow.core.signals import Alarm, Command, Retune, Setpoint, SetpointKind, Tick, Time, Told
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import Processor, Tracker
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_command, checked_setpoint
@@ -25,7 +26,12 @@ from kybflow.world.vehicle_context import VehicleContext
 Commanded = tuple[Command, Setpoint | None]
 """(the command of a tick, the setpoint before processing)."""
 
-_Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Told]
+SetOption = Callable[[str, Any, str, str], None]
+"""Asks for another value of an option: its name, the value (SI), who asks and the mission line.
+Raises OptionRefused, which is told already."""
+
+_Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Told | Retune]
+_MORE = (Told, Retune)
 _IDLE = SetpointKind.IDLE
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 """Plausible range of a tracker's hover thrust, as a fraction of the airframe's weight."""
@@ -34,8 +40,8 @@ _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 class Control:
     """Runs the active behavior, the processors and the tracker of a vehicle.
 
-    followed: the setpoint that the tracker followed last, None without one. Raises PartFailed for a
-    part that can't be constructed.
+    followed: the setpoint that the tracker followed last, None without one. set_option: asks for
+    what a processor retunes. Raises PartFailed for a part that can't be constructed.
     """
 
     def __init__(
@@ -49,6 +55,7 @@ class Control:
         events: Events,
     ) -> None:
         self.followed: Setpoint | None = None
+        self.set_option: SetOption = _nobody_sets
         self._plan, self._context, self._params = plan, context, params
         self._activity, self._reactions, self._output = activity, reactions, output
         self._events = events
@@ -137,7 +144,7 @@ class Control:
                     if self._reactions.alarm(processor, output, tick):
                         return None
                 else:
-                    given = self._told(part, output) if isinstance(output, Told) else output
+                    given = self._said(part, output) if isinstance(output, _MORE) else output
                     setpoint = self._bent(part, setpoint, checked_setpoint(given), tick.now)
             part = self._tracker_label
             command = checked_command(self._tracker.update(setpoint, tick))
@@ -155,9 +162,26 @@ class Control:
                 self._activity.keep_from(reason)
         return given
 
-    def _told(self, label: str, told: Told) -> Setpoint:
-        """Tell an event of a processor's own. Raises PartError for one that it doesn't declare."""
+    def _said(self, label: str, said: Told | Retune) -> Setpoint:
+        """Do what a processor says besides its setpoint, and return that. Raises PartError for what
+        it doesn't declare."""
         part = self._parts[label]
+        return self._told(part, said) if isinstance(said, Told) else self._retuned(part, said)
+
+    def _retuned(self, part: PartPlan, retune: Retune) -> Setpoint:
+        """Ask for other values of the tracker's options; a refusal is told by who refuses it."""
+        undeclared = retune.options.keys() - part.cls.retunes
+        if undeclared or not isinstance(retune.output, Setpoint):
+            named = ", ".join(f"`{option}`" for option in sorted(undeclared))
+            raise PartError(f"{named or repr(retune.output)} is nothing that it retunes")
+        for option, value in retune.options.items():
+            name = f"{self._plan.name}.{self._tracker_label}.{option}"
+            with suppress(OptionRefused):
+                self.set_option(name, value, f"processor {part.name}", part.at)
+        return retune.output
+
+    def _told(self, part: PartPlan, told: Told) -> Setpoint:
+        """Tell an event of a processor's own."""
         if told.event not in part.cls.tells or not isinstance(told.output, Setpoint):
             raise PartError(f"`{told.event}` with {told.output!r} is nothing that it tells")
         fields = {"processor": part.name, **told.fields}
@@ -205,3 +229,8 @@ class Control:
     def parts(self) -> dict[str, Any]:
         """Return the processors and the tracker by label."""
         return {**self._processors, self._tracker_label: self._tracker}
+
+
+def _nobody_sets(name: str, *_: Any) -> None:
+    """Stand in until there are options."""
+    raise OptionRefused(f"nothing here sets `{name}`")

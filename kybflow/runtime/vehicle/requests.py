@@ -19,6 +19,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import PlannedPoint, Reaction, Time
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Coast
+from kybflow.flight.profiles import Pace
 from kybflow.parts import GROUND
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
@@ -143,6 +144,17 @@ class Requests:
         if activity.hold is not None:
             return "it is held"
         return activity.behavior.take(point, self._events.now)
+
+    @property
+    def pace(self) -> Pace | None:
+        """The pace of a behavior that was entered in this tick and keeps one; else None."""
+        activity = self._activity
+        begins = activity.hold is None and activity.entered == self._events.now
+        return activity.behavior.pace if begins else None
+
+    def keep(self, pace: Pace) -> None:
+        """Let the behavior that has a `pace` fly at a slower one."""
+        self._activity.behavior.keep(pace)
 
     def read(self, state: str, written: Values) -> Values:
         """Return the values (SI) that a person wrote for a state. Raises Refused."""

@@ -20,6 +20,7 @@ from part_bench import (
 
 from kybflow.core.geometry import ZERO, Vec3, from_heading, norm
 from kybflow.core.signals import Done, Failed, Setpoint
+from kybflow.flight.profiles import Pace
 from kybflow.parts import Footprint
 from kybflow.runtime.behaviors.fly_to import FlyTo, FlyToParams
 
@@ -115,3 +116,19 @@ def test_with_a_heading_tolerance_it_is_there_when_it_looks_there_too() -> None:
     assert failed.reason == "still 0.000 m from the goal and 28.6 deg from the heading"
     any_heading = FlyToParams(position=START, heading=0.5)
     assert isinstance(facing(0.0)(FlyTo(any_heading, entry(START)), 5.0), Done)
+
+
+@settings(max_examples=20)
+@given(points, st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.just(0.0)))
+def test_it_keeps_another_pace_from_its_second_update_on(goal: Vec3, velocity: Vec3) -> None:
+    behavior = FlyTo(FlyToParams(position=goal), entry(START, velocity))
+    assert behavior.pace is not None
+    pace = Pace(behavior.pace.cruise + 4.0, behavior.pace.ramp + 1.0)
+    behavior.keep(pace)
+
+    flown = fly(behavior, ideal(START))
+
+    assert isinstance(flown.end, Done)
+    assert flown.end.setpoint.position == goal
+    assert len(flown.samples) * DT == pytest.approx(pace.duration + 0.3, abs=0.05)
+    assert worst_mismatch(flown.samples, "position", "velocity") < 1e-3

@@ -520,3 +520,68 @@ def test_a_way_out_of_a_state_tells_its_event_to_everybody(run):
 
 def hover() -> PartPlan:
     return part("behaviors", "hover", for_time=60.0)
+
+
+def in_turns(*ways: TransitionPlan) -> Stage:
+    """A phase in which `a` and `b`, which hover, fly `over` in turns."""
+    over = replace(phase("over", *ways, run={"a": "over", "b": "over"}), arrive="in_turns")
+    stage = Stage(flow("team", over, phase("next"), vehicles="ab"))
+    stage.a.state = stage.b.state = "hover"
+    stage.step()
+    return stage
+
+
+BOTH_HOVER = GroupInState("all", "both", ("a", "b"), "hover")
+
+
+def test_in_turns_the_next_is_asked_when_the_one_before_has_left_its_state() -> None:
+    stage = in_turns(go("next", when=BOTH_HOVER))
+    stage.step(3)
+    assert (stage.a.asked, stage.b.asked) == (["over"], [])
+    stage.a.state = "hover"
+    stage.step()
+    assert stage.b.asked == ["over"]
+    stage.step(3)
+    assert stage.phases("team") == ["over"]
+    stage.b.state = "hover"
+    stage.step()
+    assert stage.phases("team") == ["over: next", "next"]
+
+
+def test_while_a_turn_passes_no_way_out_is_asked_and_no_event_is_lost() -> None:
+    stage = in_turns(go("next", when=BOTH_HOVER, event="go_on"), go("next", event="gone"))
+    stage.a.state = "hover"
+    stage.events.tell("gone")
+    stage.b.state = "hover"
+    stage.step()
+    assert stage.phases("team") == ["over"]
+    stage.step()
+    assert stage.phases("team") == ["over: next", "next"]
+
+
+def test_a_last_phase_in_turns_ends_when_everybody_had_a_turn() -> None:
+    stage = in_turns()
+    stage.a.state = "hover"
+    stage.step(3)
+    assert not stage.flows.ended
+    assert stage.b.asked == ["over"]
+    stage.b.state = "hover"
+    stage.step()
+    assert stage.flows.ended
+
+
+def test_one_that_refuses_passes_its_turn() -> None:
+    stage = in_turns(go("next", when=BOTH_HOVER))
+    stage.a.state = "brake"
+    stage.step()
+    assert stage.b.asked == ["over"]
+
+
+def test_no_turn_outlives_its_phase() -> None:
+    stage = in_turns(go("next", event="enough"))
+    stage.events.tell("enough")
+    stage.step(2)
+    assert stage.phases("team")[0] == "over: next"
+    stage.a.state = "hover"
+    stage.step(2)
+    assert stage.b.asked == []
