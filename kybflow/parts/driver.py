@@ -114,6 +114,12 @@ class Driver(Part[P]):
         return None
 
     @classmethod
+    def real_time(cls, params: P) -> bool:
+        """Return whether its simulated vehicles need a clock that keeps real time, as those behind
+        sockets do."""
+        return False
+
+    @classmethod
     def world(cls, params: P) -> str | None:
         """Return in a few words what a vehicle with these parameters flies in, which figures of the
         flight are good for; None where that is reality."""
