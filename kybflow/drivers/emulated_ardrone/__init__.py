@@ -56,6 +56,7 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
 
     accepts = Ardrone.accepts
     provides = Ardrone.provides | {Pose}
+    acts = Ardrone.acts
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
