@@ -113,7 +113,9 @@ class ArdroneLink(Link):
         return [*checks(self.status, self.configuring, self._limits, self._airframe, trouble, now)]
 
     def status_texts(self) -> Sequence[StatusText]:
-        return self.status.texts()
+        ignored = self.wire.gate.report()
+        told = () if ignored is None else (StatusText("notice", ignored),)
+        return (*self.status.texts(), *told)
 
     def close(self) -> None:
         self.wire.close()

@@ -13,7 +13,7 @@ from kybflow.core.errors import DriverError
 from kybflow.drivers.ardrone.protocol.at import HOVER, Move, read_commands
 from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.udp import UdpWire, is_address
+from kybflow.drivers.ardrone.transport.udp import MOST_A_PERIOD, UdpWire, is_address
 from kybflow.drivers.ardrone.transport.wire import ASKS
 from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
 
@@ -120,3 +120,14 @@ def test_a_closed_wire_has_no_thread_left(played):
     _, wire = played
     wire.close()
     assert not wire._thread.is_alive()
+
+
+def test_of_a_flood_no_more_than_its_share_is_taken_in_a_period(played):
+    _, wire = played
+    wire._over = True
+    wire._thread.join()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(2 * MOST_A_PERIOD):
+            stranger.sendto(b"noise", wire._data.getsockname())
+    wire._receive(wire._clock() + wire._period)
+    assert wire.gate.refused == {"from elsewhere": MOST_A_PERIOD}
