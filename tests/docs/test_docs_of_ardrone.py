@@ -12,7 +12,7 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
 PAGE = (Path(__file__).parents[2] / "docs" / "ardrone.md").read_text(encoding="utf-8")
-TARGETS, BY_HAND, RADIO, ON = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 HEAD = """kybflow: 1
 mission: by_hand
 import: {std: kybflow/airframes}
@@ -30,6 +30,13 @@ def test_what_is_written_is_valid(target: str, stick: str, tmp_path: Path) -> No
     )
     path.write_text("\n".join((HEAD, stick, vehicles, TARGETS, ON)), encoding="utf-8")
     result = compile_mission(path, catalog=load_catalog(), target=target, sets=())
+    assert result.diagnostics == ()
+
+
+def test_the_mission_to_begin_with_is_valid(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(MINE, encoding="utf-8")
+    result = compile_mission(path, catalog=load_catalog(), target="lab", sets=())
     assert result.diagnostics == ()
 
 
