@@ -12,7 +12,9 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
 PAGE = (Path(__file__).parents[2] / "docs" / "ardrone.md").read_text(encoding="utf-8")
-MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(
+    r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE
+)
 HEAD = """kybflow: 1
 mission: by_hand
 import: {std: kybflow/airframes}

@@ -107,3 +107,12 @@ def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
     assert pace_of(plan, None) == pace_of(plan, 1.0) == 1.0
     with pytest.raises(DriverError, match="fly with `--speed 1` or without `--speed`"):
         pace_of(plan, 4.0)
+
+
+def test_it_flies_on_the_fusion_of_its_imu_and_motion_capture(tmp_path):
+    fused = "estimators: [{use: fusion, healthy: spread < 5 cm}]\n    behaviors:"
+    text = mission(["a"], 6.0).replace("behaviors:", fused, 1)
+    flight, told, _ = flown(text, tmp_path)
+    assert flight.summary["outcome"] == "succeeded", told
+    assert "part_failed" not in [event.name for event in told]
+    assert flight.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1
