@@ -54,18 +54,19 @@ class Devices(NamedTuple):
 
 
 def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan | None:
-    """A sensor or an input that needs real time although all vehicles are simulated; None for none.
-    again: the inputs that a record stands in for."""
+    """A sensor, an input or a driver that needs real time although all vehicles are simulated; None
+    for none. again: the inputs that a record stands in for."""
     if not plan.simulated:
         return None
     sensors = (s.part for v in plan.vehicles for s in v.sensors)
     inputs = (i.part for i in plan.inputs if i.name not in again)
-    return next((p for p in (*sensors, *inputs) if p.cls.real_time(p.params)), None)
+    drivers = (v.driver for v in plan.vehicles)
+    return next((p for p in (*sensors, *inputs, *drivers) if p.cls.real_time(p.params)), None)
 
 
 def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING) -> float | None:
-    """The pace of the simulated clock: what was asked for, else real time where a sensor or a
-    person needs that. Raises DriverError for a pace that they can't keep."""
+    """The pace of the simulated clock: what was asked for, else real time where a sensor, a person
+    or a driver needs that. Raises DriverError for a pace that they can't keep."""
     part = real_time_part(plan, again)
     if part is None:
         return asked

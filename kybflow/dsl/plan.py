@@ -167,6 +167,14 @@ class EnterPhase:
 
 
 @dataclass(frozen=True, slots=True)
+class Perform:
+    """Ask a vehicle for an act of its driver."""
+
+    vehicle: str
+    act: str
+
+
+@dataclass(frozen=True, slots=True)
 class LogText:
     """Tell a text; `{vehicle}`, `{time}` and the event's own fields in it are filled in."""
 
@@ -187,7 +195,7 @@ class Call:
     part: PartPlan
 
 
-ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | LogText | Stop | Call
+ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText | Stop | Call
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from kybflow.parts.behavior import (
     Origin,
 )
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
-from kybflow.parts.driver import Charge, Driver, Seat, Session
+from kybflow.parts.driver import Act, Charge, Driver, Seat, Session
 from kybflow.parts.fault import Effect, Fault, Filter, Rig
 from kybflow.parts.input import AXES, Input, InputLink
 from kybflow.parts.link import Check, ForeignCommand, Link, Override, StatusText
@@ -32,6 +32,7 @@ __all__ = [
     "AXES",
     "GROUND",
     "MOVING",
+    "Act",
     "Action",
     "ActionContext",
     "Behavior",

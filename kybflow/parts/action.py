@@ -8,7 +8,9 @@ from typing import Any, Protocol
 from kybflow.core.signals import Event
 from kybflow.parts.base import P, Part
 
-BUILT_IN = frozenset({"switch", "set", "enable", "disable", "emit", "phase", "log", "stop"})
+BUILT_IN = frozenset(
+    {"switch", "set", "enable", "disable", "emit", "phase", "perform", "log", "stop"}
+)
 """The actions that are part of the mission language."""
 
 
@@ -33,6 +35,9 @@ class ActionContext(Protocol):
 
     def phase(self, flow: str, phase: str) -> None:
         """Request that a flow enters one of its phases."""
+
+    def perform(self, vehicle: str, act: str) -> None:
+        """Request that a vehicle performs an act of its driver."""
 
     def log(self, text: str) -> None:
         """Record `text` in a `logged` event."""

@@ -32,6 +32,15 @@ class Charge(NamedTuple):
     share: float
 
 
+class Act(NamedTuple):
+    """What a vehicle performs when it is asked to, beside flying its mission. moves: it doesn't
+    follow commands meanwhile. needs: the driver's parameter that must be true for it; None if there
+    is none."""
+
+    moves: bool = False
+    needs: str | None = None
+
+
 class Session(ABC):
     """An open driver: the links of its vehicles, by name, and the world's time."""
 
@@ -53,7 +62,8 @@ class Driver(Part[P]):
     and can have faults. lands: its vehicles have a land mode, and their links are `Lands`.
     lands_blind: that mode needs no position, and lands a vehicle that doesn't take the commands of
     the built-in state `land_blind`. grips: its vehicles may have a servo that holds a payload, and
-    their links are `Grips`. shared: a pilot or another program may command its vehicles too.
+    their links are `Grips`. acts: what its vehicles perform, by name; their links are `Performs`
+    then. shared: a pilot or another program may command its vehicles too.
     brings: sensors that the compiler adds if an estimator needs what they measure.
     preflight_timeout: seconds in which its vehicles must become ready to fly. targets: targets that
     every mission has without declaring them, each with the driver's parameters.
@@ -67,6 +77,7 @@ class Driver(Part[P]):
     lands: ClassVar[bool] = False
     lands_blind: ClassVar[bool] = False
     grips: ClassVar[bool] = False
+    acts: ClassVar[Mapping[str, Act]] = {}
     shared: ClassVar[bool] = True
     brings: ClassVar[tuple[str, ...]] = ()
     preflight_timeout: ClassVar[float] = 5.0
@@ -112,6 +123,12 @@ class Driver(Part[P]):
         """Return what is dangerous about the vehicle's own watchdog, which lands it if this program
         dies; None if nothing is. The preflight fails with this reason."""
         return None
+
+    @classmethod
+    def real_time(cls, params: P) -> bool:
+        """Return whether its simulated vehicles need a clock that keeps real time, as those behind
+        sockets do."""
+        return False
 
     @classmethod
     def world(cls, params: P) -> str | None:

@@ -137,6 +137,15 @@ class Grips(Protocol):
 
 
 @runtime_checkable
+class Performs(Protocol):
+    """A vehicle that performs the acts of its driver."""
+
+    def perform(self, act: str, now: Time) -> None:
+        """Ask the vehicle once for one of the driver's `acts`. Raises Refused with what speaks
+        against it now; DriverError."""
+
+
+@runtime_checkable
 class TakesPosition(Protocol):
     """A vehicle that fuses an external position, such as an autopilot without GPS."""
 

@@ -83,24 +83,26 @@ def broken(session, breaks, watch):
 
 
 class AgesOnReceipt:
-    """How old each move was as a drone took it: `seconds`, from the tick that made it."""
+    """How old each move was as a drone took it: `seconds`, from the tick that made it, by the clock
+    of the stream that sent it. `most_held`: the age of the oldest that was sent as it was made."""
 
     def __init__(self, monkeypatch):
-        self.seconds, self._made = [], {}
+        self.seconds, self.most_held, self._made = [], 0.0, {}
         due, take = CommandStream.due, OnboardDrone._take
 
         def noting_due(stream):
-            sent = due(stream)
+            held, sent = stream._held, due(stream)
             for data in sent:
                 for command in read_commands(data):
-                    if command.name == "PCMD":
-                        self._made[command.sequence, command.arguments] = stream._held.at
+                    if command.name == "PCMD" and command.arguments[0]:
+                        self._made[command.sequence, command.arguments] = held.at, stream._clock
+                        self.most_held = max(self.most_held, (stream._clock() - held.at) / NS)
             return sent
 
         def noting_take(drone, command, now):
-            made = self._made.get((command.sequence, command.arguments))
+            made, clock = self._made.get((command.sequence, command.arguments), (None, None))
             if made is not None:
-                self.seconds.append((now - made) / NS)
+                self.seconds.append((clock() - made) / NS)
             take(drone, command, now)
 
         monkeypatch.setattr(CommandStream, "due", noting_due)

@@ -23,7 +23,7 @@ from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import GROUND
 from kybflow.parts.catalog import PartSpec, load_catalog
 
-TARGETS = ("sim", "sim", "emulated_px4", "emulated_ardupilot")
+TARGETS = ("sim", "sim", "emulated_px4", "emulated_ardupilot", "emulated_ardrone")
 SCENARIOS = ("pair", "chatter", "landing", "late", "strong", "many")
 _SIZES = {
     "number": 1.0, "length": 0.3, "speed": 1.2, "acceleration": 0.2, "angle": 0.05,

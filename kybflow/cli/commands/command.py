@@ -56,6 +56,7 @@ def command(words: tuple[str, ...], take: bool, as_json: bool) -> None:
     set OPTION VALUE                  change a parameter of a part
     enable VEHICLE.processors.NAME    switch a processor on
     disable VEHICLE.processors.NAME   switch it off
+    perform VEHICLE ACT               let a vehicle perform an act of its driver
     phase FLOW PHASE                  let a flow enter a phase
     pause [VEHICLE ...]               hold, until `resume`
     resume [VEHICLE ...]              go on; ask back from a pilot who took over

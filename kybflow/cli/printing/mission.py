@@ -24,6 +24,7 @@ from kybflow.dsl.plan import (
     InputPlan,
     LogText,
     PartPlan,
+    Perform,
     PhasePlan,
     Plan,
     SetOption,
@@ -209,12 +210,10 @@ def _callback(callback: CallbackPlan) -> str:
 
 def _action(action: ActionPlan) -> str:
     match action:
-        case Switch(vehicle, state, values):
-            return f"switch {vehicle} to {_goal(state, values)}"
+        case Switch() | Enable() | Perform():
+            return _asked(action)
         case SetOption(option, value):
             return f"set {option} to {_number(value)}"
-        case Enable(vehicle, label, on):
-            return f"{'enable' if on else 'disable'} {label} of {vehicle}"
         case Emit(name):
             return f"emit {name}"
         case EnterPhase(flow, phase):
@@ -225,6 +224,17 @@ def _action(action: ActionPlan) -> str:
             return f"call {part.name}"
         case _:
             return f"stop: {action.reason}"
+
+
+def _asked(action: Switch | Enable | Perform) -> str:
+    """What a vehicle is asked for."""
+    match action:
+        case Switch(vehicle, state, values):
+            return f"switch {vehicle} to {_goal(state, values)}"
+        case Enable(vehicle, label, on):
+            return f"{'enable' if on else 'disable'} {label} of {vehicle}"
+        case Perform(vehicle, act):
+            return f"let {vehicle} perform {act}"
 
 
 def _fault(fault: FaultPlan) -> str:

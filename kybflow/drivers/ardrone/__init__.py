@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry
+from kybflow.drivers.ardrone.control.acts import ACTS
 from kybflow.drivers.ardrone.params import ArdroneLinkParams, ArdroneParams
 from kybflow.parts import Claim, Driver, Objection, Seat, Session
 from kybflow.world.inner_loop import InnerLoop
@@ -33,6 +34,7 @@ class Ardrone(Driver[ArdroneParams]):
 
     accepts = frozenset({CommandKind.TILT_CLIMB})
     provides = frozenset({Battery, Imu, Odometry})
+    acts = ACTS
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
     preflight_timeout = 30.0

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Command, Measurement, Time
+from kybflow.drivers.ardrone.control.acts import ACTS, lasts, lines_of
 from kybflow.drivers.ardrone.control.configuring import Configuring, values_of
 from kybflow.drivers.ardrone.control.flight import FlightControl
 from kybflow.drivers.ardrone.control.moves import limits_of
@@ -42,7 +43,8 @@ class ArdroneLink(Link):
         self.wire = wire
         self._airframe = context.airframe
         self._limits = limits_of(params, context.airframe)
-        ids = Ids(session, identity(params.profile), identity(params.application))
+        wire.stream.bearing = params.compass
+        ids = self._ids = Ids(session, identity(params.profile), identity(params.application))
         self.status = DroneStatus()
         self._measurements = Measurements(context)
         self.configuring = Configuring(
@@ -99,6 +101,11 @@ class ArdroneLink(Link):
         self._is_flown = True
         return self.flight.land(now)
 
+    def perform(self, act: str, now: Time) -> None:
+        if ACTS[act].moves:
+            self.flight.leave(now + lasts(act))
+        self.wire.stream.post(*lines_of(act, self._ids))
+
     def checks(self, now: Time) -> Sequence[Check]:
         if self.status.is_in_emergency and self.status.stands:
             self.flight.reset_emergency(now)
@@ -106,7 +113,9 @@ class ArdroneLink(Link):
         return [*checks(self.status, self.configuring, self._limits, self._airframe, trouble, now)]
 
     def status_texts(self) -> Sequence[StatusText]:
-        return self.status.texts()
+        ignored = self.wire.gate.report()
+        told = () if ignored is None else (StatusText("notice", ignored),)
+        return (*self.status.texts(), *told)
 
     def close(self) -> None:
         self.wire.close()

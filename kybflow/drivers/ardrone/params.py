@@ -45,6 +45,17 @@ class ArdroneLinkParams:
         "Take how it stands before the first take-off for level: on flat ground only.",
         default=False, read_only=True,
     )  # fmt: skip
+    compass: Angle | None = param(
+        "The bearing of the world's x axis, clockwise from north; 90 deg where it points east. With"
+        " it tilts are given by the compass, which the drone has too (PCMD_MAG), by default in the"
+        " drone's own directions.",
+        default=None, read_only=True,
+    )  # fmt: skip
+    maneuvers: bool = param(
+        "Whether it may be asked for what takes it from its tracker: flight animations, and the"
+        " calibration of its magnetometer.",
+        default=False, read_only=True,
+    )  # fmt: skip
     video: Literal["front", "down"] = param(
         "Which of its cameras it sends; the sensor `ardrone_camera` takes the video.",
         default="front", read_only=True,

@@ -46,7 +46,7 @@ class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
         "Datagrams that never arrive.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
     )
     network: bool = param(
-        "Over sockets on loopback addresses, in real time, not in memory: needs `--speed 1`.",
+        "Over sockets on loopback addresses, in real time, instead of in memory.",
         default=False, read_only=True,
     )  # fmt: skip
 
@@ -56,6 +56,7 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
 
     accepts = Ardrone.accepts
     provides = Ardrone.provides | {Pose}
+    acts = Ardrone.acts
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
@@ -70,6 +71,10 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     @classmethod
     def control_rate(cls, params: EmulatedArdroneParams) -> int:
         return Ardrone.control_rate(params)
+
+    @classmethod
+    def real_time(cls, params: EmulatedArdroneParams) -> bool:
+        return params.network
 
     @classmethod
     def world(cls, params: EmulatedArdroneParams) -> str:

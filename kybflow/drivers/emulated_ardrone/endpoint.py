@@ -53,7 +53,7 @@ class DroneEndpoint:
 
     def step(self, now: Time) -> None:
         """Hear, estimate, fly, report."""
-        ports = self._ports
+        ports, was, was_lost = self._ports, self.drone.flight.phase, self.drone.is_lost
         if ports is not None:
             self._commands.send_all(self._link.heard(ports.commands()), now)
             self._requests.send_all(self._link.heard(ports.requests()), now)
@@ -62,7 +62,6 @@ class DroneEndpoint:
             for _, sender in self._requests.arrived(now):
                 if ports.answer(sender):
                     self.telling.begin(now)
-        was, was_lost = self.drone.flight.phase, self.drone.is_lost
         self.drone.step(now)
         if self.on_phase is not None and self.drone.flight.phase is not was:
             self.on_phase(now / NS, self.drone.flight.phase.name.lower().replace("_", " "))

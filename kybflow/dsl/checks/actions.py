@@ -1,8 +1,8 @@
-"""What actions ask of vehicles: KYB232 to KYB235 and KYB442."""
+"""What actions ask of vehicles: KYB232 to KYB235, KYB442, KYB553 and KYB554."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, SPEED, format_quantity
@@ -13,6 +13,7 @@ from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
 from kybflow.dsl.reading.values import shown_value
+from kybflow.parts import Act
 
 _ROUNDING = 1e-6
 _TIGHTEN = "its parameters can be tightened with `set`"
@@ -134,6 +135,51 @@ def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnost
         message = f"`{name.text}` can't be switched: it keeps the vehicle safe"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     return None
+
+
+def unknown_acts(case: Case) -> Iterator[Diagnostic]:
+    """KYB553: `perform` asks a vehicle or a group that does not exist, or for an act that no driver
+    performs.
+
+    An act of another driver is no mistake: on this target it is refused in flight, and told as
+    `perform_refused`.
+    """
+    for action in actions_of(case, "perform"):
+        who, act = action.target, action.value
+        assert who is not None
+        vehicles = members(case.document, who.text)
+        if not vehicles:
+            yield unknown_vehicle("KYB553", who, case.document)
+        elif not any(act.text in _acts_of(case, vehicle) for vehicle in vehicles):
+            drivers = (case.catalog.get("drivers", n) for n in case.catalog.names("drivers"))
+            known = {name for driver in drivers for name in driver.cls.acts}
+            if act.text not in known:
+                message = f"no driver performs `{act.text}`"
+                hint = did_you_mean(act.text, sorted(known))
+                yield Diagnostic("KYB553", message, act.span, label="unknown", help=hint)
+
+
+def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
+    """KYB554: `perform` asks for an act that the vehicle's driver performs only where one of its
+    parameters says so."""
+    for action in actions_of(case, "perform"):
+        assert action.target is not None
+        for vehicle in members(case.document, action.target.text):
+            driver, act = case.document.vehicles[vehicle].driver, action.value
+            found = _acts_of(case, vehicle).get(act.text)
+            needs = None if found is None else found.needs
+            if needs is not None and not getattr(driver.params, needs):
+                yield Diagnostic(
+                    "KYB554",
+                    f"the driver of `{vehicle}` performs `{act.text}` with `{needs}: true` only",
+                    act.span,
+                    help=f"add `{needs}: true` to `{driver.spec.name}`",
+                )
+
+
+def _acts_of(case: Case, vehicle: str) -> Mapping[str, Act]:
+    acts: Mapping[str, Act] = case.document.vehicles[vehicle].driver.spec.cls.acts
+    return acts
 
 
 def actions_of(case: Case, name: str) -> Iterator[ActionEntry]:

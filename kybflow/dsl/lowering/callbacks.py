@@ -19,6 +19,7 @@ from kybflow.dsl.plan import (
     EnterPhase,
     LogText,
     PartPlan,
+    Perform,
     SetOption,
     Stop,
     Switch,
@@ -63,11 +64,9 @@ def _action(action: ActionEntry, document: Document, catalog: Catalog) -> Iterat
     if part is not None:
         label = f"actions.{part.label}"
         yield Call(PartPlan(part.spec.name, part.spec.cls, part.params, label, part.span.at))
-    elif name == "switch" and target is not None:
+    elif name in ("switch", "perform") and target is not None:
         for vehicle in members(document, target.text):
-            owner, state, written = document.vehicles[vehicle], action.value.text, action.values
-            values = () if written is None else values_for(owner, state, written)
-            yield Switch(vehicle, owner.goal(state), values)
+            yield _asked(action, vehicle, document)
     elif name == "set":
         for option, value in collect(option_values(action, document, catalog)).value:
             yield SetOption(option.name, value)
@@ -79,6 +78,15 @@ def _action(action: ActionEntry, document: Document, catalog: Catalog) -> Iterat
         yield _phase(action, document)
     else:
         yield _TOLD[name](action.value.text)
+
+
+def _asked(action: ActionEntry, vehicle: str, document: Document) -> Switch | Perform:
+    """What `switch` and `perform` ask of one vehicle."""
+    if action.name.text == "perform":
+        return Perform(vehicle, action.value.text)
+    owner, state, written = document.vehicles[vehicle], action.value.text, action.values
+    values = () if written is None else values_for(owner, state, written)
+    return Switch(vehicle, owner.goal(state), values)
 
 
 _TOLD: dict[str, type[Emit] | type[LogText] | type[Stop]] = {

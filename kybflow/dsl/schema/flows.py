@@ -134,6 +134,11 @@ def action_schema() -> Schema:
                 "minProperties": 1,
                 "additionalProperties": text("The phase."),
             },
+            "perform": _names(
+                "Vehicles or groups, and what each is asked to perform: an act of its driver, like"
+                " `leds_blink_red`.",
+                text("The act."),
+            ),
             "log": text("A text for the record, with `{vehicle}`, `{time}` and the event's own."),
             "stop": text("Why the run ends here: every vehicle lands."),
         },

@@ -234,7 +234,8 @@ def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> 
 
 
 class Standstill:
-    """The IMU's averages since the vehicle is at rest."""
+    """The IMU's averages since the vehicle is at rest; a sample that is not newer than the last
+    doesn't count."""
 
     def __init__(self) -> None:
         self._since: Time | None = None
@@ -253,13 +254,13 @@ class Standstill:
         if self._since is None or imu.time - self._time > IMU_TIMEOUT:
             self._since, self._seconds = imu.time, 0.0
             self._force = self._turn = ZERO
-        else:
+        elif imu.time > self._time:
             dt = (imu.time - self._time) / NS
             self._seconds += dt
             share = dt / self._seconds
             self._force = _towards(self._force, imu.specific_force, share)
             self._turn = _towards(self._turn, imu.angular_velocity, share)
-        self._time = imu.time
+        self._time = max(self._time, imu.time)
 
     def holds(self, time: Time) -> bool:
         """Whether the vehicle is at rest now and was at `time`."""

@@ -16,7 +16,7 @@ from functools import partial
 from kybflow.core.errors import KybflowError, Refused, described
 from kybflow.core.signals import NS, Time
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
+from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 from kybflow.parts.observables import is_in
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
@@ -162,6 +162,8 @@ class Commander:
             case EnterPhase(flow, phase):
                 self._check_phase(flow, phase)
                 _as_answer(answered)(controls.phase(flow, phase, BY, ""))
+            case Perform(vehicle, act):
+                self._requests(vehicle).perform(act, BY, answered=_as_answer(answered))
             case Stop(reason):
                 self._events.tell(f"{PREFIX}stop")
                 controls.stop(reason or "stopped by the operator", "")

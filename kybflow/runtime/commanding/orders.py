@@ -3,7 +3,8 @@
     emit operator.go                         switch mk hold [PARAMETER=VALUE ...]
     set mk.processors.limit_speed.speed 50cm/s
     enable mk.processors.limit_speed         disable mk.processors.limit_speed
-    phase swarm gather                       pause [VEHICLE ...]
+    phase swarm gather                       perform mk leds_blink_red
+    pause [VEHICLE ...]
     resume [VEHICLE ...]                     reset [VEHICLE ...]
     land [VEHICLE ...]                       stop [REASON]
     release
@@ -23,7 +24,7 @@ from typing import Any, NamedTuple
 from kybflow.core.errors import CommandUnreadable
 from kybflow.core.signals import PlannedPoint
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
+from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 
 PREFIX = "operator."
 LONGEST = 1000
@@ -78,6 +79,7 @@ Order = (
     | SetOption
     | Enable
     | EnterPhase
+    | Perform
     | VehicleOrder
     | Stop
     | ReleaseLease
@@ -131,6 +133,8 @@ def text(order: Order) -> str:
             words = ["enable" if on else "disable", f"{vehicle}.{label}"]
         case EnterPhase(flow, phase):
             words = ["phase", flow, phase]
+        case Perform(vehicle, act):
+            words = ["perform", vehicle, act]
         case Stop(reason):
             words = ["stop", reason]
         case ReleaseLease():
@@ -236,6 +240,7 @@ _FORMS: Mapping[str, _Form] = {
     "enable": _enable(True),
     "disable": _enable(False),
     "phase": _Form(" FLOW PHASE", lambda rest: EnterPhase(*rest) if len(rest) == 2 else None),
+    "perform": _Form(" VEHICLE ACT", lambda rest: Perform(*rest) if len(rest) == 2 else None),
     **{word: _of_vehicles(kind) for word, kind in OF_VEHICLES.items()},
     "stop": _Form(" [REASON]", lambda rest: Stop(" ".join(rest))),
     "track": _Form(

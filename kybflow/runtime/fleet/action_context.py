@@ -56,6 +56,9 @@ class CallbackContext:
     def phase(self, flow: str, phase: str) -> None:
         self._controls.phase(flow, phase, BY, self._at)
 
+    def perform(self, vehicle: str, act: str) -> None:
+        self._controls.requests[vehicle].perform(act, BY, self._at)
+
     def log(self, text: str) -> None:
         self._controls.events.tell("logged", at=self._at, text=text)
 

@@ -22,6 +22,7 @@ from kybflow.dsl.plan import (
     EnterPhase,
     LogText,
     PartPlan,
+    Perform,
     SetOption,
     Stop,
     Switch,
@@ -137,12 +138,10 @@ def _name(action: ActionPlan) -> str:
 def _bound(action: ActionPlan, context: ActionContext) -> Do:
     """Return the action as a function of the event that it handles."""
     match action:
-        case Switch(vehicle, state, values):
-            return lambda _: context.switch(vehicle, state, values)
+        case Switch() | Enable() | Perform():
+            return _of_vehicle(action, context)
         case SetOption(option, value):
             return lambda _: context.set(option, value)
-        case Enable(vehicle, label, on):
-            return lambda _: context.enable(vehicle, label, on)
         case Emit(name):
             return lambda _: context.emit(name)
         case EnterPhase(flow, phase):
@@ -154,6 +153,16 @@ def _bound(action: ActionPlan, context: ActionContext) -> Do:
         case Call(part):
             made = _made(part)
             return lambda event: made(event, context)
+
+
+def _of_vehicle(action: Switch | Enable | Perform, context: ActionContext) -> Do:
+    match action:
+        case Switch(vehicle, state, values):
+            return lambda _: context.switch(vehicle, state, values)
+        case Enable(vehicle, label, on):
+            return lambda _: context.enable(vehicle, label, on)
+        case Perform(vehicle, act):
+            return lambda _: context.perform(vehicle, act)
 
 
 def _made(part: PartPlan) -> Action[Any]:

@@ -28,6 +28,7 @@ from kybflow.parts.link import (
     Grips,
     Lands,
     NoticesOthers,
+    Performs,
     Reclaimable,
     ReportsChecks,
     SendsStatusTexts,
@@ -175,6 +176,7 @@ class LinkOut:
         self._force = link.disarm_by_force if isinstance(link, DisarmsByForce) else None
         self._land = link.land if isinstance(link, Lands) else None
         self._grip = link.grip if isinstance(link, Grips) else None
+        self._perform = link.perform if isinstance(link, Performs) else None
         self._reclaim = link.reclaim if isinstance(link, Reclaimable) else None
         self._tell_position = link.tell_position if isinstance(link, TakesPosition) else None
         self.tells_position = self._tell_position is not None
@@ -235,6 +237,12 @@ class LinkOut:
         if self._grip is None:
             raise Refused("it has no servo for a payload")
         self._health.ask(self._grip, is_open, now)
+
+    def perform(self, act: str, now: Time) -> None:
+        """Ask the vehicle for an act of its driver. Raises Refused."""
+        if self._perform is None:
+            raise Refused(f"its driver performs no `{act}`")
+        self._health.ask(self._perform, act, now)
 
     @property
     def can_land(self) -> bool:

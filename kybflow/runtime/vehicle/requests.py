@@ -1,4 +1,4 @@
-"""Requests of people, flows and callbacks: switch, pause, resume, enable, reset, retire.
+"""Requests of people, flows and callbacks: switch, pause, resume, enable, perform, reset, retire.
 
 A request waits for the vehicle's next `act`, which answers it after the supervisors and before the
 mission's transitions. A refusal is published as an event with its reason and changes nothing; who
@@ -24,6 +24,7 @@ from kybflow.parts import GROUND
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.activity import Activity, unfit
+from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.override import ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions
 
@@ -111,6 +112,7 @@ class Requests:
     def __init__(
         self,
         plan: VehiclePlan,
+        link: LinkOut,
         activity: Activity,
         failsafe: Failsafe,
         reactions: Reactions,
@@ -123,7 +125,8 @@ class Requests:
         self.judge: EntryJudge = _NoJudge()
         self._switches: list[SwitchRequest] = []
         self._orders: deque[tuple[_Order, Answered]] = deque()
-        self._plan, self._activity, self._failsafe = plan, activity, failsafe
+        self._plan, self._link = plan, link
+        self._activity, self._failsafe = activity, failsafe
         self._reactions, self._override, self._events = reactions, override, events
 
     def switch(
@@ -173,6 +176,10 @@ class Requests:
     ) -> None:
         """Request to switch the processor `label` on or off."""
         self._order(partial(self._enable, label, on, by, at), answered)
+
+    def perform(self, act: str, by: str, at: str = "", answered: Answered = unheard) -> None:
+        """Request an act of the vehicle's driver."""
+        self._order(partial(self._perform, act, by, at), answered)
 
     def reset(self, by: str, at: str = "", answered: Answered = unheard) -> None:
         """Request to clear the fault and the resting place of a vehicle on the ground, after a
@@ -234,6 +241,10 @@ class Requests:
 
     def pause_objection(self) -> str | None:
         """Return why a pause would be refused now."""
+        return self._unfree()
+
+    def _unfree(self) -> str | None:
+        """Return why the failsafe has the vehicle, None if it doesn't."""
         latched = self._failsafe.latched
         if self._activity.machine.state == "fault":
             return "it is in `fault`"
@@ -254,6 +265,18 @@ class Requests:
         """Return why a reset would be refused now."""
         in_the_air = self._activity.off_ground or self._reactions.falls(now)
         return "it is in the air" if in_the_air else None
+
+    def perform_objection(self, act: str) -> str | None:
+        """Return why an act would be refused now, None if the vehicle itself decides."""
+        driver = self._plan.driver
+        known = driver.cls.acts.get(act)
+        if known is None:
+            return f"its driver performs no `{act}`"
+        if known.needs is not None and not getattr(driver.params, known.needs):
+            return f"its driver performs it with `{known.needs}: true` only"
+        if not known.moves:
+            return None
+        return (_SOMEBODYS if self._override.is_somebodys else None) or self._unfree()
 
     def _order(self, order: _Order, answered: Answered) -> None:
         self._orders.append((order, answered))
@@ -340,6 +363,19 @@ class Requests:
                 self._tell("processor_enabled", at, processor=label, by=by)
             else:
                 self._tell("processor_disabled", at, processor=label, by=by)
+        return reason
+
+    def _perform(self, act: str, by: str, at: str, now: Time) -> str | None:
+        reason = self.perform_objection(act)
+        if reason is None:
+            try:
+                self._link.perform(act, now)
+            except Refused as refusal:
+                reason = str(refusal)
+        if reason is None:
+            self._tell("performed", at, act=act, by=by)
+        else:
+            self._tell("perform_refused", at, act=act, by=by, reason=reason)
         return reason
 
     def _reset(self, by: str, at: str, now: Time) -> str | None:

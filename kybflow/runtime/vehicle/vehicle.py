@@ -117,7 +117,7 @@ class Vehicle:
         override = ManualOverride(
             plan, link_out, activity, failsafe, reactions, control, arming, events, score
         )
-        self.requests = Requests(plan, activity, failsafe, reactions, override, events)
+        self.requests = Requests(plan, link_out, activity, failsafe, reactions, override, events)
         self._decision = Decision(
             activity, failsafe, reactions, self.requests, control, output, knowledge
         )

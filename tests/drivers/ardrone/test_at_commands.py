@@ -29,8 +29,6 @@ LINES = [
      b'AT*CONFIG_IDS=7,"aaaaaaaa","bbbbbbbb","cccccccc"\r'),
     (at.ctrl(at.RESET_ACKNOWLEDGE), b"AT*CTRL=7,5,0\r"),
     (at.comwdg(), b"AT*COMWDG=7\r"),
-    (at.anim(3, 1000), b"AT*ANIM=7,3,1000\r"),
-    (at.led(1, 0.5, 2), b"AT*LED=7,1,1056964608,2\r"),
 ]  # fmt: skip
 
 

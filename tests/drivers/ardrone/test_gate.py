@@ -20,6 +20,18 @@ def test_what_is_foreign_broken_or_old_is_counted():
     assert gate.refused == {"from elsewhere": 1, "not newer": 1, "a wrong checksum": 1}
 
 
+def test_what_is_refused_is_told_at_ten_and_ten_times_that():
+    gate = Gate()
+    told = []
+    for _ in range(120):
+        gate.admit(b"", False, 0)
+        told.append(gate.report())
+    assert [text for text in told if text] == [
+        "10 datagrams were ignored: 10 from elsewhere",
+        "100 datagrams were ignored: 100 from elsewhere",
+    ]
+
+
 def test_numbers_begin_anew_after_a_silence_or_the_watchdog():
     gate = Gate()
     for sequence, now, is_new in [(9, 0, True), (1, NS, False), (1, NS + 2, True)]:

@@ -6,7 +6,7 @@ from math import pi
 
 import pytest
 
-from kybflow.core.geometry import from_euler
+from kybflow.core.geometry import from_euler, from_heading, multiply
 from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind
 from kybflow.drivers.ardrone.control.moves import Limits, move_of
 
@@ -31,3 +31,11 @@ def test_signs_are_the_drones(heading):
 def test_no_more_than_all_is_asked_for():
     move = move_of(command(roll=-1.0, pitch=1.0, climb=-5.0, turn=-9.0), LIMITS)
     assert move == (-1.0, -1.0, -1.0, 1.0, True)
+
+
+@pytest.mark.parametrize("heading", [0.0, pi / 2, -2.5])
+def test_by_the_compass_the_world_s_axis_is_ahead(heading):
+    toward_x = multiply(from_euler(0.0, 0.1, 0.0), from_heading(heading))
+    told = command()._replace(attitude=toward_x, heading=heading)
+    move = move_of(told, LIMITS, by_compass=True)
+    assert (move.right, move.backward) == pytest.approx((0.0, -0.5), abs=1e-6)

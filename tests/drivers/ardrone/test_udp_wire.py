@@ -10,10 +10,11 @@ from served_drones import free_host
 from waiting import until
 
 from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.at import HOVER, Move, read_commands
 from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.udp import UdpWire, is_address
+from kybflow.drivers.ardrone.transport.udp import MOST_A_PERIOD, UdpWire, is_address
 from kybflow.drivers.ardrone.transport.wire import ASKS
 from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
 
@@ -120,3 +121,27 @@ def test_a_closed_wire_has_no_thread_left(played):
     _, wire = played
     wire.close()
     assert not wire._thread.is_alive()
+
+
+def test_of_a_flood_no_more_than_its_share_is_taken_in_a_period(played):
+    _, wire = played
+    wire._over = True
+    wire._thread.join()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(2 * MOST_A_PERIOD):
+            stranger.sendto(b"noise", wire._data.getsockname())
+    wire._receive(wire._clock() + wire._period)
+    assert wire.gate.refused == {"from elsewhere": MOST_A_PERIOD}
+
+
+def test_stamps_rise_however_late_a_tick_is(played):
+    ports, wire = played
+    wire.ask()
+    until(lambda: [ports.answer(who) for _, who in ports.requests()], "to ask")
+    stamps, sent = [], 0
+    for now in (NS, NS, NS - 8_000_000):  # the last one is late: its time is behind the clock
+        ports.send(write_packet(DroneState.DEMO, sent := sent + 1))
+        ports.send(write_packet(DroneState.DEMO, sent := sent + 1))
+        until(lambda: len(wire._arrived) > 1, "two packets")
+        stamps += [at for at, _ in wire.take(now)]
+    assert stamps == sorted({*stamps})

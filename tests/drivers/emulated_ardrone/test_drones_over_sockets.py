@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from ardrone_flights import flown, mission
+from ardrone_flights import AgesOnReceipt, flown, mission
 from served_drones import served
 from waiting import HANGS, until
 
@@ -70,17 +70,36 @@ def test_killed_in_flight_the_drone_lands_itself_and_nobody_sends(tmp_path):
             flight.stdout.close()
 
 
+RATES = [30, 50, 100, 200]
+OLDEST, HELD = 0.1, 0.2
+"""Seconds: of a command as it arrives, and as it is sent."""
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_three_drones_over_sockets_on_a_bad_link(rate, tmp_path, monkeypatch):
+    ages = check_connection(rate, 8.0, tmp_path, monkeypatch)
+    assert ages[len(ages) // 2] <= OLDEST
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("rate", [30, 100, 200])
-def test_three_drones_for_a_minute_over_sockets(rate, tmp_path):
+@pytest.mark.parametrize("rate", RATES)
+def test_three_drones_for_a_minute_over_sockets(rate, tmp_path, monkeypatch):
+    ages = check_connection(rate, 60.0, tmp_path, monkeypatch)
+    assert ages[round(0.999 * len(ages))] <= OLDEST  # a busy machine may be late once
+
+
+def check_connection(rate, seconds, out, monkeypatch):
+    """The ages of all commands on receipt, sorted. Nobody was lost, whatever the machine did
+    beside, and no command was sent that was too old."""
+    ages = AgesOnReceipt(monkeypatch)
     bad = {"wifi_latency": 0.02, "wifi_jitter": 0.02, "wifi_loss": 0.05}
-    request = RunRequest(out=tmp_path / "run", speed=1.0)
-    text = mission(["a", "b", "c"], 60.0)
-    flight, told, session = flown(text, tmp_path, request=request, rate=rate, network=True, **bad)
+    request, text = RunRequest(out=out / "run"), mission(["a", "b", "c"], seconds)
+    flight, told, session = flown(text, out, request=request, rate=rate, network=True, **bad)
     assert flight.summary["outcome"] == "succeeded", told
-    for link in session.links.values():
-        assert not link.drone.times_lost
-        assert not link.wire.stream.ended
+    assert "link_lost" not in [event.name for event in told]
+    assert not any(link.drone.times_lost for link in session.links.values())
+    assert 0.0 < ages.most_held < HELD + 0.02  # measured a little after it was judged
+    return sorted(ages.seconds)
 
 
 def test_over_sockets_it_flies_as_in_memory(tmp_path):
@@ -88,7 +107,7 @@ def test_over_sockets_it_flies_as_in_memory(tmp_path):
     for network in (False, True):
         out = tmp_path / str(network)
         out.mkdir()
-        request = RunRequest(out=out / "run", speed=1.0 if network else None)
+        request = RunRequest(out=out / "run")
         flight, told, _ = flown(mission(["a", "b"], 16.0), out, request=request, network=network)
         assert flight.summary["outcome"] == "succeeded", told
         records = flight.summary["vehicles"].values()

@@ -188,3 +188,14 @@ def test_a_radio_is_late_loses_and_never_reorders():
     numbers = [packet.sequence for packet in bench.packets]
     assert numbers == sorted(set(numbers))
     assert len(numbers) / numbers[-1] == pytest.approx(0.8, abs=0.05)
+
+
+def test_by_the_compass_it_flies_where_the_client_s_axis_points():
+    bench = DroneBench().configured().hovering()
+    bench.fly(at.ref(True), at.pcmd_mag(at.Move(backward=-0.5), 0.0, 0.03))  # it faces east
+    bench.run(1.5)
+    assert bench.demo.velocity[1] < -300.0  # to the left, which is north
+    assert abs(bench.demo.velocity[0]) < 100.0
+    bench.say(at.pcmd_mag(at.Move(), float("nan"), 0.03))
+    bench.run(0.02)
+    assert bench.drone.ignored == {"wrong arguments": 1}

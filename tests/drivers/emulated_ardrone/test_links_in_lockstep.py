@@ -6,6 +6,13 @@ import pytest
 from ardrone_flights import AgesOnReceipt, flown, mission
 
 from kybflow.api.flight import RunRequest
+from kybflow.api.opening import pace_of
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS
+from kybflow.drivers.ardrone.protocol.navdata.state import Phase
+from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.dsl.compiler import compile_mission
+from kybflow.parts.catalog import load_catalog
 
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 
@@ -43,13 +50,24 @@ def check_connection(session, ages):
     assert max(ages.seconds) <= 0.1
 
 
-def test_wifi_that_is_lost_for_a_second_is_flown_on_where_the_mission_allows_that(tmp_path):
-    patient = "supervisors: [{use: link, age: 1.5 s}]\n    behaviors:"
-    text = mission(["a"], 15.0).replace("behaviors:", patient, 1)
-    flight, told, session = flown(text + FAULT.format(at="12 s", lasts="1 s"), tmp_path)
+def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path, monkeypatch):
+    still = []
+    mind = OnboardDrone._mind
+
+    def noting(drone, now):
+        mind(drone, now)
+        if drone.flight.phase is Phase.FLYING and drone.flight.moves is None:
+            still.append(now / NS)
+
+    monkeypatch.setattr(OnboardDrone, "_mind", noting)
+    text = mission(["a"], 15.0) + FAULT.format(at="12 s", lasts="1 s")
+    flight, told, session = flown(text, tmp_path)
     assert flight.summary["outcome"] == "succeeded", told
     assert not session.links["a"].drone.times_lost
-    assert flight.summary["vehicles"]["a"]["final"] == "ground"
+    assert "link_lost" not in [event.name for event in told]
+    assert any(12.0 < seconds < 13.0 for seconds in still)
+    ways = [e.fields["behavior"] for e in told if e.name == "behavior_started"]
+    assert ways == ["up", "turn", "down", "landed"]
 
 
 def test_a_drone_that_lost_everybody_on_the_ground_is_connected_again(tmp_path):
@@ -79,3 +97,22 @@ def test_the_same_seed_flies_the_same_flight(tmp_path):
         flown(mission(["a"], 3.0), tmp_path, request=request)
         logs.append((tmp_path / name / "log.mcap").read_bytes())
     assert logs[0] == logs[1]
+
+
+def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
+    text, needs = mission(["a"], 3.0), "driver: {use: emulated_ardrone, network: true}"
+    path = tmp_path / "drones.yaml"
+    path.write_text(f"{text}targets: {{there: {{all: {{{needs}}}}}}}\n", encoding="utf-8")
+    plan = compile_mission(path, catalog=load_catalog(), target="there", sets=()).plan
+    assert pace_of(plan, None) == pace_of(plan, 1.0) == 1.0
+    with pytest.raises(DriverError, match="fly with `--speed 1` or without `--speed`"):
+        pace_of(plan, 4.0)
+
+
+def test_it_flies_on_the_fusion_of_its_imu_and_motion_capture(tmp_path):
+    fused = "estimators: [{use: fusion, healthy: spread < 5 cm}]\n    behaviors:"
+    text = mission(["a"], 6.0).replace("behaviors:", fused, 1)
+    flight, told, _ = flown(text, tmp_path)
+    assert flight.summary["outcome"] == "succeeded", told
+    assert "part_failed" not in [event.name for event in told]
+    assert flight.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1

@@ -1,7 +1,9 @@
-"""Manual flight: an operator takes a drone with the four signals of an AR.Drone, flies, turns and
-climbs, and gives it back."""
+"""Manual flight: an operator takes a drone out of a circle with the four signals of an AR.Drone,
+flies, turns and climbs, gives it back to the circle, and lands it."""
 
 from __future__ import annotations
+
+from math import hypot
 
 from ardrone_flights import flown
 
@@ -16,24 +18,28 @@ vehicles:
     like: std.ardrone
     start: {at: [0, 0, 0], heading: 90 deg}
     behaviors:
-      up:   {do: take_off, height: 1 m, then: wait, within: 20 s}
-      wait:
-        do: hover
-        next:
-          [{event: stick.take, go: hand}, {event: stick.land, go: down}, {after: 1 min, go: down}]
+      up:   {do: take_off, height: 1 m, then: turn, within: 20 s}
+      turn:
+        do: circle
+        center: [0, 0, 1]
+        radius: 60 cm
+        speed: 40 cm/s
+        within: 1 min
+        failed: down
+        next: [{event: stick.take, go: hand}, {event: stick.land, go: down}]
       hand:
-        {do: steer, input: stick, by: signals, failed: down, next: [{event: stick.give, go: wait}]}
+        {do: steer, input: stick, by: signals, failed: down, next: [{event: stick.give, go: turn}]}
       down: {do: land}
 """
 OPERATOR = """t, x, y, z, turn, buttons, lost
 0, 0, 0, 0, 0, ,
-10, 0, 0, 0, 0, take,
-10.5, 0.6, 0, 0, 0, trigger,
-12.5, 0, 0, 0, 0, trigger,
-15, 0, 0, 0.5, 0.6, trigger,
-17, 0, 0, 0, 0, trigger,
-19, 0, 0, 0, 0, trigger give,
-22, 0, 0, 0, 0, land,
+15, 0, 0, 0, 0, take,
+18, 0.6, 0, 0, 0, trigger,
+20, 0, 0, 0, 0, trigger,
+22, 0, 0, 0.5, 0.6, trigger,
+24, 0, 0, 0, 0, trigger,
+26, 0, 0, 0, 0, trigger give,
+42, 0, 0, 0, 0, land,
 """
 
 
@@ -43,9 +49,12 @@ def test_an_operator_takes_a_drone_and_gives_it_back(tmp_path):
     flight, told, _ = flown(MISSION, tmp_path, watch=seen)
     assert flight.summary["outcome"] == "succeeded", told
     way = [e.fields["behavior"] for e in told if e.name == "behavior_started"]
-    assert way == ["up", "wait", "hand", "wait", "down", "landed"]
+    assert way == ["up", "turn", "hand", "turn", "down", "landed"]
     at = {round(seconds): truth for seconds, truth in seen}
-    assert at[14].position[1] - at[10].position[1] > 0.4  # forward is north
-    assert abs(at[14].position[0]) < 0.15
-    assert at[18].position[2] - at[14].position[2] > 0.2
+    north = at[21].position[1] - at[18].position[1]
+    assert north > 0.4  # forward
+    assert abs(at[21].position[0] - at[18].position[0]) < 0.15
+    assert at[25].position[2] - at[21].position[2] > 0.2
+    away = [hypot(*truth.position[:2]) - 0.6 for seconds, truth in seen if 36.0 < seconds < 42.0]
+    assert max(map(abs, away)) < 0.15  # on the circle again
     assert flight.summary["vehicles"]["a"]["position_error_m"]["max"] < 0.35

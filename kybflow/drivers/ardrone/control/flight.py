@@ -45,6 +45,7 @@ class FlightControl:
         self._patience = round(patience * NS)
         self._goal, self._since = Goal.REST, 0
         self._toggled: Time | None = None
+        self._left: Time = 0
         self.override: Override | None = None
         self.rest(0)
 
@@ -81,7 +82,14 @@ class FlightControl:
             self.land(now)
         elif self.override is None:
             self._change(Goal.FOLLOW, now)
-            self._stream.hold(True, move_of(command, self._limits))
+            move = move_of(command, self._limits, by_compass=self._stream.bearing is not None)
+            self._stream.hold(True, move)
+
+    def leave(self, until: Time) -> None:
+        """Let it do until then what no command asks for. Raises Refused."""
+        if self._goal is not Goal.FOLLOW or not self._status.follows:
+            raise Refused("it doesn't fly")
+        self._left = until
 
     def land(self, now: Time) -> bool:
         """Land by itself; whether it stands."""
@@ -111,7 +119,8 @@ class FlightControl:
             self.override = None
             return
         status = self._status
-        if self.override is not None or status.follows or status.phase is Phase.TAKING_OFF:
+        plays = status.phase is Phase.LOOPING and now < self._left
+        if self.override is not None or status.follows or status.phase is Phase.TAKING_OFF or plays:
             return
         words = "; ".join(in_words(status.state)) or "by itself"
         landing = status.phase is Phase.LANDING or not status.is_in_emergency

@@ -1,7 +1,8 @@
 """A command as the fractions of AT*PCMD.
 
 The tilt is taken at the heading that the command knows: forward and left of it, radians; the drone
-takes it at its own. Each fraction is of a configured limit, and 1 is the most that can be asked.
+takes it at its own. By the compass it is taken forward and left of the world's x axis, at both
+ends. Each fraction is of a configured limit, and 1 is the most that can be asked.
 """
 
 from __future__ import annotations
@@ -32,9 +33,10 @@ def limits_of(params: ArdroneLinkParams, airframe: Airframe) -> Limits:
     return Limits(tilt, climb, p.control_yaw)
 
 
-def move_of(command: Command, limits: Limits) -> Move:
+def move_of(command: Command, limits: Limits, *, by_compass: bool = False) -> Move:
     """The move of a TILT_CLIMB command."""
     heading = heading_of(command.attitude) if command.heading is None else command.heading
+    heading = 0.0 if by_compass else heading
     x, y, z = rotate_back(from_heading(heading), body_z(command.attitude))
     setpoint = command.setpoint
     climb = (ZERO if setpoint is None else setpoint.velocity or ZERO)[2]

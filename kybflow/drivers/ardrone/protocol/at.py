@@ -126,16 +126,6 @@ def comwdg() -> Line:
     return Line("COMWDG", ())
 
 
-def anim(animation: int, milliseconds: int) -> Line:
-    """Play a flight animation, 0 to 19."""
-    return Line("ANIM", (animation, milliseconds))
-
-
-def led(animation: int, frequency: float, seconds: int) -> Line:
-    """Play an animation of the LEDs, 0 to 20, with so many hertz."""
-    return Line("LED", (animation, float(frequency), seconds))
-
-
 class Line(NamedTuple):
     """A command without its number."""
 

@@ -11,13 +11,16 @@ from kybflow.drivers.ardrone.protocol.navdata.packet import Malformed, Packet, r
 RESTARTS: Time = NS
 """After so long a silence the numbers may begin anew: the drone has started again."""
 
+FEW = 10
+"""How many refused datagrams are worth a word."""
+
 
 class Gate:
     """Admits the packets of one drone. `refused`: how many were not, by reason."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
-        self._last = 0
+        self._last, self._tells = 0, FEW
         self._heard: Time | None = None
 
     def admit(self, data: bytes, is_ours: bool, now: Time) -> Packet | None:
@@ -36,6 +39,18 @@ class Gate:
             return None
         self._last, self._heard = packet.sequence, now
         return packet
+
+    def report(self) -> str | None:
+        """What was refused, in words: when there are `FEW`, and whenever there are ten times as
+        many; else None. May be called in another thread."""
+        refused = dict(self.refused)
+        total = sum(refused.values())
+        if total < self._tells:
+            return None
+        while self._tells <= total:
+            self._tells *= 10
+        counts = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+        return f"{total} datagrams were ignored: {counts}"
 
     def begin_anew(self) -> None:
         """Let the numbers begin anew, as after the communication's watchdog."""

@@ -9,15 +9,27 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from math import pi
 from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.protocol.at import ANEW, HOVER, Line, Move, datagrams, pcmd, ref
+from kybflow.drivers.ardrone.protocol.at import (
+    ANEW,
+    HOVER,
+    Line,
+    Move,
+    datagrams,
+    pcmd,
+    pcmd_mag,
+    ref,
+)
 
 HOVERS: Time = NS // 5
 ENDS: Time = NS // 4
 MOST_WAITING = 100
 """How many groups of lines wait to be sent."""
+ACCURACY = 5.0 / 180.0
+"""The largest error of a compass heading, as a share of 180 degrees."""
 AT_ONCE = 8
 """How many groups go with one command."""
 
@@ -34,7 +46,8 @@ class Held(NamedTuple):
 
 class CommandStream:
     """The commands of one drone. `hovered`, `ended`: how often a command was too old, by each
-    bound. clock: the time now."""
+    bound. `bearing`: clockwise from north, rad, of the axis by which moves are given; None for the
+    drone's own. clock: the time now."""
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self._clock = clock
@@ -42,6 +55,7 @@ class CommandStream:
         self._waiting: deque[tuple[Line, ...]] = deque(maxlen=MOST_WAITING)
         self._next = ANEW
         self._again = True
+        self.bearing: float | None = None
         self.hovered = self.ended = 0
 
     def hold(self, flies: bool, move: Move | None = None, *, emergency: bool = False) -> None:
@@ -72,7 +86,7 @@ class CommandStream:
             move = HOVER
         first = [ref(held.flies, held.emergency)]
         if move is not None:
-            first.append(pcmd(move))
+            first.append(self._line(move))
         groups: list[tuple[Line, ...]] = [tuple(first)]
         while self._waiting and len(groups) <= AT_ONCE:
             groups.append(self._waiting.popleft())
@@ -80,3 +94,8 @@ class CommandStream:
             self._again, self._next = False, ANEW
         packed, self._next = datagrams(groups, self._next)
         return packed
+
+    def _line(self, move: Move) -> Line:
+        if self.bearing is None or not move.progressive:
+            return pcmd(move)
+        return pcmd_mag(move, self.bearing / pi, ACCURACY)

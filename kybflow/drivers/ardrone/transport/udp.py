@@ -53,7 +53,7 @@ class UdpWire(DroneWire):
         self._host, self._clock, self._period = host, clock, round(NS / rate)
         self._arrived: deque[Arrived] = deque(maxlen=MOST_HELD)
         self._file: bytes | None = None
-        self._trouble = ""
+        self._trouble, self._taken = "", 0
         self._failure: str | None = None
         self._over = False
         self._commands, self._data = _socket(host), _socket(host)
@@ -70,7 +70,8 @@ class UdpWire(DroneWire):
         offset, taken = now - self._clock(), []
         while self._arrived:
             at, packet = self._arrived.popleft()
-            taken.append((min(now, at + offset), packet))
+            self._taken = max(self._taken + 1, min(now, at + offset))
+            taken.append((self._taken, packet))
         return taken
 
     def ask(self) -> None:

@@ -13,7 +13,7 @@ import random
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
-from math import degrees, isfinite
+from math import cos, degrees, isfinite, pi, sin
 
 from kybflow.core.geometry import to_euler
 from kybflow.core.signals import NS, Battery, Imu, Measurement, Time
@@ -189,10 +189,21 @@ class OnboardDrone:
         if not all(map(isfinite, values)):
             raise ValueError("not a number")
         right, backward, up, clockwise = (max(-1.0, min(1.0, value)) for value in values)
+        if command.name == "PCMD_MAG" and flag & at.ABSOLUTE:
+            right, backward = self._by_compass(right, backward, at.float_of(bits[4]))
         if self.flight.phase in (Phase.HOVERING, Phase.FLYING):
             self.flight.moves = (
                 Move(right, backward, up, clockwise) if flag & at.PROGRESSIVE else None
             )
+
+    def _by_compass(self, right: float, backward: float, client: float) -> tuple[float, float]:
+        """A tilt in the drone's directions, from those of a client. client: its bearing, of 180
+        degrees. Raises ValueError."""
+        if not isfinite(client):
+            raise ValueError("not a number")
+        own = pi / 2 - self.estimator.attitude.heading
+        c, s = cos(client * pi - own), sin(client * pi - own)
+        return right * c - backward * s, backward * c + right * s
 
     def _config(self, command: AtCommand) -> None:
         key, value = _words(command.arguments, 2)

@@ -50,16 +50,22 @@ class MemoryPorts(Ports):
 
 
 class DroneMemoryWire(DroneWire):
-    """The driver's end, in lockstep: `poll` sends what is due. rate: of the commands, Hz."""
+    """The driver's end, in lockstep: `poll` sends what is due and takes what has
+    arrived. rate: of the commands, Hz."""
 
     def __init__(self, ports: MemoryPorts, rate: float) -> None:
         self._now: Time = 0
         super().__init__(lambda: self._now)
         self._ports, self._period = ports, round(NS / rate)
         self._due: Time = 0
+        self._arrived: deque[Arrived] = deque(maxlen=MOST_HELD)
 
     def poll(self, now: Time) -> None:
         self._now = now
+        while self._ports.told:
+            packet = self.gate.admit(self._ports.told.popleft(), True, now)
+            if packet is not None and not self.deaf:
+                self._arrived.append((now, packet))
         if now < self._due:
             return
         behind = now - self._due >= self._period
@@ -69,11 +75,8 @@ class DroneMemoryWire(DroneWire):
             self._ports.at.extend(sent)
 
     def take(self, now: Time) -> Sequence[Arrived]:
-        taken = []
-        while self._ports.told:
-            packet = self.gate.admit(self._ports.told.popleft(), True, now)
-            if packet is not None and not self.deaf:
-                taken.append((now, packet))
+        taken = [*self._arrived]
+        self._arrived.clear()
         return taken
 
     def ask(self) -> None:
