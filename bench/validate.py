@@ -74,7 +74,7 @@ def other_bounds(path: Path, index: int) -> str:
 
 def written(folder: Path, count: int, text_of: Callable[[int], str]) -> list[str]:
     """The paths of `count` missions, with the libraries and tables that they name beside them."""
-    for name in ("library", "operators", "trajectories"):
+    for name in ("library", "operators", "scans", "trajectories"):
         shutil.copytree(MISSIONS / name, folder / name)
     paths = [folder / f"mission_{index}.yaml" for index in range(count)]
     for index, path in enumerate(paths):

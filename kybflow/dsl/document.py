@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.plan import Cause
@@ -181,16 +182,17 @@ class AirframeEntry:
 
 
 class Scan(NamedTuple):
-    """The parameters of a point cloud, as declared, and where its file is named."""
+    """The parameters of what was scanned, as declared, its files, and where they are named."""
 
     params: Any
+    files: tuple[File, ...]
     span: Span
 
 
 @dataclass(frozen=True, slots=True)
 class ObstacleEntry:
-    """One entry of `world.obstacles`. may_touch: it is there to be touched. scan: what a point
-    cloud is made of."""
+    """One entry of `world.obstacles`. may_touch: it is there to be touched. scan: what
+    something scanned is made of."""
 
     name: Text
     shape: Shape

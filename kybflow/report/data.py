@@ -27,6 +27,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, parse_quantity
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.dsl.reading.occupancy_map import occupied_places, read_image, read_info
 from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.growing_file import whole_lines
@@ -42,6 +43,7 @@ from kybflow.recording.layout import (
 )
 from kybflow.recording.run_folder import EVENTS, FRAMES, INPUTS, LOG, SUMMARY, RunFolderError
 from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimators
+from kybflow.world.columns import Columns
 from kybflow.world.point_cloud import METRES, PointCloud, placed, thinned
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
@@ -381,6 +383,8 @@ def _shape(obstacle: dict[str, Any], folder: Path) -> Shape | None:
     ((kind, of),) = ((key, of) for key, of in obstacle.items() if isinstance(of, dict))
     if kind == "point_cloud":
         return _cloud(of, folder)
+    if kind == "occupancy":
+        return _columns(of, folder)
     if kind == "box":
         return Box(_vector(of["from"]), _vector(of["to"]))
     at = _vector(of["at"])
@@ -394,16 +398,35 @@ def _shape(obstacle: dict[str, Any], folder: Path) -> Shape | None:
 
 def _cloud(of: dict[str, Any], folder: Path) -> PointCloud | None:
     """A point cloud from the copy of its file in the run folder, None where there is none."""
-    try:
-        text = (folder / of["file"]).read_bytes().decode("utf-8-sig", "surrogateescape")
-    except OSError:
+    file = _copy(folder, of["file"])
+    if file is None:
         return None
     above = None if "above" not in of else _length(of["above"])
     heading = parse_quantity(str(of["heading"]), ANGLE)
-    scan = read_points(File(of["file"], "", text))
+    scan = read_points(file)
     points = placed(scan, METRES[of["units"]], _vector(of["at"]), heading, above)
     radius = _length(of["radius"])
     return PointCloud(tuple(map(tuple, thinned(points, radius).tolist())), radius)
+
+
+def _columns(of: dict[str, Any], folder: Path) -> Columns | None:
+    """A map from the copies of its files in the run folder, None where one is missing."""
+    file = _copy(folder, of["file"])
+    info = None if file is None else read_info(file)
+    image = None if info is None else _copy((folder / of["file"]).parent, info.image)
+    if info is None or image is None:
+        return None
+    places = occupied_places(info, read_image(image))
+    low, radius = _length(of["foot"]), info.resolution * math.sqrt(0.5)
+    return Columns(tuple(map(tuple, places.tolist())), radius, low, low + _length(of["height"]))
+
+
+def _copy(folder: Path, name: str) -> File | None:
+    try:
+        text = (folder / name).read_bytes().decode("utf-8-sig", "surrogateescape")
+    except OSError:
+        return None
+    return File(name, "", text)
 
 
 def _vector(texts: list[str]) -> Vec3:

@@ -11,8 +11,7 @@ import numpy as np
 from kybflow.report.data import Run, Track
 from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line
-from kybflow.world.point_cloud import PointCloud
-from kybflow.world.shapes import Box, Plane, Shape, Sphere
+from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
 
 _NEAR = 3.0
 """Metres around the path within which the room is always drawn; beyond, a long path takes more of
@@ -209,14 +208,14 @@ def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
         middle = ux * ((window.x0 + window.x1) / 2 - x) + uy * ((window.y0 + window.y1) / 2 - y)
         x, y, along = x + ux * middle, y + uy * middle, (ux * reach, uy * reach)
         return [x - along[0], x, x + along[0]], [y - along[1], y, y + along[1]]
-    if isinstance(shape, PointCloud):
+    if isinstance(shape, Scanned):
         return _rows(shape)
     turns = [2.0 * pi * step / _ROUND for step in range(_ROUND + 1)]
     x, y, _ = shape.at
     return [x + shape.radius * cos(a) for a in turns], [y + shape.radius * sin(a) for a in turns]
 
 
-def _rows(cloud: PointCloud) -> tuple[Coordinates, Coordinates]:
+def _rows(cloud: Scanned) -> tuple[Coordinates, Coordinates]:
     """A point cloud from above: cells as wide as the radius in which there are points, those beside
     each other in one rectangle, with half a radius more on each side."""
     r = cloud.radius

@@ -53,18 +53,8 @@ class PointCloud:
     def around(self, p: Vec3, reach: float) -> list[tuple[float, Vec3]]:
         """Return what is within `reach` of `p`, the nearest first: the distance to a ball, and the
         way out of it."""
-        places = self.array[self._tree.query_ball_point(p, reach + self.radius)]
-        ways = places - p
-        apart = (ways**2).sum(axis=1) ** 0.5
-        found: list[tuple[float, Vec3]] = []
-        while len(ways) and len(found) < _PLANES:
-            first = int(apart.argmin())
-            room = float(apart[first])
-            out = _away(p, tuple(places[first].tolist()), room)
-            found.append((room - self.radius, out))
-            before = ways @ out > -room * (1.0 - 1e-9)
-            places, ways, apart = places[before], ways[before], apart[before]
-        return found
+        ways = self.array[self._tree.query_ball_point(p, reach + self.radius)] - p
+        return planes(ways, (ways**2).sum(axis=1) ** 0.5, self.radius)
 
     def nearest_on(self, a: Vec3, b: Vec3) -> tuple[float, Vec3]:
         """Return the least distance from the line between two places, and where on it."""
@@ -116,6 +106,22 @@ def _away(p: Vec3, point: Vec3, apart: float) -> Vec3:
         return _UP
     (x, y, z), (px, py, pz) = p, point
     return ((x - px) / apart, (y - py) / apart, (z - pz) / apart)
+
+
+def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]:
+    """Return before what one must stay to meet none of some places, the nearest first: how far each
+    plane is, and the unit vector out of it. ways, apart: the way to each, and its length. radius:
+    of what is around each."""
+    found: list[tuple[float, Vec3]] = []
+    while len(ways) and len(found) < _PLANES:
+        first = int(apart.argmin())
+        room = float(apart[first])
+        x, y, z = ways[first].tolist()
+        out = (-x / room, -y / room, -z / room) if room > 0.0 else _UP
+        found.append((room - radius, out))
+        before = ways @ out > -room * (1.0 - 1e-9)
+        ways, apart = ways[before], apart[before]
+    return found
 
 
 def placed(points: Array, metres: float, at: Vec3, heading: float, above: float | None) -> Array:

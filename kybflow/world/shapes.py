@@ -6,12 +6,13 @@ along which that distance grows fastest, upwards where all are alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add, distance, scale, sub
+from kybflow.world.columns import Columns
 from kybflow.world.point_cloud import PointCloud
 
 UP: Vec3 = (0.0, 0.0, 1.0)
@@ -163,16 +164,28 @@ class Plane(NamedTuple):
 
 
 Convex = Box | Cylinder | Sphere | Plane
-Shape = Convex | PointCloud
+Scanned = PointCloud | Columns
+Shape = Convex | Scanned
 
 
 def around(shape: Shape, p: Vec3, reach: float) -> Iterable[tuple[float, Vec3]]:
     """Return what of a shape is within `reach` of `p`, nothing where none is: distances, and the
     way out at each. Of what is convex the nearest place says all."""
-    if isinstance(shape, PointCloud):
+    if isinstance(shape, PointCloud | Columns):
         return shape.around(p, reach)
     room = shape.distance(p)
     return ((room, shape.outward(p)),) if room <= reach else ()
+
+
+def parts_of(shape: Shape) -> Iterator[Convex]:
+    """Yield a shape by parts that are convex."""
+    match shape:
+        case PointCloud(points, radius):
+            yield from (Sphere(point, radius) for point in points)
+        case Columns(places, radius, low, high):
+            yield from (Cylinder((x, y, low), radius, high - low) for x, y in places)
+        case _:
+            yield shape
 
 
 _TURNING = 1.5

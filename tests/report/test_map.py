@@ -124,6 +124,24 @@ def test_a_scan_is_drawn_by_its_points_and_read_from_the_copy_of_its_file(tmp_pa
     assert read_world(path).obstacles == {}
 
 
+def test_a_map_is_read_from_the_copies_of_its_files(tmp_path):
+    (tmp_path / "maps").mkdir()
+    info = "image: lab.pgm\nresolution: 0.5\norigin: [0, 0, 0]\noccupied_thresh: 0.65\n"
+    (tmp_path / "maps" / "lab.yaml").write_text(info)
+    (tmp_path / "maps" / "lab.pgm").write_bytes(b"P5\n3 1\n255\n\xfe\x00\x00")
+    path = tmp_path / "mission.resolved.yaml"
+    path.write_text(
+        "world: {obstacles: {walls: "
+        "{occupancy: {file: maps/lab.yaml, height: 2 m, foot: 0.5 m}, contact: allowed}}}"
+    )
+    walls = read_world(path).obstacles["walls"]
+    assert (walls.places, walls.low, walls.high) == (((0.75, 0.25), (1.25, 0.25)), 0.5, 2.5)
+    xs, _ = outline(walls, Extent(-3.0, -3.0, 3.0, 3.0))
+    assert min(x for x in xs if x is not None) < 0.75
+    (tmp_path / "maps" / "lab.pgm").unlink()
+    assert read_world(path).obstacles == {}
+
+
 def test_a_scan_has_its_name_in_the_map(run):
     world = RecordedWorld({}, {"heap": PointCloud(((1.0, 1.0, 0.0), (1.5, 1.0, 0.0)), 0.1)})
     [heap] = [t for t in path_map(replace(run, world=world)).traces if t["name"] == "obstacle"]

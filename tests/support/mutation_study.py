@@ -83,7 +83,7 @@ def _moved(whole: dict[str, End], now: dict[str, End]) -> str:
 
 def with_library(folder: Path) -> Path:
     """`folder`, with what the missions import and the files that they name."""
-    for name in ("library", "operators", "trajectories"):
+    for name in ("library", "operators", "scans", "trajectories"):
         shutil.copytree(ROOT / "missions" / name, folder / name, dirs_exist_ok=True)
     return folder
 

@@ -19,8 +19,16 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.world.point_cloud import PointCloud
-from kybflow.world.shapes import Box, Convex, Cylinder, MovingSphere, Plane, Sphere
+from kybflow.world.shapes import (
+    Box,
+    Convex,
+    Cylinder,
+    MovingSphere,
+    Plane,
+    Scanned,
+    Sphere,
+    parts_of,
+)
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
@@ -31,6 +39,7 @@ OBSTACLE = "obstacle "
 """What the name of an obstacle's geom begins with."""
 PARCEL = "payload "
 """What the name of a parcel's geom begins with."""
+_SCANNED = 'rgba="0.6 0.45 0.35 1"'
 SOLID = '<default><geom conaffinity="3"/></default>\n'
 """Where there are parcels: everything but vehicles meets them all, a vehicle those that are
 clear of the one that carried them."""
@@ -71,10 +80,10 @@ def world_text(
 <light pos="0 0 6" dir="0 0 -1" directional="true" castshadow="false" diffuse="0.6 0.6 0.6"/>
 <geom name="{FLOOR}" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
-{"".join(_obstacle(name, s) for name, s in obstacles.items() if not isinstance(s, PointCloud))}
+{"".join(_obstacle(n, s) for n, s in obstacles.items() if not isinstance(s, Scanned))}
 {vehicles}{"".join(parcel_text(context) for context in carrying)}
 {"".join(_moving(name, ball) for name, ball in moving.items())}
-{"".join(_cloud(name, s) for name, s in obstacles.items() if isinstance(s, PointCloud))}
+{"".join(_scanned(n, s) for n, s in obstacles.items() if isinstance(s, Scanned))}
 </worldbody>
 </mujoco>"""
 
@@ -88,28 +97,27 @@ def _fence(box: Box) -> str:
     )
 
 
-def _cloud(name: str, cloud: PointCloud) -> str:
-    """A body without joints, whose name all the balls share."""
-    balls = "".join(
-        f'<geom type="sphere" pos="{x:.6g} {y:.6g} {z:.6g}" size="{cloud.radius!r}"'
-        ' rgba="0.6 0.45 0.35 1"/>\n'
-        for x, y, z in cloud.points
-    )
-    return f'<body name="{escape(OBSTACLE + name)}">\n{balls}</body>\n'
+def _scanned(name: str, shape: Scanned) -> str:
+    """A body without joints, whose name all its parts share."""
+    parts = "".join(f"<geom {_place(part)} {_SCANNED}/>\n" for part in parts_of(shape))
+    return f'<body name="{escape(OBSTACLE + name)}">\n{parts}</body>\n'
 
 
 def _obstacle(name: str, shape: Convex) -> str:
+    return f'<geom name="{escape(OBSTACLE + name)}" {_place(shape)} rgba="0.6 0.45 0.35 0.8"/>\n'
+
+
+def _place(shape: Convex) -> str:
     match shape:
         case Box(low, high):
             middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-            place = _geom("box", middle, ((b - a) / 2 for a, b in zip(low, high, strict=True)))
+            return _geom("box", middle, ((b - a) / 2 for a, b in zip(low, high, strict=True)))
         case Cylinder((x, y, z), radius, height):
-            place = _geom("cylinder", (x, y, z + height / 2), (radius, height / 2))
+            return _geom("cylinder", (x, y, z + height / 2), (radius, height / 2))
         case Sphere(at, radius):
-            place = _geom("sphere", at, (radius,))
+            return _geom("sphere", at, (radius,))
         case Plane(at, facing):
-            place = f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
-    return f'<geom name="{escape(OBSTACLE + name)}" {place} rgba="0.6 0.45 0.35 0.8"/>\n'
+            return f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
 
 
 def _moving(name: str, ball: MovingSphere) -> str:

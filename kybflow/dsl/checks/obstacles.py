@@ -17,8 +17,7 @@ from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, th
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
-from kybflow.world.point_cloud import PointCloud
-from kybflow.world.shapes import Box, Cylinder, Plane, Shape
+from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
@@ -130,14 +129,16 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
-    """KYB546: no point of a scan is in the fence (a warning): it is in another unit, or its origin
-    is elsewhere."""
+    """KYB546: no point of a scan or of a map is in the fence (a warning): it is in another unit, or
+    its origin is elsewhere."""
     fence = case.document.fence
     for obstacle in case.document.obstacles:
-        if fence is None or obstacle.scan is None or not isinstance(obstacle.shape, PointCloud):
+        if fence is None or obstacle.scan is None or not isinstance(obstacle.shape, Scanned):
             continue
         points = obstacle.shape.array
-        if not ((points >= fence.low) & (points <= fence.high)).all(axis=1).any():
+        axes = slice(points.shape[1])
+        inside = (points >= fence.low[axes]) & (points <= fence.high[axes])
+        if not inside.all(axis=1).any():
             low, high = obstacle.shape.bounds
             yield Diagnostic(
                 "KYB546",
@@ -145,7 +146,7 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
                 obstacle.scan.span,
                 label=f"it reaches from {shown_point(low)} to {shown_point(high)}",
                 notes=(extent(fence),),
-                help="give its `units`, or where its origin is as `at`",
+                help="mend where its origin is, or the unit that it is taken in",
                 severity=Severity.WARNING,
             )
 
@@ -270,7 +271,7 @@ def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float,
 def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3]:
     """The least distance of a line from a shape, by golden section: that of a convex solid has one
     minimum along a line. Ends as soon as it is sure that the line keeps `enough` away."""
-    if isinstance(shape, PointCloud):
+    if isinstance(shape, Scanned):
         return shape.nearest_on(a, b)
     low, high, length = 0.0, 1.0, distance(a, b)
     for _ in range(_STEPS):

@@ -266,7 +266,8 @@ def _named(document: Document) -> Iterator[tuple[File, str]]:
             yield tags.params.file, os.path.dirname(tags.span.file)
     for obstacle in document.obstacles:
         if obstacle.scan is not None:
-            yield obstacle.scan.params.file, os.path.dirname(obstacle.scan.span.file)
+            beside = os.path.dirname(obstacle.scan.span.file)
+            yield from ((file, beside) for file in obstacle.scan.files)
     for vehicle in document.vehicles.values():
         for camera in vehicle.cameras:
             if camera.params.calibration is not None:

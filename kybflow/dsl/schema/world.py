@@ -29,6 +29,7 @@ from kybflow.core.units import (
     Speed,
 )
 from kybflow.dsl.reading.calibration import read_calibration
+from kybflow.dsl.reading.occupancy_map import read_image, read_info
 from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.dsl.reading.tag_table import LARGEST, read_tags
 from kybflow.dsl.schema.building import (
@@ -155,6 +156,20 @@ class PointCloudParams:
 
 
 @declared
+class OccupancyParams:
+    file: File = param(
+        "A map's YAML file, as ROS's map_server has it, beside its PGM picture.", reads=read_info
+    )
+    height: Length = param("How high what is occupied stands, from its foot.", above=0.0)
+    foot: Length = param("Height of the foot, world frame.", default=0.0)
+
+
+@declared
+class MapImage:
+    image: File = param("The picture of a map.", reads=read_image, binary=True)
+
+
+@declared
 class TagFile:
     file: File = param(
         "A table of tags: `family, id, size, x, y, z, heading [deg]`, a row a tag.",
@@ -208,7 +223,7 @@ def _obstacle() -> Schema:
     facing = vector(NUMBER, "Its direction, of any length; what is behind it is solid.")
     return mapping(
         "obstacle",
-        "One solid: a box, a cylinder, a sphere, a plane, a point cloud or a moving sphere.",
+        "One solid: a box, a cylinder, a sphere, a plane, a point cloud, a map or a moving sphere.",
         {
             **params_schema(fields_of(ObstacleParams), "obstacle")["properties"],
             "box": _solid("box", "A box along the axes.", {"from": low, "to": high}),
@@ -219,6 +234,9 @@ def _obstacle() -> Schema:
             "plane": _solid("plane", "A wall without end.", {"at": point, "facing": facing}),
             "point_cloud": _declared(
                 PointCloudParams, "point_cloud", "What a scanner saw: balls around points."
+            ),
+            "occupancy": _declared(
+                OccupancyParams, "occupancy", "The occupied cells of a map, as upright columns."
             ),
             "moving_sphere": _solid(
                 "moving_sphere",

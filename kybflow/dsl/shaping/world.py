@@ -28,7 +28,8 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.reading.values import decode, origin, quantity_field
 from kybflow.dsl.schema.world import MovingSphereParams
 from kybflow.dsl.shaping.parts import params_of
-from kybflow.dsl.shaping.point_clouds import scanned
+from kybflow.dsl.shaping.scans import KINDS as SCANNED
+from kybflow.dsl.shaping.scans import scanned
 from kybflow.dsl.shaping.tags import tags_in
 from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
 
@@ -129,7 +130,7 @@ def _obstacles(node: Node | None) -> Diagnosed[tuple[ObstacleEntry, ...]]:
             continue
         ((kind, solid),) = solids.items()
         body, may_touch = solid.value, _text_of(entry.value, "contact") == "allowed"
-        if kind == _CLOUD:
+        if kind in SCANNED:
             obstacles += yield from scanned(entry.key, solid, may_touch)
         if kind not in _SOLIDS:
             continue
@@ -203,14 +204,14 @@ _KEYS = {
     "sphere": ("at", "radius"),
     "plane": ("at", "facing"),
 }
-_MOVING, _CLOUD = "moving_sphere", "point_cloud"
+_MOVING = "moving_sphere"
 _SOLIDS: dict[str, Callable[[Mapping], Diagnosed[Shape | None]]] = {
     "box": _box,
     "cylinder": _cylinder,
     "sphere": _sphere,
     "plane": _plane,
 }
-_KINDS = (*_SOLIDS, _CLOUD, _MOVING)
+_KINDS = (*_SOLIDS, *SCANNED, _MOVING)
 
 
 _NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)

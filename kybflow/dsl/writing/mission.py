@@ -36,8 +36,7 @@ from kybflow.dsl.writing.values import (
     written_fields,
 )
 from kybflow.dsl.writing.vehicle import vehicle_lines
-from kybflow.world.point_cloud import PointCloud
-from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
+from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Sphere
 
 
 def to_yaml(document: Document) -> str:
@@ -163,10 +162,12 @@ def _corners(box: Box) -> str:
 
 def _solid(use: ObstacleEntry) -> str:
     if use.scan is not None:
-        fields = ", ".join(written_fields(use.scan.params, fields_of(PointCloudParams)))
-        return f"point_cloud: {{{fields}}}"
+        declaration: Any = type(use.scan.params)
+        fields = ", ".join(written_fields(use.scan.params, fields_of(declaration)))
+        kind = "point_cloud" if declaration is PointCloudParams else "occupancy"
+        return f"{kind}: {{{fields}}}"
     shape = use.shape
-    assert not isinstance(shape, PointCloud)
+    assert not isinstance(shape, Scanned)
     at = "" if isinstance(shape, Box) else f"at: {vector(shape.at, LENGTH)}"
     match shape:
         case Box():

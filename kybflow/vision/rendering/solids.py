@@ -10,7 +10,7 @@ is then seen through the lens's distortion, each point when its row is exposed.
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from math import pi, sqrt
 from types import MappingProxyType
 from typing import NamedTuple
@@ -22,8 +22,7 @@ from kybflow.core.geometry import Vec3, add, norm, scale, sub
 from kybflow.vision.projection import Array
 from kybflow.vision.rendering.grid import grid
 from kybflow.vision.rendering.shutter import FAR, Shot
-from kybflow.world.point_cloud import PointCloud
-from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere
+from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere, parts_of
 
 NONE: Mapping[str, Shape] = MappingProxyType({})
 _STEP = 8
@@ -55,7 +54,7 @@ class Solids:
         self._fixed = [
             Solid(shape, _grey(seed, name), *_ball(shape))
             for name, whole in obstacles.items()
-            for shape in _parts(whole)
+            for shape in parts_of(whole)
             if not isinstance(shape, Plane)
         ]
         self._half = (0.5 * parcel,) * 3
@@ -185,14 +184,6 @@ def _corners(shape: Convex, eye: Vec3) -> Array:
             return numpy.stack(sides, axis=-1).reshape(-1, 3)
         case Plane():
             raise ValueError("a wall without end has no corners")
-
-
-def _parts(shape: Shape) -> Iterator[Convex]:
-    """A shape by parts that are convex."""
-    if isinstance(shape, PointCloud):
-        yield from (Sphere(point, shape.radius) for point in shape.points)
-    else:
-        yield shape
 
 
 def _ball(shape: Convex) -> tuple[Vec3, float]:

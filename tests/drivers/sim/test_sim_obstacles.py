@@ -12,6 +12,7 @@ from kybflow.core.signals import NS
 from kybflow.drivers.sim import Sim
 from kybflow.parts import Seat
 from kybflow.parts.link import Touch
+from kybflow.world.columns import Columns
 from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 from kybflow.world.vehicle_context import VehicleContext
@@ -21,6 +22,7 @@ SHAPES = {
     "pillar": Cylinder((0.8, 0.0, 0.0), 0.3, 3.0),
     "ball": Sphere((0.8, 0.0, 1.0), 0.3),
     "wall": Plane((0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+    "map": Columns(tuple((0.6, 0.05 * y) for y in range(-6, 7)), 0.04, 0.0, 2.0),
     "scan": PointCloud(
         tuple((0.6, 0.05 * y, 0.05 * z) for y in range(-6, 7) for z in range(10, 31)), 0.06
     ),

@@ -5,6 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import Vec3, add, norm, scale
+from kybflow.world.columns import Columns
 from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
@@ -13,6 +14,7 @@ SHAPES: tuple[Shape, ...] = (
     Cylinder((0.2, 0.1, 0.0), 0.3, 1.5),
     Sphere((0.0, 0.0, 1.0), 0.4),
     Plane((0.0, 0.0, 0.0), (0.6, 0.8, 0.0)),
+    Columns(((0.0, 0.0), (1.2, 0.1)), 0.3, 0.2, 1.4),
     PointCloud(((0.0, 0.0, 1.0), (0.9, 0.1, 1.0), (-0.3, 0.5, 0.2)), 0.3),
 )
 STEP = 1e-5

@@ -7,6 +7,7 @@ import random
 import subprocess
 import sys
 import threading
+import time
 from typing import Any
 
 import pytest
@@ -15,9 +16,12 @@ from waiting import until
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
+from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.sensors._stream import PoseStream
 from kybflow.sensors.motion_capture import MotionCaptureSensor, MotionCaptureSensorParams, feed
 from kybflow.sensors.motion_capture.feed import Arrived, subscribe
+from kybflow.world.shapes import MovingSphere
 
 pytest.importorskip("motioncapture", "1.1")
 
@@ -108,3 +112,25 @@ def test_a_program_that_can_not_be_begun_or_talks_nonsense_is_begun_again(
     assert reasons == [
         "no frame has come yet", "OSError", "JSONDecodeError", "ValueError", "ValueError",
     ]  # fmt: skip
+
+
+def test_the_system_of_a_vehicle_sees_a_moving_obstacle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the library's mock, from its program to what vehicles keep away from."""
+    settings = {**MOCK, "rigid_bodies": "nano(4,5,6,1,0,0,0);ball_7(1,2,3,1,0,0,0)"}
+    monkeypatch.setattr(feed, "subscribe", lambda _, __, body: subscribe("mock", settings, body))
+    params = MotionCaptureSensorParams(system="vicon", host="127.0.0.1", body="nano")
+    params = MotionCaptureSensor.tracking(params, "ball_7")
+    stream = MotionCaptureSensor.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
+    ball = MovingSphere(((0.0, 0.0, 1.0),), 0.1, 0.5)
+    moving = MovingObstacles({"ball": ball}, Events(), {"ball": stream})
+    began = time.monotonic_ns()
+
+    def is_seen() -> bool:
+        moving.step(time.monotonic_ns() - began)
+        return "ball" in moving.seen
+
+    try:
+        until(is_seen, "a pose of the ball")
+    finally:
+        stream.close()
+    assert moving.seen["ball"].position == (1.0, 2.0, 3.0)

@@ -1,0 +1,94 @@
+"""A map of occupied cells as ROS's map_server has it: a small YAML file, which names its image, and
+a picture (PGM, 8 bits). A cell is occupied where its darkness, (255 - value) / 255, or where
+`negate` is set value / 255, is more than `occupied_thresh`; what is unknown is taken for free. The
+picture's lower left corner is at `origin`: x, y, and how the map is turned about it. Everything
+raises FileError.
+"""
+
+from __future__ import annotations
+
+import re
+from math import cos, isfinite, pi, sin
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import yaml
+
+from kybflow.core.errors import FileError
+from kybflow.core.files import File
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_LONGEST = 10_000
+_COARSEST = 10.0
+_WORD = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(\S+)")
+
+
+class MapInfo(NamedTuple):
+    """What the YAML file says. image: the picture's file, as seen from its own. resolution: metres
+    a cell. origin: x, y, and the angle (rad). occupied: the least darkness. negate: whether white
+    is occupied."""
+
+    image: str
+    resolution: float
+    origin: tuple[float, float, float]
+    occupied: float
+    negate: bool
+
+
+def read_info(file: File) -> MapInfo:
+    """What a map's YAML file says."""
+    if len(file.text) > _LONGEST:
+        raise FileError("it is too long for a map's YAML file")
+    try:
+        said: Any = yaml.safe_load(file.text)
+        image, resolution = said["image"], float(said["resolution"])
+        x, y, turned = map(float, said["origin"])
+        occupied, negate = float(said["occupied_thresh"]), bool(int(said.get("negate", 0)))
+    except (yaml.YAMLError, RecursionError, AttributeError, KeyError, TypeError, ValueError):
+        hint = "it needs `image`, `resolution`, `origin: [x, y, yaw]` and `occupied_thresh`"
+        raise FileError("it is no map of ROS's map_server", hint=hint) from None
+    if not isinstance(image, str):
+        raise FileError("`image` is no name of a file")
+    if not 0.0 < resolution <= _COARSEST or not 0.0 < occupied < 1.0:
+        raise FileError("`resolution` or `occupied_thresh` is out of bounds")
+    if not all(map(isfinite, (x, y))) or not abs(turned) <= 2 * pi:
+        raise FileError("`origin` is no place")
+    return MapInfo(image, resolution, (x, y, turned), occupied, negate)
+
+
+def read_image(file: File) -> NDArray[Any]:
+    """The values of a picture, its uppermost row first."""
+    import numpy as np
+
+    words, place, data = list[bytes](), 0, file.data
+    while len(words) < 4 and (match := _WORD.match(data, place)):
+        words.append(match[1])
+        place = match.end()
+    if len(words) < 4 or words[0] not in (b"P2", b"P5"):
+        raise FileError("it is no PGM picture", hint="convert it: `convert map.png map.pgm`")
+    try:
+        width, height, most = (int(word) for word in words[1:])
+        values = (
+            np.frombuffer(data, np.uint8, offset=place + 1)
+            if words[0] == b"P5"
+            else np.array(data[place:].split(), np.uint8)
+        )
+    except (ValueError, OverflowError):
+        raise FileError("it is a broken PGM picture") from None
+    if most != 255 or min(width, height) < 1 or len(values) < width * height:
+        raise FileError(f"{width} x {height} values of 8 bits are needed, but this has others")
+    return values[: width * height].reshape(height, width)
+
+
+def occupied_places(info: MapInfo, image: NDArray[Any]) -> NDArray[Any]:
+    """The centres of the occupied cells, (n, 2), metres, in the world."""
+    import numpy as np
+
+    dark = image / 255.0 if info.negate else (255.0 - image) / 255.0
+    rows, columns = np.nonzero(dark > info.occupied)
+    cells = np.column_stack((columns + 0.5, len(image) - rows - 0.5)) * info.resolution
+    x, y, turned = info.origin
+    c, s = cos(turned), sin(turned)
+    places: NDArray[Any] = cells @ np.array(((c, s), (-s, c))) + (x, y)
+    return places
