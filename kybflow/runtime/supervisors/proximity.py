@@ -90,7 +90,7 @@ class Proximity(Supervisor[ProximityParams]):
             apart = distance(here, other.position)
             gap = apart - bound
             if gap >= _FAR:
-                due[name] = now + round((gap - _FAR) / _CLOSING * NS)
+                due[name] = now + round(max((gap - _FAR) / _CLOSING, _LATEST) * NS)
                 continue
             bound += _stopping(tick.estimate, other, apart)
             if apart < bound + (_APART if name in self._close else 0.0):
