@@ -126,8 +126,9 @@ class FormationParams(FormationRoomParams):
     turn_rate: AngularRate = param("Largest rate of turning.", default=50 * pi / 180, above=0.0)
     acceleration: Acceleration = param("Largest acceleration.", default=0.7, above=0.0)
     tolerance: Length = param(
-        "Mean error of a member's distances up to which it is settled.", default=0.05, above=0.0
-    )
+        "Mean error of a member's distances to its nearest eight up to which it is settled.",
+        default=0.05, above=0.0,
+    )  # fmt: skip
     delay: Duration = param(
         "Least age of what members hear, to simulate a radio.",
         default=0.0, at_least=0.0, below=0.4, read_only=True,

@@ -75,13 +75,17 @@ class Proximity(Supervisor[ProximityParams]):
         self._touching = {name: 0.5 * (own + size) for name, size in context.diameters.items()}
         self._own = own
         self._close: frozenset[str] = frozenset()
+        self._next: Time = 0
         self._due: dict[str, Time] = {context.vehicle: NEVER}
 
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
         if len(tick.fleet) < 2 or tick.estimate is None or not airborne:
-            self._close, self._due = frozenset(), {self._vehicle: NEVER}
+            self._close, self._next, self._due = frozenset(), 0, {self._vehicle: NEVER}
             return None
-        now, due, params = tick.now, self._due, self.params
+        now, due = tick.now, self._due
+        if now < self._next:
+            return None
+        params = self.params
         here, close = tick.estimate.position, []
         for name, other in tick.fleet.items():
             if now < due.get(name, 0) or other is None:
@@ -90,7 +94,7 @@ class Proximity(Supervisor[ProximityParams]):
             apart = distance(here, other.position)
             gap = apart - bound
             if gap >= _FAR:
-                due[name] = now + round((gap - _FAR) / _CLOSING * NS)
+                due[name] = now + round(max((gap - _FAR) / _CLOSING, _LATEST) * NS)
                 continue
             bound += _stopping(tick.estimate, other, apart)
             if apart < bound + (_APART if name in self._close else 0.0):
@@ -99,6 +103,7 @@ class Proximity(Supervisor[ProximityParams]):
                 due[name] = now + round(min(gap / _CLOSING, _LATEST) * NS)
         self._close = frozenset(name for *_, name in close)
         if not close:
+            self._next = min(now + round(_LATEST * NS), *due.values())
             return None
         apart, bound, name = min(close)
         reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
