@@ -344,7 +344,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._judge(own, layout, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
-        self.waits_for = drive.waits_for or None
+        lost = " and ".join(f"`{m.name}`" for m in formed if m.trouble)
+        self.waits_for = drive.waits_for or (f"{lost} to recover" if lost else None)
         if drive.lost > p.patience:
             return Failed(setpoint, drive.trouble)
         return Done(setpoint) if drive.ended and self._is_complete else setpoint

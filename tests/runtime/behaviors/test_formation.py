@@ -167,6 +167,7 @@ def test_the_others_stop_for_one_that_is_lost_and_go_on_with_it(
     assert others >= {"a", "c", "d"}
     assert all(reason in fields["reason"] for _, fields in swarm.told("neighbour_lost"))
     assert all(distance(swarm.setpoints[n].velocity or ZERO, ZERO) < 0.01 for n in "acd")
+    assert {swarm.flown[n].waits_for for n in "acd"} == {"`b` to recover"}
 
 
 def test_it_goes_on_once_a_jump_is_over() -> None:
@@ -179,6 +180,7 @@ def test_it_goes_on_once_a_jump_is_over() -> None:
     swarm.fly(3.0, x=0.5)
     assert swarm.speed() > 0.2
     assert {fields["neighbour"] for _, fields in swarm.told("neighbour_recovered")} == {"b"}
+    assert swarm.flown["a"].waits_for is None
 
 
 def test_one_leaves_and_comes_back_into_the_place_that_is_free() -> None:
