@@ -84,19 +84,26 @@ def broken(session, breaks, watch):
 
 class AgesOnReceipt:
     """How old each move was as a drone took it: `seconds`, from the tick that made it, by the clock
-    of the stream that sent it. `most_held`: the age of the oldest that was sent as it was made."""
+    of the stream that sent it. `most_held`: the age of the oldest that was sent, as the stream saw
+    it."""
 
     def __init__(self, monkeypatch):
         self.seconds, self.most_held, self._made = [], 0.0, {}
         due, take = CommandStream.due, OnboardDrone._take
 
         def noting_due(stream):
-            held, sent = stream._held, due(stream)
-            for data in sent:
-                for command in read_commands(data):
-                    if command.name == "PCMD" and command.arguments[0]:
-                        self._made[command.sequence, command.arguments] = held.at, stream._clock
-                        self.most_held = max(self.most_held, (stream._clock() - held.at) / NS)
+            held, clock, judged = stream._held, stream._clock, []
+            stream._clock = lambda: judged.append(clock()) or judged[-1]
+            try:
+                sent = due(stream)
+            finally:
+                stream._clock = clock
+            if held is None or stream._held is not held:
+                return sent  # the tick made another meanwhile
+            for command in (c for data in sent for c in read_commands(data)):
+                if command.name == "PCMD" and command.arguments[0]:
+                    self._made[command.sequence, command.arguments] = held.at, clock
+                    self.most_held = max(self.most_held, (judged[0] - held.at) / NS)
             return sent
 
         def noting_take(drone, command, now):

@@ -205,6 +205,7 @@ def _facts(spec: PartSpec) -> Iterator[str]:
         yield "simulated" if cls.simulated else "hardware"
         yield f"takes {_values(cls.accepts)}"
         yield f"provides {_kinds(cls.provides)}"
+        yield from ([f"performs {', '.join(f'`{act}`' for act in cls.acts)}"] if cls.acts else [])
     elif spec.kind == "faults":
         yield from (["on a firmware's own simulator too"] if cls.ours else [])
     elif spec.kind == "sensors":

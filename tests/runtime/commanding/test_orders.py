@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.errors import CommandUnreadable
-from kybflow.dsl.plan import Emit, Enable, EnterPhase, SetOption, Stop, Switch
+from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 from kybflow.runtime.commanding.orders import (
     LONGEST,
     LandOrder,
@@ -31,6 +31,7 @@ SPELLED = {
     "enable mk.processors.smooth": Enable("mk", "processors.smooth", True),
     "disable mk.processors.smooth": Enable("mk", "processors.smooth", False),
     "phase swarm gather": EnterPhase("swarm", "gather"),
+    "perform mk leds_red": Perform("mk", "leds_red"),
     "pause": PauseOrder(),
     "resume mk": ResumeOrder(("mk",)),
     "reset mk nano": ResetOrder(("mk", "nano")),
@@ -64,6 +65,7 @@ def test_the_operator_s_events_are_the_commands_that_they_name() -> None:
         ("switch mk goto a=", "`switch` is written `switch VEHICLE STATE"),
         ("switch mk goto a=1 a=2", "`switch` is written `switch VEHICLE STATE"),
         ("set mk.a.b", "`set` is written `set OPTION VALUE`"),
+        ("perform mk", "`perform` is written `perform VEHICLE ACT`"),
         ("enable mk", "`enable` is written `enable VEHICLE.processors.NAME`"),
         ("release me", "`release` is written `release`"),
         ("stop " + "x" * LONGEST, "a command has at most 1000 letters, not 1005"),
