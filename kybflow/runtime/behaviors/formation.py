@@ -344,7 +344,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._judge(own, layout, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
-        lost = " and ".join(f"`{m.name}`" for m in formed if m.trouble)
+        lost = " and ".join(f"`{name}`" for name in team.troubled if name in team.placed)
         self.waits_for = drive.waits_for or (f"{lost} to recover" if lost else None)
         if drive.lost > p.patience:
             return Failed(setpoint, drive.trouble)
