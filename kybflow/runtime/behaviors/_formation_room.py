@@ -11,7 +11,7 @@ from kybflow.core.signals import NS, Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
-from kybflow.flight.formation.layout import Layout
+from kybflow.flight.formation.layout import Arrangement
 from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -79,7 +79,7 @@ class FormationRoom:
     def near(
         self,
         frame: MovingFrame,
-        layout: Layout,
+        layout: Arrangement,
         obstacles: tuple[Shape, ...],
         speed: float,
         p: FormationRoomParams,

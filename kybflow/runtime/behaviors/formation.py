@@ -50,7 +50,7 @@ from kybflow.flight.formation.frame import (
     mean_heading,
     moved,
 )
-from kybflow.flight.formation.layout import Layout, laid_out
+from kybflow.flight.formation.layout import Arrangement, laid_out
 from kybflow.flight.motion import Coast, Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
@@ -303,7 +303,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         """The places in the frame."""
         return tuple(places.turned_by(self._turned, place) for place in self._shape)
 
-    def _laid_out(self, own: int, taken: frozenset[int]) -> Layout:
+    def _laid_out(self, own: int, taken: frozenset[int]) -> Arrangement:
         """The layout of the places that are taken, worked out when others are."""
         which = (self._turned, own, taken)
         if self._layout_of != which:
@@ -350,7 +350,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return Failed(setpoint, drive.trouble)
         return Done(setpoint) if drive.ended and self._is_complete else setpoint
 
-    def _move(self, layout: Layout, team: Team, limits: FrameLimits, tick: Tick) -> None:
+    def _move(self, layout: Arrangement, team: Team, limits: FrameLimits, tick: Tick) -> None:
         """Move the frame by a tick: as slowly as the one that lags most needs it."""
         p, frame, share = self.params, self._frame, self._share(team, tick)
         asked = Asked()
@@ -379,7 +379,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
         self._heading = wrap(self._frame.heading + left)
 
-    def _judge(self, own: _Placed, layout: Layout, team: Team, tick: Tick) -> None:
+    def _judge(self, own: _Placed, layout: Arrangement, team: Team, tick: Tick) -> None:
         """Find whether it is settled, and tell when all are."""
         p, seen = self.params, team.positions
         others = [(seen[place], wanted) for place, wanted in layout.near if place in seen]

@@ -151,7 +151,7 @@ def test_who_is_in_motion_is_judged_from_where_it_comes_to_rest() -> None:
     activity = SimpleNamespace(
         entry=lambda: entry, params_of=lambda _, values: replace(params, **dict(values))
     )
-    requests = Requests(goer(), activity, None, None, None, None)
+    requests = Requests(goer(), None, activity, None, None, None, None)
     requests.judge = Judge()
     goal = (("position", (1.0, 0.0, 1.0)),)
     assert requests._misled(goer().states["goto"], goal) == "no"
@@ -230,7 +230,7 @@ def test_a_part_that_raises_with_values_or_speaks_against_them_is_not_entered(ru
 
 
 def test_where_nobody_can_judge_no_value_is_taken() -> None:
-    requests = Requests(goer(), None, None, None, None, None)
+    requests = Requests(goer(), None, None, None, None, None, None)
     assert requests.read("goto", ()) == ()
     with pytest.raises(Refused, match="nothing here can judge values"):
         requests.read("goto", (("speed", "1 m/s"),))
