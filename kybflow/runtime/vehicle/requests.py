@@ -276,7 +276,9 @@ class Requests:
             return f"its driver performs it with `{known.needs}: true` only"
         if not known.moves:
             return None
-        return (_SOMEBODYS if self._override.is_somebodys else None) or self._unfree()
+        if self._override.is_somebodys:
+            return _SOMEBODYS
+        return self._unfree() or self._held(Requester.OPERATOR)
 
     def _order(self, order: _Order, answered: Answered) -> None:
         self._orders.append((order, answered))

@@ -60,6 +60,15 @@ def test_with_permission_it_is_asked_for_a_flip_and_a_calibration_in_flight_alon
     assert drone.accepted == {"CALIB": 1}
 
 
+def test_who_lands_it_has_it_but_its_leds(tmp_path):
+    commands = (asked(9.0, "land a"), asked(9.5, "perform a flip_left"),
+                asked(9.6, "perform a leds_red"))  # fmt: skip
+    _, told, _ = flight(tmp_path, *commands, maneuvers=True)
+    refused, played = answers(told)[-2:]
+    assert refused == ("flip_left", "the run ends: a person landed it")
+    assert played == ("leds_red", None)
+
+
 def test_by_the_compass_it_flies_as_by_its_own_axes(tmp_path):
     done, told, _ = flight(tmp_path, compass=1.5707963)  # the world's x axis points east
     assert done.summary["outcome"] == "succeeded", told
