@@ -11,7 +11,7 @@ from kybflow.core.signals import NS, Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
-from kybflow.flight.formation.layout import Arrangement
+from kybflow.flight.formation.taken_places import TakenPlaces
 from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -79,7 +79,7 @@ class FormationRoom:
     def near(
         self,
         frame: MovingFrame,
-        layout: Arrangement,
+        taken: TakenPlaces,
         obstacles: tuple[Shape, ...],
         speed: float,
         p: FormationRoomParams,
@@ -88,16 +88,16 @@ class FormationRoom:
         from the centre. What is far from all places is told apart at once. Of the ground and the
         ceiling, which no turn brings nearer, the nearest place tells."""
         centre, box, keep = frame.centre, self.box(p), self._context.airframe.arm + p.clearance
-        reach, far = reach_of(speed), layout.radius
+        reach, far = reach_of(speed), taken.radius
         solids = [o for o in obstacles if o.distance(centre) - keep - far < reach]
         sides: list[Surface] = []
         found: list[tuple[Vec3, Surface]] = []
         if box is not None:
             *sides, (below, up), (above, down) = walls(centre, box)
-            sides = [side for side in sides if side.room - layout.reach < reach]
-            ends = ((below + layout.low, up), (above - layout.high, down))
+            sides = [side for side in sides if side.room - taken.reach < reach]
+            ends = ((below + taken.low, up), (above - taken.high, down))
             found = [(ZERO, Surface(room, out)) for room, out in ends if room < reach]
-        for offset in frame.all_turned(layout.places) if solids or sides else ():
+        for offset in frame.all_turned(taken.places) if solids or sides else ():
             place = add(centre, offset)
             surfaces = [Surface(room + dot(offset, out), out) for room, out in sides]
             for one in solids:

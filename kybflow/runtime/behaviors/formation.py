@@ -50,7 +50,7 @@ from kybflow.flight.formation.frame import (
     mean_heading,
     moved,
 )
-from kybflow.flight.formation.layout import Arrangement, laid_out
+from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
 from kybflow.flight.motion import Coast, Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
@@ -181,7 +181,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
         self._frame, self._turned = MovingFrame(entry.position), 0.0
-        self._layout_of: tuple[float, int, frozenset[int]] | None = None
+        self._taken_for: tuple[float, int, frozenset[int]] | None = None
         self._wait(entry.motion, entry.heading, entry.now)
 
     def _wait(self, motion: Motion, heading: float, now: Time) -> None:
@@ -303,12 +303,12 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         """The places in the frame."""
         return tuple(places.turned_by(self._turned, place) for place in self._shape)
 
-    def _laid_out(self, own: int, taken: frozenset[int]) -> Arrangement:
-        """The layout of the places that are taken, worked out when others are."""
+    def _taken_places(self, own: int, taken: frozenset[int]) -> TakenPlaces:
+        """The places that are taken, worked out anew when others are."""
         which = (self._turned, own, taken)
-        if self._layout_of != which:
-            self._layout_of, self._layout = which, laid_out(self._turned_shape(), own, taken)
-        return self._layout
+        if self._taken_for != which:
+            self._taken_for, self._taken = which, seen_from(self._turned_shape(), own, taken)
+        return self._taken
 
     def _waiting(self, team: Team, tick: Tick) -> Setpoint | Failed:
         """Rest, and say so."""
@@ -334,14 +334,14 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if self._members.goes_first(own.place, team):
             self._wait(self._frame.motion(motion), self._heading, tick.now)
             return self._waiting(team, tick)
-        layout = self._laid_out(own.place, team.taken)
+        taken = self._taken_places(own.place, team.taken)
         limits = FrameLimits(self._most_speed, p.climb, p.turn_rate, p.acceleration)
-        self._move(layout, team, limits, tick)
+        self._move(taken, team, limits, tick)
         wanted = self._frame.motion(motion)
         self._point = wanted.position
         self._turn_with(own, tick)
         self._let_feel(team, limits, tick)
-        self._judge(own, layout, team, tick)
+        self._judge(own, taken, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
         lost = " and ".join(f"`{name}`" for name in team.troubled if name in team.placed)
@@ -350,7 +350,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return Failed(setpoint, drive.trouble)
         return Done(setpoint) if drive.ended and self._is_complete else setpoint
 
-    def _move(self, layout: Arrangement, team: Team, limits: FrameLimits, tick: Tick) -> None:
+    def _move(self, taken: TakenPlaces, team: Team, limits: FrameLimits, tick: Tick) -> None:
         """Move the frame by a tick: as slowly as the one that lags most needs it."""
         p, frame, share = self.params, self._frame, self._share(team, tick)
         asked = Asked()
@@ -359,8 +359,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             asked = Asked(scale(asked.velocity, share), share * asked.rate)
         obstacles = self._room.obstacles(tick, self._delay, team.away)
         fastest = 2.0 * max(limits.speed, limits.climb)
-        near = self._room.near(frame, layout, obstacles, fastest, p)
-        self._frame = moved(frame, asked, limits, tick.dt, team.frame, layout.reach, near)
+        near = self._room.near(frame, taken, obstacles, fastest, p)
+        self._frame = moved(frame, asked, limits, tick.dt, team.frame, taken.reach, near)
 
     def _share(self, team: Team, tick: Tick) -> float:
         """The share of the speed at which nobody is left behind."""
@@ -379,10 +379,10 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
         self._heading = wrap(self._frame.heading + left)
 
-    def _judge(self, own: _Placed, layout: Arrangement, team: Team, tick: Tick) -> None:
+    def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
         """Find whether it is settled, and tell when all are."""
         p, seen = self.params, team.positions
-        others = [(seen[place], wanted) for place, wanted in layout.near if place in seen]
+        others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
         error = distance_error(tick.known().position, others)
         arrived = (tick.now - own.began) / NS >= own.shift.duration
         bound = p.tolerance * (_RETRACTED if self._settled else 1.0)

@@ -17,7 +17,7 @@ from kybflow.core.geometry import Vec3, distance, norm
 NEAREST = 8
 
 
-class Arrangement(NamedTuple):
+class TakenPlaces(NamedTuple):
     """places: those that are taken. near: the nearest ones by number, each with its distance.
     reach: how far they go from the frame's axis; low, high: their least and greatest height;
     radius: how far they go from the centre."""
@@ -30,13 +30,13 @@ class Arrangement(NamedTuple):
     radius: float
 
 
-def laid_out(shape: Sequence[Vec3], own: int, others: Collection[int]) -> Arrangement:
-    """Return the layout of a shape, of which `own` and `others` are taken, for who has `own`."""
+def seen_from(shape: Sequence[Vec3], own: int, others: Collection[int]) -> TakenPlaces:
+    """Return those of a shape, of which `own` and `others` are taken, for who has `own`."""
     taken = sorted({i for i in others if i < len(shape)} | {own})
     places = tuple(shape[i] for i in taken)
     away = sorted((distance(shape[own], shape[i]), i) for i in taken if i != own)
     heights = [z for _, _, z in places]
-    return Arrangement(
+    return TakenPlaces(
         places,
         tuple((i, far) for far, i in away[:NEAREST]),
         max(hypot(x, y) for x, y, _ in places),
