@@ -9,7 +9,7 @@ import pytest
 from short_flights import named
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.api.rehearsal.arrivals import Course, arrival
+from kybflow.api.rehearsal.arrivals import StraightWay, arrival
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.signals import NS, Event
@@ -142,31 +142,31 @@ PHASE = PhasePlan("over", {"a": "x", "b": "x"}, {}, (), ())
 
 def test_where_nobody_knows_the_ways_turns_may_help() -> None:
     one, other = (
-        Course("a", ORIGIN, None, keeps_pace=True),
-        Course("b", NORTH, EAST, keeps_pace=True),
+        StraightWay("a", ORIGIN, None, keeps_pace=True),
+        StraightWay("b", NORTH, EAST, keeps_pace=True),
     )
     assert arrival(PHASE, one, other, 1.0) == Arrival("over", ("in_turns",))
 
 
 def test_where_two_swap_their_places_nothing_helps() -> None:
     one, other = (
-        Course("a", ORIGIN, EAST, keeps_pace=True),
-        Course("b", EAST, ORIGIN, keeps_pace=True),
+        StraightWay("a", ORIGIN, EAST, keeps_pace=True),
+        StraightWay("b", EAST, ORIGIN, keeps_pace=True),
     )
     assert arrival(PHASE, one, other, 0.5) is None
 
 
 def test_where_one_flies_otherwise_they_keep_no_pace() -> None:
     one, other = (
-        Course("a", ORIGIN, EAST, keeps_pace=True),
-        Course("b", NORTH, FAR, keeps_pace=False),
+        StraightWay("a", ORIGIN, EAST, keeps_pace=True),
+        StraightWay("b", NORTH, FAR, keeps_pace=False),
     )
     assert arrival(PHASE, one, other, 0.5) == Arrival("over", ("in_turns",))
 
 
 def test_what_comes_in_turns_already_is_not_told_to() -> None:
     one, other = (
-        Course("a", ORIGIN, EAST, keeps_pace=True),
-        Course("b", NORTH, FAR, keeps_pace=True),
+        StraightWay("a", ORIGIN, EAST, keeps_pace=True),
+        StraightWay("b", NORTH, FAR, keeps_pace=True),
     )
     assert arrival(replace(PHASE, arrive="in_turns"), one, other, 0.5) is None

@@ -13,7 +13,7 @@ from kybflow.dsl.plan import PhasePlan
 from kybflow.dsl.rehearsed import Arrival
 
 
-class Course(NamedTuple):
+class StraightWay(NamedTuple):
     """What a phase lets a vehicle fly: from `begin` straight to `end` (world, metres), None where
     it is no straight line or nobody knows."""
 
@@ -23,7 +23,9 @@ class Course(NamedTuple):
     keeps_pace: bool
 
 
-def arrival(phase: PhasePlan, one: Course, other: Course, needed: float) -> Arrival | None:
+def arrival(
+    phase: PhasePlan, one: StraightWay, other: StraightWay, needed: float
+) -> Arrival | None:
     """Return what the phase could say to keep two of its vehicles `needed` metres apart, None where
     nothing does, or where it lets them arrive in turns already."""
     if phase.arrive == "in_turns":
@@ -44,7 +46,7 @@ def arrival(phase: PhasePlan, one: Course, other: Course, needed: float) -> Arri
     return Arrival(phase.name, tuple(ways), before) if ways else None
 
 
-def _in_turns(first: Course, second: Course) -> float:
+def _in_turns(first: StraightWay, second: StraightWay) -> float:
     """The least distance of two vehicles of which the first flies before the second."""
     assert first.end is not None
     assert second.end is not None

@@ -11,7 +11,7 @@ from itertools import combinations
 from math import hypot, inf
 from typing import NamedTuple
 
-from kybflow.api.rehearsal.arrivals import Course, arrival, least_distance
+from kybflow.api.rehearsal.arrivals import StraightWay, arrival, least_distance
 from kybflow.core.geometry import Vec3, distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
@@ -298,7 +298,7 @@ class Watch:
             return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
         return None
 
-    def _way(self, vehicle: Vehicle, phase: PhasePlan) -> Course:
+    def _way(self, vehicle: Vehicle, phase: PhasePlan) -> StraightWay:
         """Return what a phase lets a vehicle fly, from where it was when it began."""
         name = vehicle.name
         cls, state = vehicle.plan.states[phase.run[name]].behavior.cls, phase.run[name]
@@ -306,7 +306,7 @@ class Watch:
         told = cls.footprint(vehicle.activity.params_of(state, phase.values.get(name, ())), begin)
         is_straight = told is not None and len(told.points) == 2 and not told.path
         end = told.exit if told is not None and is_straight else None
-        return Course(name, begin or vehicle.context.start, end, cls.keeps_pace)
+        return StraightWay(name, begin or vehicle.context.start, end, cls.keeps_pace)
 
     def _states(self) -> tuple[str, ...]:
         return tuple(self._doing(vehicle).note for vehicle in self._vehicles.values())

@@ -26,7 +26,7 @@ from kybflow.world.vehicle_context import VehicleContext
 Commanded = tuple[Command, Setpoint | None]
 """(the command of a tick, the setpoint before processing)."""
 
-SetOption = Callable[[str, Any, str, str], None]
+OptionSetter = Callable[[str, Any, str, str], None]
 """Asks for another value of an option: its name, the value (SI), who asks and the mission line.
 Raises OptionRefused, which is told already."""
 
@@ -55,7 +55,7 @@ class Control:
         events: Events,
     ) -> None:
         self.followed: Setpoint | None = None
-        self.set_option: SetOption = _nobody_sets
+        self.set_option: OptionSetter = _nobody_sets
         self._plan, self._context, self._params = plan, context, params
         self._activity, self._reactions, self._output = activity, reactions, output
         self._events = events

@@ -45,7 +45,7 @@ from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.arming_watch import ArmingWatch
-from kybflow.runtime.vehicle.control import Commanded, Control, SetOption
+from kybflow.runtime.vehicle.control import Commanded, Control, OptionSetter
 from kybflow.runtime.vehicle.decision import Decision
 from kybflow.runtime.vehicle.external_position import ExternalPosition
 from kybflow.runtime.vehicle.knowledge import Knowledge
@@ -146,7 +146,7 @@ class Vehicle:
         """The setpoint that the tracker followed last, None while there is none."""
         return self._control.followed
 
-    def heed(self, set_option: SetOption) -> None:
+    def heed(self, set_option: OptionSetter) -> None:
         """Let its processors retune its tracker through the options."""
         self._control.set_option = set_option
 
