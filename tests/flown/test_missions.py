@@ -14,9 +14,12 @@ from kybflow.parts.catalog import load_catalog
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 DRAWN = frozenset({"courier", "courier_hard"})
 """Camera frames are drawn for these, which takes long: they have no second seed but the slow."""
-LONG = frozenset({"courier", "courier_hard", "formation", "joystick"})
-"""Flown in the thorough tests only: the couriers and the formation take longer than all others
-together; `joystick` flies what `teleoperation` does."""
+LONG = DRAWN | {
+    *("formation", "swarm_teleoperation", "follow_leader", "waypoint_swarm"),
+    *("cross_traffic", "corridor", "joystick"),
+}
+"""Flown in the thorough tests only: each takes longer than ten of the others together, but for
+`joystick`, which flies what `teleoperation` does."""
 GUESSES = ("80 %", "120 %")
 
 
