@@ -16,7 +16,8 @@ from kybflow.dsl.reading.nodes import Mapping
 from kybflow.parts import Footprint
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
-from kybflow.world.shapes import Box, MovingSphere, Shape
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import Tag
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -182,8 +183,10 @@ class AirframeEntry:
 
 
 class Scan(NamedTuple):
-    """The parameters of what was scanned, as declared, its files, and where they are named."""
+    """What was scanned: the key that it is written with, its parameters as declared, its files, and
+    where they are named."""
 
+    kind: str
     params: Any
     files: tuple[File, ...]
     span: Span

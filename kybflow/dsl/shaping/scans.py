@@ -58,7 +58,7 @@ def _cloud(own: MappingEntry, body: Mapping) -> Found:
         yield Diagnostic("KYB545", f"`{of.file}`: {wrong}", span, help=hint)
         return None
     shape = PointCloud(tuple(map(tuple, points.tolist())), of.radius)
-    return shape, Scan(of, (of.file,), span)
+    return shape, Scan(own.key.text, of, (of.file,), span)
 
 
 def _occupancy(own: MappingEntry, body: Mapping) -> Found:
@@ -82,7 +82,7 @@ def _occupancy(own: MappingEntry, body: Mapping) -> Found:
         tuple(map(tuple, places.tolist())), info.resolution * sqrt(0.5), of.foot,
         of.foot + of.height,
     )  # fmt: skip
-    return shape, Scan(of, (of.file, image), span)
+    return shape, Scan(own.key.text, of, (of.file, image), span)
 
 
 KINDS: dict[str, Callable[[MappingEntry, Mapping], Found]] = {
