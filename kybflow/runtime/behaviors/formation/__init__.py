@@ -52,17 +52,17 @@ from kybflow.flight.motion import Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
-from kybflow.runtime.behaviors._formation_drives import (
+from kybflow.runtime.behaviors._hand import was_held
+from kybflow.runtime.behaviors.formation.drives import (
     AlongPath,
     BehindLeader,
     ByHand,
     Drive,
     Still,
 )
-from kybflow.runtime.behaviors._formation_meeting import Assigned, Meeting, Rest
-from kybflow.runtime.behaviors._formation_room import FormationRoom, FormationRoomParams
-from kybflow.runtime.behaviors._hand import was_held
-from kybflow.runtime.behaviors._members import WAITING, InFormation, Members, Team
+from kybflow.runtime.behaviors.formation.meeting import Assigned, Meeting, Rest
+from kybflow.runtime.behaviors.formation.members import WAITING, InFormation, Members, Team
+from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 from kybflow.world.vehicle_context import VehicleContext
 
 _UNHURRIED = 0.25

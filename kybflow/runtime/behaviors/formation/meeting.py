@@ -16,8 +16,8 @@ from kybflow.core.signals import NS, Time
 from kybflow.flight.formation import places
 from kybflow.flight.formation.frame import MovingFrame, longest, mean_frame, mean_heading
 from kybflow.flight.motion import Coast, Motion
-from kybflow.runtime.behaviors._formation_room import FormationRoom, FormationRoomParams
-from kybflow.runtime.behaviors._members import WAITING, Member
+from kybflow.runtime.behaviors.formation.members import WAITING, Member
+from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 
 _NOTICE: Time = NS // 10
 """How long a member has waited, beyond the delay, until all have surely heard of it."""
