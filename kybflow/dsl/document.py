@@ -212,7 +212,7 @@ class MovingEntry:
     sphere: MovingSphere
     span: Span
 
-    def eye(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
+    def seen_by(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
         """The first sensor that can tell where it is, with its vehicle and the parameters for it;
         None where there is none."""
         body = self.sphere.body or self.name.text
