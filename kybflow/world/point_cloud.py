@@ -41,6 +41,11 @@ class PointCloud:
     points: tuple[Vec3, ...] = field(repr=False)
     radius: float
 
+    @classmethod
+    def of(cls, points: Array, radius: float) -> PointCloud:
+        """Return the cloud of points, (n, 3)."""
+        return cls(tuple(map(tuple, points.tolist())), radius)
+
     def distance(self, p: Vec3) -> float:
         """Return the distance from the nearest ball to `p`; negative inside."""
         return float(self._tree.query(p)[0]) - self.radius
