@@ -113,7 +113,7 @@ def _place(shape: Convex) -> str:
 
 
 def _moving(name: str, ball: MovingSphere) -> str:
-    """A ball that is moved by hand, so to say: nothing pushes it off its way."""
+    """A body that the world places each tick, `mocap` to MuJoCo: nothing pushes it off its way."""
     called = escape(OBSTACLE + name)
     return (
         f'<body name="{called}" mocap="true" pos="{_numbers(ball.at(0.0))}">'

@@ -143,8 +143,8 @@ class Vehicle:
         """The setpoint that the tracker followed last, None while there is none."""
         return self._control.followed
 
-    def heed(self, set_option: SetOption) -> None:
-        """Let its processors retune its tracker through the options."""
+    def use_options(self, set_option: SetOption) -> None:
+        """Let its processors retune its tracker through `set_option`, that of the options."""
         self._control.set_option = set_option
 
     @property
