@@ -10,11 +10,9 @@ from collections.abc import Iterable, Iterator
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, add, distance, sub
+from kybflow.core.geometry import UP, Vec3, add, distance, sub
 from kybflow.world.columns import Columns
 from kybflow.world.point_cloud import PointCloud
-
-UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 def _unit(x: float, y: float, z: float) -> Vec3:

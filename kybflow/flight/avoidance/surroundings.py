@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
+from kybflow.core.geometry import UP, ZERO, Vec3, distance, norm, scale, sub
 from kybflow.core.signals import NS, Tick, Time
-from kybflow.world.shapes import UP, around
+from kybflow.world.shapes import around
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _CLOSING, _LATEST = 20.0, 0.1
