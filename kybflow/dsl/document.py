@@ -212,14 +212,16 @@ class MovingEntry:
     sphere: MovingSphere
     span: Span
 
-    def seen_by(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
+    def tracked_by(
+        self, vehicles: Iterable[VehicleEntry]
+    ) -> tuple[VehicleEntry, PartUse, Any] | None:
         """The first sensor that can tell where it is, with its vehicle and the parameters for it;
         None where there is none."""
         body = self.sphere.body or self.name.text
         for vehicle in vehicles:
             for sensor in vehicle.sensors:
-                params = sensor.part.spec.cls.tracking(sensor.part.params, body)
-                if params is not None:
+                if sensor.part.spec.cls.tracks_bodies:
+                    params = sensor.part.spec.cls.tracking(sensor.part.params, body)
                     return vehicle, sensor.part, params
         return None
 

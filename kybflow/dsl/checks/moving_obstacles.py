@@ -14,14 +14,20 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
     if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
         return
     for moving in case.document.moving:
-        if moving.seen_by(case.vehicles()) is None:
+        if moving.tracked_by(case.vehicles()) is None:
             yield Diagnostic(
                 "KYB511",
                 f"nothing sees where `{moving.name.text}` is",
                 moving.span,
                 label="motion capture tracks no vehicle",
-                help="give one the sensor `vrpn` or `motion_capture`, or fly a simulated target",
+                help=f"give one the sensor {_real(case)}, or fly a simulated target",
             )
+
+
+def _real(case: Case) -> str:
+    """The real sensors that track bodies, in words."""
+    known = (spec for spec in case.parts("sensors") if not spec.cls.simulated)
+    return " or ".join(f"`{spec.name}`" for spec in known if spec.cls.tracks_bodies)
 
 
 def seen_as_another(case: Case) -> Iterator[Diagnostic]:
@@ -34,8 +40,8 @@ def seen_as_another(case: Case) -> Iterator[Diagnostic]:
             if claim is not None:
                 taken.setdefault(claim.what, vehicle.name.text)
     for moving in case.document.moving:
-        name, seen = moving.name.text, moving.seen_by(case.vehicles())
-        claim = None if seen is None else seen[1].spec.cls.claim(seen[2], name)
+        name, by = moving.name.text, moving.tracked_by(case.vehicles())
+        claim = None if by is None else by[1].spec.cls.claim(by[2], name)
         if claim is not None and taken.setdefault(claim.what, name) != name:
             yield Diagnostic(
                 "KYB547",

@@ -92,7 +92,7 @@ def lower(
 def _watching(document: Document) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
     """The first sensor that can tell where a moving obstacle is, and its vehicle."""
     for moving in document.moving:
-        sensor = moving.seen_by(document.vehicles.values())
+        sensor = moving.tracked_by(document.vehicles.values())
         if sensor is not None:
             vehicle, use, params = sensor
             part = replace(_part(use, f"obstacles.{moving.name.text}"), params=params)
