@@ -27,7 +27,7 @@ from kybflow.flight.avoidance.barrier import (
     stopped,
 )
 from kybflow.flight.avoidance.detour import Detour
-from kybflow.flight.avoidance.surroundings import Nearby, Witness
+from kybflow.flight.avoidance.surroundings import Nearby, SecondPoint
 from kybflow.flight.governor import Follower, shortened
 from kybflow.flight.motion import motion_of
 from kybflow.world.vehicle_context import Airframe
@@ -94,8 +94,8 @@ class Avoidance:
         keep, strongest = keeping.keep + self._hull, self._strongest
         braking = min(keeping.braking, _PLANNED * strongest)
         reach = partial(_reach, keep, braking, strongest)
-        witness = Witness(known.position, keeping.slack) if kind is _POSITION else None
-        near = self._nearby.near(place, norm(velocity), tick, reach, witness)
+        second = SecondPoint(known.position, keeping.slack) if kind is _POSITION else None
+        near = self._nearby.near(place, norm(velocity), tick, reach, second)
         demands = [demand(h, keep, velocity, braking, strongest) for h in near]
         if kind is _POSITION:
             return self._followed(setpoint, demands, keeping, strongest, tick)

@@ -24,7 +24,7 @@ _LOST = 1.0
 """Seconds after which what is not seen grows no more."""
 
 
-class Witness(NamedTuple):
+class SecondPoint(NamedTuple):
     """Another point to look from, and by how much less than from the first may be left from it."""
 
     point: Vec3
@@ -75,11 +75,16 @@ class Nearby:
         return not (self._solids or self._hulls or self._moves)
 
     def near(
-        self, point: Vec3, speed: float, tick: Tick, reach_of: Reach, also: Witness | None = None
+        self,
+        point: Vec3,
+        speed: float,
+        tick: Tick,
+        reach_of: Reach,
+        also: SecondPoint | None = None,
     ) -> Iterator[Hazard]:
         """Yield what is within reach of a point that moves at `speed`, as seen from `also` where
         that is nearer by more than its slack. reach_of: how far that is at a closing speed."""
-        known, slack = also or Witness(point, 0.0)
+        known, slack = also or SecondPoint(point, 0.0)
         if self._solids:
             yield from self._standing(point, reach_of(speed), tick.now, known, slack)
         now, later = tick.now, self._later
