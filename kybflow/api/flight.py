@@ -217,14 +217,9 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         clock = clock_for(plan, pace_of(plan, None))
         inputs = Inputs(plan.inputs, devices.inputs, events)
         engine = Engine(
-            plan,
-            clock,
-            devices.sessions,
-            vehicles,
-            events,
-            inputs=inputs,
+            plan, clock, devices.sessions, vehicles, events, inputs=inputs,
             watching=devices.watching,
-        )
+        )  # fmt: skip
         lines = engine.inspect()
         failed = next((v.link_error for v in vehicles if v.link_error), None)
         return Inspected(lines, failed)
@@ -344,17 +339,9 @@ class _Run:
         clock = clock_for(plan, pace)
         request = self._request
         engine = self._engine = Engine(
-            plan,
-            clock,
-            devices.sessions,
-            vehicles,
-            events,
-            observers,
-            request.seed,
-            self._commands,
-            inputs,
-            devices.watching,
-        )
+            plan, clock, devices.sessions, vehicles, events, observers, request.seed,
+            self._commands, inputs, devices.watching,
+        )  # fmt: skip
         engine.interrupts = self.interrupts
         for name, value in request.options:
             engine.options.set(name, value, "command line")

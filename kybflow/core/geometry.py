@@ -14,6 +14,7 @@ Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
+UP: Vec3 = (0.0, 0.0, 1.0)
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 GRAVITY = 9.81
 """Standard gravity as the simulator and the controllers use it, m/s^2."""

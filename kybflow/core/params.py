@@ -45,6 +45,10 @@ Room = Literal["across", "up"]
 """The extent of the fence that a length is held against: its longest side, or its height."""
 Reads = Callable[[File], object]
 """A part's reader for a file; raises FileError when the part can't use it."""
+ITEMS = {"integers": "integer", "names": "text"}
+"""The shapes that are lists, each with that of its items."""
+FIXED = frozenset({"path", "file", "file path", "integers"})
+"""The shapes whose values no flight changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +175,7 @@ def type_of(field: Field) -> str:
     if field.choices:
         return " | ".join(field.choices)
     if field.dimension is None:
-        return {"integers": "list of integers", "names": "list of names"}.get(
-            field.shape, field.shape
-        )
+        return f"list of {field.shape}" if field.shape in ITEMS else field.shape
     name = field.dimension.name
     kind = f"{field.shape} of {name}" if field.shape in ("vector", "path") else name
     return f"{kind} [{field.dimension.si}]" if field.dimension.si else kind

@@ -16,7 +16,8 @@ from kybflow.dsl.reading.nodes import Mapping
 from kybflow.parts import Footprint
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
-from kybflow.world.shapes import Box, MovingSphere, Shape
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import Tag
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -182,8 +183,10 @@ class AirframeEntry:
 
 
 class Scan(NamedTuple):
-    """The parameters of what was scanned, as declared, its files, and where they are named."""
+    """What was scanned: the key that it is written with, its parameters as declared, its files, and
+    where they are named."""
 
+    kind: str
     params: Any
     files: tuple[File, ...]
     span: Span
@@ -209,14 +212,16 @@ class MovingEntry:
     sphere: MovingSphere
     span: Span
 
-    def eye(self, vehicles: Iterable[VehicleEntry]) -> tuple[VehicleEntry, PartUse, Any] | None:
+    def tracked_by(
+        self, vehicles: Iterable[VehicleEntry]
+    ) -> tuple[VehicleEntry, PartUse, Any] | None:
         """The first sensor that can tell where it is, with its vehicle and the parameters for it;
         None where there is none."""
         body = self.sphere.body or self.name.text
         for vehicle in vehicles:
             for sensor in vehicle.sensors:
-                params = sensor.part.spec.cls.tracking(sensor.part.params, body)
-                if params is not None:
+                if sensor.part.spec.cls.tracks_bodies:
+                    params = sensor.part.spec.cls.tracking(sensor.part.params, body)
                     return vehicle, sensor.part, params
         return None
 

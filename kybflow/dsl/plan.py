@@ -15,7 +15,8 @@ from kybflow.core.geometry import Vec3
 from kybflow.dsl.expressions import Expression
 from kybflow.parts import Leg
 from kybflow.world.cameras import Camera
-from kybflow.world.shapes import Box, MovingSphere, Shape
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import TagMap
 from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 

@@ -35,11 +35,13 @@ class Stream(ABC):
 
 class Sensor(Part[P]):
     """Provides measurements that the vehicle's driver doesn't. provides: their kinds. simulated: it
-    observes a simulator's truth, and works with no other vehicle."""
+    observes a simulator's truth, and works with no other vehicle. tracks_bodies: it is of a system
+    that tracks other bodies beside its vehicle, and has parameters for their `tracking`."""
 
     kind = "sensors"
     provides: ClassVar[frozenset[MeasurementKind]]
     simulated: ClassVar[bool] = False
+    tracks_bodies: ClassVar[bool] = False
 
     @classmethod
     def seen_by(cls, params: P, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
@@ -64,10 +66,10 @@ class Sensor(Part[P]):
         return None
 
     @classmethod
-    def tracking(cls, params: P, body: str) -> P | None:
-        """Return the parameters with which it gives the poses of another body of the system that
-        tracks its vehicle; None if it can't."""
-        return None
+    def tracking(cls, params: P, body: str) -> P:
+        """Return the parameters with which it gives the poses of another body. Called of those that
+        track bodies."""
+        raise NotImplementedError
 
     @classmethod
     def real_time(cls, params: P) -> bool:

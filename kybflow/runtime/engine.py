@@ -44,7 +44,7 @@ LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
 """Seconds that vehicles have to land after the mission's time limit, and the speed (m/s) of a
 descent from the top of the fence, for which they have longer if necessary."""
 _OBSERVED_EVERY = NS // 20
-NOTHING: Mapping[str, Stream] = MappingProxyType({})
+_UNWATCHED: Mapping[str, Stream] = MappingProxyType({})
 
 Observer = Callable[["Engine"], None]
 
@@ -63,7 +63,7 @@ class Engine:
         seed: int = 0,
         commands: CommandQueue | None = None,
         inputs: Inputs | None = None,
-        watching: Mapping[str, Stream] = NOTHING,
+        watching: Mapping[str, Stream] = _UNWATCHED,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
@@ -90,7 +90,7 @@ class Engine:
         self.moving = MovingObstacles(plan.moving, events, watching)
         for vehicle in vehicles:
             vehicle.moving = self.moving.seen
-            vehicle.heed(self.options.set)
+            vehicle.use_options(self.options.set)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0

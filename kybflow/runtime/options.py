@@ -9,12 +9,12 @@ only be tightened while its vehicle flies.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, UnitError
-from kybflow.core.params import Field, fields_of, type_of
+from kybflow.core.params import FIXED, Field, fields_of, type_of
 from kybflow.core.text import nearest
 from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
@@ -191,9 +191,9 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
         value = numbers = tuple(_number(name, part, field) for part in parts)
     elif field.shape == "choice" and value not in field.choices:
         raise OptionRefused(f"`{name}` is one of {', '.join(field.choices)}, not `{value}`")
-    elif field.shape in ("boolean", "names"):
-        value, numbers = _truth(name, value) if field.shape == "boolean" else _names(value), ()
-    elif field.shape in ("path", "file", "file path", "integers"):
+    elif field.shape in _WORDS:
+        value, numbers = _WORDS[field.shape](name, value), ()
+    elif field.shape in FIXED:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
     else:
         numbers = ()
@@ -217,9 +217,13 @@ def _truth(name: str, value: Any) -> bool:
     return str(value).lower() == "true"
 
 
-def _names(value: str | Iterable[str]) -> tuple[str, ...]:
+def _names(_: str, value: str | Iterable[str]) -> tuple[str, ...]:
     parts = value.strip("[] ").split(",") if isinstance(value, str) else value
     return tuple(part.strip() for part in parts if part.strip())
+
+
+_WORDS: dict[str, Callable[[str, Any], Any]] = {"boolean": _truth, "names": _names}
+"""How a value without numbers is read, by its shape, from an option's name and what was asked."""
 
 
 def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:

@@ -51,6 +51,7 @@ class SimulatedMotionCaptureParams:
 class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
     provides = frozenset({Pose})
     simulated = True
+    tracks_bodies = True
 
     @classmethod
     def tracking(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import hypot, inf
+from math import hypot, inf, sqrt
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.geometry import Vec3
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kybflow.world.point_cloud import Array
 
 _STEPS = 40
+"""With which a golden section finds the nearest place of a line to 1e-8 of its length."""
 _RATIO = 0.6180339887498949  # of the golden section
 
 
@@ -30,6 +31,11 @@ class Columns:
     radius: float
     low: float
     high: float
+
+    @classmethod
+    def over(cls, places: Array, cell: float, low: float, high: float) -> Columns:
+        """Return what covers square cells of the width `cell` around places, (n, 2)."""
+        return cls(tuple(map(tuple, places.tolist())), cell * sqrt(0.5), low, high)
 
     def distance(self, p: Vec3) -> float:
         """Return the distance from the nearest surface to `p`; negative inside."""

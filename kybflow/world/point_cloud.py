@@ -16,14 +16,13 @@ from functools import cached_property
 from math import cos, inf, sin, sqrt
 from typing import TYPE_CHECKING, Any
 
-from kybflow.core.geometry import Vec3
+from kybflow.core.geometry import UP, Vec3
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[Any]
 
-_UP: Vec3 = (0.0, 0.0, 1.0)
 MOST = 20_000
 """Points of one cloud."""
 FARTHEST = 10_000.0
@@ -40,6 +39,11 @@ class PointCloud:
 
     points: tuple[Vec3, ...] = field(repr=False)
     radius: float
+
+    @classmethod
+    def of(cls, points: Array, radius: float) -> PointCloud:
+        """Return the cloud of points, (n, 3)."""
+        return cls(tuple(map(tuple, points.tolist())), radius)
 
     def distance(self, p: Vec3) -> float:
         """Return the distance from the nearest ball to `p`; negative inside."""
@@ -103,7 +107,7 @@ class PointCloud:
 
 def _away(p: Vec3, point: Vec3, apart: float) -> Vec3:
     if apart <= 0.0:
-        return _UP
+        return UP
     (x, y, z), (px, py, pz) = p, point
     return ((x - px) / apart, (y - py) / apart, (z - pz) / apart)
 
@@ -117,7 +121,7 @@ def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]
         first = int(apart.argmin())
         room = float(apart[first])
         x, y, z = ways[first].tolist()
-        out = (-x / room, -y / room, -z / room) if room > 0.0 else _UP
+        out = (-x / room, -y / room, -z / room) if room > 0.0 else UP
         found.append((room - radius, out))
         before = ways @ out > -room * (1.0 - 1e-9)
         ways, apart = ways[before], apart[before]

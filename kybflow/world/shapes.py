@@ -7,15 +7,12 @@ along which that distance grows fastest, upwards where all are alike.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, add, distance, scale, sub
+from kybflow.core.geometry import UP, Vec3, add, distance, sub
 from kybflow.world.columns import Columns
 from kybflow.world.point_cloud import PointCloud
-
-UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 def _unit(x: float, y: float, z: float) -> Vec3:
@@ -186,61 +183,3 @@ def parts_of(shape: Shape) -> Iterator[Convex]:
             yield from (Cylinder((x, y, low), radius, high - low) for x, y in places)
         case _:
             yield shape
-
-
-_TURNING = 1.5
-
-
-class MovingSphere(NamedTuple):
-    """A ball that goes along straight lines through `along`, there and back, at up to `speed`
-    (m/s); it starts and stops with 1.5 m/s^2 at each point. body: its name in motion capture, None
-    where that is its own."""
-
-    along: tuple[Vec3, ...]
-    radius: float
-    speed: float
-    body: str | None = None
-
-    def at(self, seconds: float) -> Vec3:
-        """Return where its centre is so long after the start."""
-        there = [_Leg.between(a, b, self.speed) for a, b in pairwise(self.along)]
-        legs = [*there, *(leg.turned() for leg in reversed(there))]
-        whole = sum(leg.duration for leg in legs)
-        left = seconds % whole if whole > 0.0 else 0.0
-        for leg in legs:
-            if left < leg.duration:
-                return leg.at(left)
-            left -= leg.duration
-        return self.along[0]
-
-
-class _Leg(NamedTuple):
-    """A line from rest to rest: its speed rises for `ramp` seconds to `speed`, and falls so."""
-
-    start: Vec3
-    end: Vec3
-    speed: float
-    ramp: float
-    duration: float
-
-    @classmethod
-    def between(cls, start: Vec3, end: Vec3, speed: float) -> _Leg:
-        length = distance(start, end)
-        speed = min(speed, sqrt(_TURNING * length))
-        ramp = speed / _TURNING
-        return cls(start, end, speed, ramp, length / speed + ramp if speed > 0.0 else 0.0)
-
-    def turned(self) -> _Leg:
-        return self._replace(start=self.end, end=self.start)
-
-    def at(self, time: float) -> Vec3:
-        left = self.duration - time
-        if time < self.ramp:
-            gone = 0.5 * _TURNING * time * time
-        elif left < self.ramp:
-            gone = self.speed * (self.duration - self.ramp) - 0.5 * _TURNING * left * left
-        else:
-            gone = self.speed * (time - 0.5 * self.ramp)
-        return add(
-            self.start, scale(sub(self.end, self.start), gone / distance(self.start, self.end))
-        )

@@ -11,7 +11,8 @@ from kybflow.core.params import declared, param, params
 from kybflow.core.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 from kybflow.world.cameras import Camera
 from kybflow.world.inner_loop import AttitudeLoop, InnerLoop, attitude_loop
-from kybflow.world.shapes import Box, MovingSphere, Shape
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import TagMap
 
 NO_TAGS = TagMap(())

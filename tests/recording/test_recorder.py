@@ -41,7 +41,7 @@ from kybflow.recording.layout import definition, dtype_spec, struct_format
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
 from kybflow.report.data import read_log, read_moving
-from kybflow.world.shapes import MovingSphere
+from kybflow.world.moving_sphere import MovingSphere
 
 ESTIMATE = Estimate(
     7,

@@ -9,8 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, dot, norm, sub
+from kybflow.core.signals import Event
 from kybflow.dsl.plan import PhasePlan
 from kybflow.dsl.rehearsed import Arrival
+from kybflow.runtime.engine import Engine
+from kybflow.runtime.vehicle.vehicle import Vehicle
 
 
 class StraightWay(NamedTuple):
@@ -21,6 +24,44 @@ class StraightWay(NamedTuple):
     begin: Vec3
     end: Vec3 | None
     keeps_pace: bool
+
+
+class Arrivals:
+    """The phases of one engine, and where each behavior that they asked for began (world, m)."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
+        self._began: dict[tuple[str, str], Vec3] = {}
+
+    def started(self, event: Event) -> None:
+        """Note where a behavior begins; called with each `behavior_started`."""
+        truth = self._vehicles[event.vehicle].truth
+        if truth is not None:
+            self._began[event.vehicle, str(event.fields["behavior"])] = truth.position
+
+    def apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
+        """Return what the phase that lets two vehicles fly at once could say to keep them `needed`
+        metres apart, None where it is no phase, or it says so already."""
+        for flow in self._engine.plan.flows:
+            running = self._engine.flows.running(flow.name)
+            if not running.active or not {one.name, other.name} <= running.phase.run.keys():
+                continue
+            if not any(running.is_in_its_state(v.name, v.state) for v in (one, other)):
+                continue
+            phase = running.phase
+            return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
+        return None
+
+    def _way(self, vehicle: Vehicle, phase: PhasePlan) -> StraightWay:
+        """Return what a phase lets a vehicle fly, from where it was when it began."""
+        name = vehicle.name
+        cls, state = vehicle.plan.states[phase.run[name]].behavior.cls, phase.run[name]
+        begin = self._began.get((name, state))
+        told = cls.footprint(vehicle.activity.params_of(state, phase.values.get(name, ())), begin)
+        is_straight = told is not None and len(told.points) == 2 and not told.path
+        end = told.exit if told is not None and is_straight else None
+        return StraightWay(name, begin or vehicle.context.start, end, cls.keeps_pace)
 
 
 def arrival(

@@ -97,19 +97,10 @@ def _flown(
         judge = PlanEntryJudge(plan)
         for vehicle in vehicles:
             vehicle.requests.judge = judge
-        observers = (watch.look, person)
         engine = Engine(
-            flown,
-            clock,
-            devices.sessions,
-            vehicles,
-            events,
-            observers,
-            0,
-            commands,
-            inputs,
-            devices.watching,
-        )
+            flown, clock, devices.sessions, vehicles, events, (watch.look, person), 0, commands,
+            inputs, devices.watching,
+        )  # fmt: skip
         for name, value in options:
             engine.options.set(name, value, "command line")
         watch.begin(engine)

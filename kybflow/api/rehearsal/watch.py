@@ -11,7 +11,7 @@ from itertools import combinations
 from math import hypot, inf
 from typing import NamedTuple
 
-from kybflow.api.rehearsal.arrivals import StraightWay, arrival, least_distance
+from kybflow.api.rehearsal.arrivals import Arrivals, least_distance
 from kybflow.core.geometry import Vec3, distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
@@ -19,7 +19,7 @@ from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.expressions.describe import describe
-from kybflow.dsl.plan import PhasePlan, Plan, StatePlan, TransitionPlan
+from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
 from kybflow.dsl.rehearsed import Arrival, Doing, Texts, Waiting
 from kybflow.parts import GROUND
 from kybflow.runtime.engine import Engine
@@ -56,16 +56,15 @@ class Watch:
         self._plan, self._texts = plan, texts
         self._found: dict[tuple[str, ...], Diagnostic] = {}
         self._engine: Engine | None = None
+        self._arrivals: Arrivals | None = None
         self._vehicles: dict[str, Vehicle] = {}
         self._wrong: set[str] = set()
         self._before: dict[str, Vec3] = {}
         self._widest = 0.0
-        self._began: dict[tuple[str, str], Vec3] = {}
         self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
         self._hearing = {
             "collided": self._collided,
             "landed_hard": self._landed_hard,
-            "behavior_started": self._started,
             "clamp_started": self._clamped,
             "failsafe_started": self._failsafe,
             "behavior_failed": self._failed,
@@ -79,7 +78,8 @@ class Watch:
 
     def begin(self, engine: Engine) -> None:
         """The engine is made."""
-        self._engine = engine
+        self._engine, self._arrivals = engine, Arrivals(engine)
+        self._hearing["behavior_started"] = self._arrivals.started
         self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
         self._widest = 2.0 * max(map(_half_needed, engine.vehicles))
 
@@ -154,7 +154,7 @@ class Watch:
         collides = gap < one.context.airframe.arm + other.context.airframe.arm
         if gap < needed and not collides and one.airborne and other.airborne:
             own, beside = self._doing(one), self._doing(other)
-            mend = self._arrival(one, other, needed)
+            mend = self._apart(one, other, needed)
             found = rehearsed.too_close(own, beside, gap, needed, self._texts, mend)
             self._add(found, *sorted((one.name, other.name)))
 
@@ -179,7 +179,7 @@ class Watch:
         if other is None:
             self._add(rehearsed.ran_into(own, into, self._texts), vehicle.name, into)
         else:
-            mend = self._arrival(vehicle, other, _needed(vehicle, other))
+            mend = self._apart(vehicle, other, _needed(vehicle, other))
             found = rehearsed.collided(own, self._doing(other), self._texts, mend)
             self._add(found, *sorted((vehicle.name, into)))
 
@@ -208,7 +208,7 @@ class Watch:
         others, bound = tuple(self._doing(other).note for other in named), event.fields.get("bound")
         mend = None
         if named and isinstance(bound, float):
-            mend = self._arrival(vehicle, named[0], bound)
+            mend = self._apart(vehicle, named[0], bound)
         found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts, mend)
         self._add_of(vehicle, vehicle.activity.state, found)
 
@@ -279,34 +279,10 @@ class Watch:
         x, y, _ = truth.position
         return min(others, key=lambda o: _level((x, y), o), default=None)
 
-    def _started(self, event: Event) -> None:
-        truth = self._vehicles[event.vehicle].truth
-        if truth is not None:
-            self._began[event.vehicle, str(event.fields["behavior"])] = truth.position
-
-    def _arrival(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
-        """Return what the phase that lets two vehicles fly at once could say to keep them `needed`
-        metres apart, None where it is no phase, or it says so already."""
-        assert self._engine is not None
-        for flow in self._plan.flows:
-            running = self._engine.flows.running(flow.name)
-            if not running.active or not {one.name, other.name} <= running.phase.run.keys():
-                continue
-            if not any(running.is_in_its_state(v.name, v.state) for v in (one, other)):
-                continue
-            phase = running.phase
-            return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
-        return None
-
-    def _way(self, vehicle: Vehicle, phase: PhasePlan) -> StraightWay:
-        """Return what a phase lets a vehicle fly, from where it was when it began."""
-        name = vehicle.name
-        cls, state = vehicle.plan.states[phase.run[name]].behavior.cls, phase.run[name]
-        begin = self._began.get((name, state))
-        told = cls.footprint(vehicle.activity.params_of(state, phase.values.get(name, ())), begin)
-        is_straight = told is not None and len(told.points) == 2 and not told.path
-        end = told.exit if told is not None and is_straight else None
-        return StraightWay(name, begin or vehicle.context.start, end, cls.keeps_pace)
+    def _apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
+        """Return what a phase could say to keep two vehicles `needed` metres apart."""
+        assert self._arrivals is not None
+        return self._arrivals.apart(one, other, needed)
 
     def _states(self) -> tuple[str, ...]:
         return tuple(self._doing(vehicle).note for vehicle in self._vehicles.values())

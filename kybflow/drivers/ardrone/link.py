@@ -103,7 +103,7 @@ class ArdroneLink(Link):
 
     def perform(self, act: str, now: Time) -> None:
         if ACTS[act].moves:
-            self.flight.leave(now + lasts(act))
+            self.flight.let_perform(now + lasts(act))
         self.wire.stream.post(*lines_of(act, self._ids))
 
     def checks(self, now: Time) -> Sequence[Check]:

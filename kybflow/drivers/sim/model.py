@@ -19,16 +19,8 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.world.shapes import (
-    Box,
-    Convex,
-    Cylinder,
-    MovingSphere,
-    Plane,
-    Scanned,
-    Sphere,
-    parts_of,
-)
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Scanned, Sphere, parts_of
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
@@ -121,7 +113,7 @@ def _place(shape: Convex) -> str:
 
 
 def _moving(name: str, ball: MovingSphere) -> str:
-    """A ball that is moved by hand, so to say: nothing pushes it off its way."""
+    """A body that the world places each tick, `mocap` to MuJoCo: nothing pushes it off its way."""
     called = escape(OBSTACLE + name)
     return (
         f'<body name="{called}" mocap="true" pos="{_numbers(ball.at(0.0))}">'

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
@@ -16,9 +16,6 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.document import EstimatorEntry, PartUse, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.shaping.targets import divides, provided
-
-if TYPE_CHECKING:
-    pass
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:

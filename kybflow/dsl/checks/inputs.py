@@ -15,6 +15,7 @@ from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import StateEntry
 from kybflow.dsl.expressions import Axis
 from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.names.option_names import no_vehicles
 
 LOST = "input_lost"
 
@@ -43,12 +44,7 @@ def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
             hint = hint or f"declare it: `inputs: {{{name.text}: {{use: gamepad}}}}`"
             yield Diagnostic("KYB401", message, name.span, label="unknown", help=hint)
     for use in document.inputs.values():
-        for parameter, vehicle in named_in(use.part.params, "vehicle").items():
-            if vehicle not in document.vehicles:
-                message = f"there is no vehicle `{vehicle}`"
-                span = use.part.spans.get(parameter, use.part.name.span)
-                hint = did_you_mean(vehicle, document.vehicles)
-                yield Diagnostic("KYB401", message, span, label="unknown", help=hint)
+        yield from no_vehicles("KYB401", use.part, document)
 
 
 def missing_axes(case: Case) -> Iterator[Diagnostic]:

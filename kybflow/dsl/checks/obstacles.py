@@ -1,6 +1,5 @@
-"""Obstacles and where the vehicles stand, fly and return to, and what they keep away from: KYB340
-to KYB343, KYB345, KYB453, KYB510, KYB511, KYB546 and
-KYB547."""
+"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343, KYB345, KYB453 and
+KYB546."""
 
 from __future__ import annotations
 
@@ -9,8 +8,6 @@ from itertools import pairwise
 from math import hypot, inf
 
 from kybflow.core.geometry import Vec3, distance
-from kybflow.core.params import names_in
-from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
@@ -148,56 +145,6 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
                 notes=(extent(fence),),
                 help="mend where its origin is, or the unit that it is taken in",
                 severity=Severity.WARNING,
-            )
-
-
-def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
-    """KYB510: a processor keeps its vehicle away from one that isn't there."""
-    vehicles = case.document.vehicles
-    for vehicle in case.vehicles():
-        for use in vehicle.processors:
-            for parameter, name in names_in(use.params, "vehicle"):
-                if name not in vehicles:
-                    message = f"there is no vehicle `{name}`"
-                    span = use.spans.get(parameter, use.name.span)
-                    hint = did_you_mean(name, vehicles)
-                    yield Diagnostic("KYB510", message, span, label="unknown", help=hint)
-
-
-def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
-    """KYB511: an obstacle moves, the target's vehicles are real, and none has a sensor that could
-    tell where it is: motion capture."""
-    if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
-        return
-    for moving in case.document.moving:
-        if moving.eye(case.vehicles()) is None:
-            yield Diagnostic(
-                "KYB511",
-                f"nothing sees where `{moving.name.text}` is",
-                moving.span,
-                label="motion capture tracks no vehicle",
-                help="give one the sensor `vrpn` or `motion_capture`, or fly a simulated target",
-            )
-
-
-def seen_as_another(case: Case) -> Iterator[Diagnostic]:
-    """KYB547: an obstacle that moves has the body in motion capture of a vehicle, or of another
-    obstacle: it would be where that one is."""
-    taken: dict[str, str] = {}
-    for vehicle in case.vehicles() if case.document.moving else ():
-        for sensor in vehicle.sensors:
-            claim = sensor.part.spec.cls.claim(sensor.part.params, vehicle.name.text)
-            if claim is not None:
-                taken.setdefault(claim.what, vehicle.name.text)
-    for moving in case.document.moving:
-        name, eye = moving.name.text, moving.eye(case.vehicles())
-        claim = None if eye is None else eye[1].spec.cls.claim(eye[2], name)
-        if claim is not None and taken.setdefault(claim.what, name) != name:
-            yield Diagnostic(
-                "KYB547",
-                f"`{name}` has {claim.what}, as `{taken[claim.what]}` has",
-                moving.span,
-                help="give it its own `body`",
             )
 
 

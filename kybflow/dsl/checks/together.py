@@ -1,5 +1,5 @@
-"""Behaviors of several vehicles together: whom they name, and what they can't do: KYB520 to
-KYB523."""
+"""Several vehicles together: whom their behaviors and processors name, and what they can't do:
+KYB510 and KYB520 to KYB523."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import StateEntry, VehicleEntry
+from kybflow.dsl.names.option_names import no_vehicles
 
 
 class _Shared(NamedTuple):
@@ -40,12 +41,14 @@ def unknown_companions(case: Case) -> Iterator[Diagnostic]:
             message = f"the mission has no group `{group.text}`"
             yield Diagnostic("KYB520", message, group.span, label="unknown", help=hint)
     for _, state in case.states():
-        for parameter, name in named_in(state.part.params, "vehicle").items():
-            if name not in document.vehicles:
-                span = state.part.spans.get(parameter, state.part.name.span)
-                hint = did_you_mean(name, document.vehicles)
-                message = f"there is no vehicle `{name}`"
-                yield Diagnostic("KYB520", message, span, label="unknown", help=hint)
+        yield from no_vehicles("KYB520", state.part, document)
+
+
+def unknown_obstacles(case: Case) -> Iterator[Diagnostic]:
+    """KYB510: a processor keeps its vehicle away from one that isn't there."""
+    for vehicle in case.vehicles():
+        for use in vehicle.processors:
+            yield from no_vehicles("KYB510", use, case.document)
 
 
 def no_member(case: Case) -> Iterator[Diagnostic]:

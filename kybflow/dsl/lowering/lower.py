@@ -92,9 +92,9 @@ def lower(
 def _watching(document: Document) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
     """The first sensor that can tell where a moving obstacle is, and its vehicle."""
     for moving in document.moving:
-        eye = moving.eye(document.vehicles.values())
-        if eye is not None:
-            vehicle, use, params = eye
+        sensor = moving.tracked_by(document.vehicles.values())
+        if sensor is not None:
+            vehicle, use, params = sensor
             part = replace(_part(use, f"obstacles.{moving.name.text}"), params=params)
             yield moving.name.text, (vehicle.name.text, part)
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from kybflow.core.params import Field
+from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, every
-from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionEntry, Document, VehicleEntry
+from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.document import ActionEntry, Document, PartUse, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.reading.values import decode
 
@@ -49,6 +49,20 @@ def unknown_vehicle(
     )
 
 
+def no_vehicle(code: str, name: str, span: Span, document: Document) -> Diagnostic:
+    """The finding for the name of a vehicle that isn't there, where no group may stand."""
+    hint = did_you_mean(name, document.vehicles)
+    return Diagnostic(code, f"there is no vehicle `{name}`", span, label="unknown", help=hint)
+
+
+def no_vehicles(code: str, use: PartUse, document: Document) -> Iterator[Diagnostic]:
+    """The finding for each vehicle that a part names and that isn't there."""
+    for parameter, name in names_in(use.params, "vehicle"):
+        if name not in document.vehicles:
+            span = use.spans.get(parameter, use.name.span)
+            yield no_vehicle(code, name, span, document)
+
+
 def option_values(
     action: ActionEntry, document: Document, catalog: Catalog
 ) -> Diagnosed[tuple[tuple[Option, Any], ...]]:
@@ -70,9 +84,7 @@ def _unknown_vehicles(
     """KYB510 of each vehicle that a value names and that isn't there."""
     for name in option.field.named(value, "vehicle"):
         if name not in document.vehicles:
-            hint = did_you_mean(name, document.vehicles)
-            message = f"there is no vehicle `{name}`"
-            yield Diagnostic("KYB510", message, action.value.span, label="unknown", help=hint)
+            yield no_vehicle("KYB510", name, action.value.span, document)
 
 
 def options_named(

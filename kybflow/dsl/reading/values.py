@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File, FilePath
-from kybflow.core.params import Field
+from kybflow.core.params import ITEMS, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
@@ -35,8 +35,6 @@ _SHOWN = 60
 _POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
 _BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
-_LISTS = {"integers": "integer", "names": "text"}
-"""The shapes that are lists, each with that of its items."""
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}
 _SHAPES = {
     "vector": "three numbers in a list, `[x, y, z]`",
@@ -72,7 +70,7 @@ def decode(node: Node, field: Field) -> Diagnosed[Any]:
         return (yield from _vector(node, field))
     if field.shape == "path":
         return (yield from _path(node, field))
-    if field.shape in _LISTS:
+    if field.shape in ITEMS:
         return (yield from _items(node, field))
     if not isinstance(node, Scalar):
         yield _wrong(node, field)
@@ -171,7 +169,7 @@ def _items(node: Node, field: Field) -> Diagnosed[Any]:
     if not isinstance(node, Sequence):
         yield _wrong(node, field)
         return None
-    one = replace(field, shape=_LISTS[field.shape])
+    one = replace(field, shape=ITEMS[field.shape])
     items = yield from every(decode(item, one) for item in node.items)
     return None if None in items else tuple(items)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from kybflow.core.params import Field
+from kybflow.core.params import ITEMS, Field
 from kybflow.core.units import DURATION, Dimension, article
 from kybflow.dsl.reading.values import bounds_of, shown_value
 
@@ -100,9 +100,8 @@ def field_schema(field: Field) -> Schema:
         return {"description": text, "type": "string", "anyOf": choices}
     if field.shape in ("text", "file", "file path"):
         return {"description": text, "type": "string"}
-    if field.shape in ("integers", "names"):
-        shape = "integer" if field.shape == "integers" else "text"
-        one = replace(field, shape=shape, help="One of them.", required=True)
+    if field.shape in ITEMS:
+        one = replace(field, shape=ITEMS[field.shape], help="One of them.", required=True)
         return {"description": text, "type": "array", "items": field_schema(one)}
     return {
         "description": text,

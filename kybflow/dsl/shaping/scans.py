@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from math import sqrt
 from typing import TypeVar
 
 from kybflow.core.params import fields_of
@@ -57,8 +56,7 @@ def _cloud(own: MappingEntry, body: Mapping) -> Found:
     if wrong:
         yield Diagnostic("KYB545", f"`{of.file}`: {wrong}", span, help=hint)
         return None
-    shape = PointCloud(tuple(map(tuple, points.tolist())), of.radius)
-    return shape, Scan(of, (of.file,), span)
+    return PointCloud.of(points, of.radius), Scan(own.key.text, of, (of.file,), span)
 
 
 def _occupancy(own: MappingEntry, body: Mapping) -> Found:
@@ -78,11 +76,8 @@ def _occupancy(own: MappingEntry, body: Mapping) -> Found:
             wrong, hint = "none of its cells is occupied", "look at `occupied_thresh` and `negate`"
         yield Diagnostic("KYB545", f"`{of.file}`: {wrong}", span, help=hint)
         return None
-    shape = Columns(
-        tuple(map(tuple, places.tolist())), info.resolution * sqrt(0.5), of.foot,
-        of.foot + of.height,
-    )  # fmt: skip
-    return shape, Scan(of, (of.file, image), span)
+    shape = Columns.over(places, info.resolution, of.foot, of.foot + of.height)
+    return shape, Scan(own.key.text, of, (of.file, image), span)
 
 
 KINDS: dict[str, Callable[[MappingEntry, Mapping], Found]] = {

@@ -7,7 +7,17 @@ from math import pi
 from typing import TypeVar
 
 from kybflow.core.files import File
-from kybflow.core.geometry import LEVEL, Quat, Vec3, add, from_axes, from_heading, multiply, rotate
+from kybflow.core.geometry import (
+    LEVEL,
+    UP,
+    Quat,
+    Vec3,
+    add,
+    from_axes,
+    from_heading,
+    multiply,
+    rotate,
+)
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
@@ -31,8 +41,7 @@ CODES = {
 
 
 _NORTH: Vec3 = (0.0, 1.0, 0.0)
-_UP: Vec3 = (0.0, 0.0, 1.0)
-_EASTWARD = from_axes(_NORTH, _UP, (1.0, 0.0, 0.0))
+_EASTWARD = from_axes(_NORTH, UP, (1.0, 0.0, 0.0))
 _FACING: dict[str, Quat] = {
     "up": LEVEL,
     "down": from_axes((-1.0, 0.0, 0.0), _NORTH, (0.0, 0.0, -1.0)),

@@ -31,7 +31,8 @@ from kybflow.dsl.shaping.parts import params_of
 from kybflow.dsl.shaping.scans import KINDS as SCANNED
 from kybflow.dsl.shaping.scans import scanned
 from kybflow.dsl.shaping.tags import tags_in
-from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 CODES = {
     "KYB153": "A fence whose corners are in the wrong order.",

@@ -8,7 +8,7 @@ from collections.abc import Mapping as MappingOf
 from typing import Any
 
 from kybflow.core.params import fields_of
-from kybflow.core.units import DURATION, FREQUENCY, LENGTH, NUMBER, SPEED
+from kybflow.core.units import DURATION, FREQUENCY, LENGTH, NUMBER
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
 from kybflow.dsl.document import (
     ActionEntry,
@@ -22,7 +22,7 @@ from kybflow.dsl.document import (
 )
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence
 from kybflow.dsl.resolving.imports import without_homes
-from kybflow.dsl.schema.world import GridParams, PointCloudParams, TagParams
+from kybflow.dsl.schema.world import GridParams, MovingSphereParams, TagParams
 from kybflow.dsl.writing.values import (
     YamlLine,
     origin,
@@ -132,11 +132,8 @@ def world_lines(document: Document) -> Iterator[YamlLine]:
             contact = ", contact: allowed" if use.may_touch else ""
             yield f"    {use.name.text}: {{{_solid(use)}{contact}}}", use.span.at
     for moving in document.moving:
-        along, radius, speed, body = moving.sphere
-        points = ", ".join(vector(point, LENGTH) for point in along)
-        size = f"radius: {quantity(radius, LENGTH)}, speed: {quantity(speed, SPEED)}"
-        named = f", body: {quoted(body)}" if body else ""
-        text = f"{{moving_sphere: {{along: [{points}], {size}{named}}}}}"
+        fields = ", ".join(written_fields(moving.sphere, fields_of(MovingSphereParams)))
+        text = f"{{moving_sphere: {{{fields}}}}}"
         yield f"    {moving.name.text}: {text}", moving.span.at
     if document.tags:
         yield "  tags:", at
@@ -164,8 +161,7 @@ def _solid(use: ObstacleEntry) -> str:
     if use.scan is not None:
         declaration: Any = type(use.scan.params)
         fields = ", ".join(written_fields(use.scan.params, fields_of(declaration)))
-        kind = "point_cloud" if declaration is PointCloudParams else "occupancy"
-        return f"{kind}: {{{fields}}}"
+        return f"{use.scan.kind}: {{{fields}}}"
     shape = use.shape
     assert not isinstance(shape, Scanned)
     at = "" if isinstance(shape, Box) else f"at: {vector(shape.at, LENGTH)}"

@@ -32,10 +32,13 @@ from kybflow.flight.avoidance.surroundings import Hazard
 _GAIN, _RATE = 3.0, 10.0
 """k and c, 1/s."""
 _BACK = 0.3
+"""The largest speed back out of what is too near, m/s."""
 _SHARE = 0.9
 """Of `strongest`, the most that is demanded, so that no demand alone is beyond it."""
 _EXACT = 1e-9
+"""m/s^2 by which an acceleration may miss a demand that it fulfils."""
 _MISSED, _UNBOUNDED = 1e3, 1e30
+"""What missing a demand costs beside changing as much, and what stands for infinity."""
 _STEEP = 0.3
 """The least part of a heading along -n that is one for it."""
 
@@ -52,7 +55,8 @@ class Demand(NamedTuple):
 
 
 def stoppable(room: float, braking: float) -> tuple[float, float]:
-    """Return the speed from which `braking` comes to rest in `room`, and how it grows with it."""
+    """Return the speed (m/s) from which `braking` (m/s^2) comes to rest in `room` (m), and how it
+    grows with the room (1/s)."""
     linear = braking / (_GAIN * _GAIN)
     if room <= linear:
         return max(_GAIN * room, -_BACK), _GAIN if _GAIN * room > -_BACK else 0.0
@@ -68,7 +72,8 @@ def reach_of(speed: float, braking: float, strongest: float) -> float:
 
 
 def demand(hazard: Hazard, keep: float, velocity: Vec3, braking: float, strongest: float) -> Demand:
-    """Return what keeps a vehicle with `velocity` the distance `keep` from a hazard."""
+    """Return what keeps a vehicle with `velocity` the distance `keep` (m) from a hazard. braking,
+    strongest: m/s^2."""
     relative, normal = sub(velocity, hazard.velocity), hazard.outward
     opening = dot(normal, relative)
     speed, slope = stoppable(hazard.room - keep, braking)

@@ -10,10 +10,13 @@ from kybflow.flight.avoidance.clearance import bounded, walls
 from kybflow.world.shapes import Box
 
 _TURNING, _RETURNING, _FARTHEST = 1.5, 0.5, 1.9
-"""rad/s, rad/s, rad."""
+"""How fast the angle grows and shrinks, rad/s, and the largest, rad."""
 _SLOW = 0.05
+"""The least wanted speed that can be blocked, m/s."""
 _INSIDE = 0.3
+"""How far from the fence it leads, m."""
 _IMMINENT = 1.0
+"""What allows no more acceleration towards it than this blocks the way, m/s^2."""
 
 
 class Detour:

@@ -27,7 +27,7 @@ from kybflow.flight.avoidance.barrier import (
     stopped,
 )
 from kybflow.flight.avoidance.detour import Detour
-from kybflow.flight.avoidance.surroundings import Nearby, Witness
+from kybflow.flight.avoidance.surroundings import Nearby, SecondPoint
 from kybflow.flight.governor import Follower, shortened
 from kybflow.flight.motion import motion_of
 from kybflow.world.vehicle_context import Airframe
@@ -35,9 +35,14 @@ from kybflow.world.vehicle_context import Airframe
 BLOCKED: Mapping[str, tuple[str, ...]] = {"avoidance_blocked": ("reason",)}
 """What is told of a vehicle to which what is near leaves no way."""
 _POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
+ACCEPTS = {kind: kind for kind in (_POSITION, _VELOCITY, SetpointKind.ACCELERATION)}
+"""The kinds of setpoint that it bends, each into its own."""
 _STRONGEST, _TILT_SHARE, _PLANNED = 3.0, 0.8, 0.8
 """The largest acceleration, m/s^2, and of what the airframe's tilt gives; of that, the most with
 which it plans to brake."""
+_JUMP, _LEAP = 1e-3, 0.05
+"""The largest step in position, beside the velocity, that passes where something is near, and where
+nothing is, m."""
 
 
 class Keeping(NamedTuple):
@@ -61,8 +66,7 @@ class Avoidance:
     def __init__(self, airframe: Airframe, nearby: Nearby, detour: Detour | None = None) -> None:
         self._gets_stuck = False
         self._stuck: Time = -NEVER
-        self.nearby = nearby
-        self._hull, self._detour = airframe.hull, detour
+        self._nearby, self._hull, self._detour = nearby, airframe.hull, detour
         self._strongest = min(_STRONGEST, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
         self._follower = Follower()
 
@@ -90,8 +94,8 @@ class Avoidance:
         keep, strongest = keeping.keep + self._hull, self._strongest
         braking = min(keeping.braking, _PLANNED * strongest)
         reach = partial(_reach, keep, braking, strongest)
-        witness = Witness(known.position, keeping.slack) if kind is _POSITION else None
-        near = self.nearby.near(place, norm(velocity), tick, reach, witness)
+        second = SecondPoint(known.position, keeping.slack) if kind is _POSITION else None
+        near = self._nearby.near(place, norm(velocity), tick, reach, second)
         demands = [demand(h, keep, velocity, braking, strongest) for h in near]
         if kind is _POSITION:
             return self._followed(setpoint, demands, keeping, strongest, tick)
@@ -162,8 +166,3 @@ class Avoidance:
 
 def _reach(keep: float, braking: float, strongest: float, speed: float) -> float:
     return keep + reach_of(speed, braking, strongest)
-
-
-_JUMP, _LEAP = 1e-3, 0.05
-"""The largest step in position, beside the velocity, that passes where something is near, and where
-nothing is, m."""

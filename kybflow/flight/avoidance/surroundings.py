@@ -1,10 +1,10 @@
 """What is near a vehicle: the world's obstacles, moving obstacles and other vehicles, each with its
 distance and the way out of it.
 
-The one place that knows what stands in the way. Whoever keeps away from it (`steer`, the avoiders)
-says how near is near. What is far away is looked at again when it could have come near, nothing
-closing in faster than 20 m/s, and after 0.1 s at the latest. A moving obstacle that is not seen
-grows by how far it can have gone, for a second; then it counts as lost, and stays as large.
+Whoever keeps away from it (`steer`, the processors) says how near is near; a formation looks for
+itself, at what vehicles publish. What is far away is looked at again when it could have come near,
+nothing closing in faster than 20 m/s, and after 0.1 s at the latest. A moving obstacle that is not
+seen grows by how far it can have gone, for a second; then it counts as lost, and stays as large.
 Metres, world frame.
 """
 
@@ -13,17 +13,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
+from kybflow.core.geometry import UP, ZERO, Vec3, distance, norm, scale, sub
 from kybflow.core.signals import NS, Tick, Time
-from kybflow.world.shapes import UP, around
+from kybflow.world.shapes import around
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _CLOSING, _LATEST = 20.0, 0.1
+"""m/s, s."""
 _LOST = 1.0
 """Seconds after which what is not seen grows no more."""
 
 
-class Witness(NamedTuple):
+class SecondPoint(NamedTuple):
     """Another point to look from, and by how much less than from the first may be left from it."""
 
     point: Vec3
@@ -48,21 +49,24 @@ class Hazard(NamedTuple):
 
 
 class Nearby:
-    """What is near one vehicle. others: the other vehicles that count, all without it."""
+    """What is near one vehicle. others: the other vehicles that count, all where it is None."""
 
     def __init__(self, context: VehicleContext, others: Iterable[str] | None = None) -> None:
+        self._context = context
         self._solids = tuple(
             (name, shape)
             for name, shape in context.obstacles.items()
             if name not in context.touchable
         )
-        named = context.diameters if others is None else others
-        self._hulls = {
-            name: hull_of(context.diameters[name])
-            for name in named
-            if name in context.diameters and name != context.vehicle
-        }
         self._moves = bool(context.moving)
+        self.count(others)
+
+    def count(self, others: Iterable[str] | None) -> None:
+        """Let these other vehicles count from now on, all where it is None."""
+        self.others = others
+        diameters, own = self._context.diameters, self._context.vehicle
+        named = diameters if others is None else others
+        self._hulls = {n: hull_of(diameters[n]) for n in named if n in diameters and n != own}
         self._later: dict[str, Time] = {}
 
     @property
@@ -71,11 +75,16 @@ class Nearby:
         return not (self._solids or self._hulls or self._moves)
 
     def near(
-        self, point: Vec3, speed: float, tick: Tick, reach_of: Reach, also: Witness | None = None
+        self,
+        point: Vec3,
+        speed: float,
+        tick: Tick,
+        reach_of: Reach,
+        also: SecondPoint | None = None,
     ) -> Iterator[Hazard]:
         """Yield what is within reach of a point that moves at `speed`, as seen from `also` where
         that is nearer by more than its slack. reach_of: how far that is at a closing speed."""
-        known, slack = also or Witness(point, 0.0)
+        known, slack = also or SecondPoint(point, 0.0)
         if self._solids:
             yield from self._standing(point, reach_of(speed), tick.now, known, slack)
         now, later = tick.now, self._later

@@ -21,7 +21,7 @@ from kybflow.parts import Stream
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import STILL, WAVERS
 from kybflow.runtime.monitoring.sensing import AHEAD
-from kybflow.world.shapes import MovingSphere
+from kybflow.world.moving_sphere import MovingSphere
 
 LOST: Time = NS // 2
 """How long one may not be seen until that is told."""

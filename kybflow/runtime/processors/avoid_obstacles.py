@@ -17,12 +17,10 @@ behaviors that stay in the air. Metres, world frame.
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from kybflow.core.signals import Setpoint, SetpointKind, Tick, Told
+from kybflow.core.signals import Setpoint, Tick, Told
 from kybflow.core.units import Acceleration, Length, Speed
 from kybflow.flight.avoidance.detour import Detour
-from kybflow.flight.avoidance.following import BLOCKED, Avoidance, Keeping
+from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -46,24 +44,18 @@ class AvoidObstaclesParams:
 
 
 class AvoidObstacles(Processor[AvoidObstaclesParams]):
-    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
-        kind: kind
-        for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
-    }
+    accepts = ACCEPTS
     goes_round = True
     tells = BLOCKED
 
     def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._context, self._others = context, params.treat_as_obstacles
-        self._avoidance = Avoidance(
-            context.airframe, Nearby(context, self._others), Detour(context.fence)
-        )
+        self._nearby = Nearby(context, params.treat_as_obstacles)
+        self._avoidance = Avoidance(context.airframe, self._nearby, Detour(context.fence))
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
         p = self.params
-        if p.treat_as_obstacles is not self._others:
-            self._others = p.treat_as_obstacles
-            self._avoidance.nearby = Nearby(self._context, self._others)
+        if p.treat_as_obstacles is not self._nearby.others:
+            self._nearby.count(p.treat_as_obstacles)
         keeping = Keeping(p.keep, _SLACK * p.keep, p.braking, p.speed)
         return self._avoidance.told(setpoint, tick, keeping)

@@ -15,11 +15,9 @@ come close to what they leave or land on. An obstacle that is meant to be touche
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from kybflow.core.signals import Setpoint, SetpointKind, Tick, Told
+from kybflow.core.signals import Setpoint, Tick, Told
 from kybflow.core.units import Acceleration, Length, Speed
-from kybflow.flight.avoidance.following import BLOCKED, Avoidance, Keeping
+from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
@@ -39,10 +37,7 @@ class ObstacleGuardParams:
 
 
 class ObstacleGuard(Processor[ObstacleGuardParams]):
-    accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
-        kind: kind
-        for kind in (SetpointKind.POSITION, SetpointKind.VELOCITY, SetpointKind.ACCELERATION)
-    }
+    accepts = ACCEPTS
     clamps = True
     tells = BLOCKED
 
@@ -50,7 +45,7 @@ class ObstacleGuard(Processor[ObstacleGuardParams]):
         super().__init__(params, context)
         nearby = Nearby(context, others=())
         self.idle = nearby.is_empty
-        self._avoidance = Avoidance(context.airframe, nearby, None)
+        self._avoidance = Avoidance(context.airframe, nearby)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
         p = self.params

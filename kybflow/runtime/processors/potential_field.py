@@ -63,14 +63,12 @@ class PotentialField(Processor[PotentialFieldParams]):
 
     def __init__(self, params: PotentialFieldParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._context, self._others = context, params.treat_as_obstacles
-        self._nearby, self._follower = Nearby(context, self._others), Follower()
+        self._nearby, self._follower = Nearby(context, params.treat_as_obstacles), Follower()
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
         p, follower = self.params, self._follower
-        if p.treat_as_obstacles is not self._others:
-            self._others = p.treat_as_obstacles
-            self._nearby = Nearby(self._context, self._others)
+        if p.treat_as_obstacles is not self._nearby.others:
+            self._nearby.count(p.treat_as_obstacles)
         follower.resume(setpoint, tick)
         repelled = self._repulsion(tick)
         if setpoint.kind is SetpointKind.POSITION:

@@ -38,6 +38,7 @@ from typing import Literal
 from kybflow.core.geometry import (
     GRAVITY,
     LEVEL,
+    UP,
     ZERO,
     Quat,
     Vec3,
@@ -60,7 +61,6 @@ _COMMANDS = {
     SetpointKind.VELOCITY: CommandKind.VELOCITY,
     SetpointKind.ACCELERATION: CommandKind.ACCELERATION,
 }
-UP: Vec3 = (0.0, 0.0, 1.0)
 LEAST_UPRIGHT = 0.5
 """The cosine of 60 degrees."""
 LIFT = 1.5

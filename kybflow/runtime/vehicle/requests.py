@@ -240,11 +240,7 @@ class Requests:
         return fit or (self._misled if values else self._activity.unwelcome)(plan, values)
 
     def pause_objection(self) -> str | None:
-        """Return why a pause would be refused now."""
-        return self._unfree()
-
-    def _unfree(self) -> str | None:
-        """Return why the failsafe has the vehicle, None if it doesn't."""
+        """Return why a pause would be refused now: the failsafe has the vehicle."""
         latched = self._failsafe.latched
         if self._activity.machine.state == "fault":
             return "it is in `fault`"
@@ -278,7 +274,7 @@ class Requests:
             return None
         if self._override.is_somebodys:
             return _SOMEBODYS
-        return self._unfree() or self._held(Requester.OPERATOR)
+        return self.pause_objection() or self._held(Requester.OPERATOR)
 
     def _order(self, order: _Order, answered: Answered) -> None:
         self._orders.append((order, answered))

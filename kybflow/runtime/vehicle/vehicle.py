@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import Vec3
 from kybflow.core.params import named_in
 from kybflow.core.signals import (
     NO_INPUTS,
@@ -18,7 +18,6 @@ from kybflow.core.signals import (
     NS,
     Alarm,
     Battery,
-    Command,
     Estimate,
     Heard,
     InputReadings,
@@ -32,14 +31,14 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import AIR, GROUND, Entry, Link
+from kybflow.parts import GROUND, Entry, Link
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.ground_contact import GroundContact
 from kybflow.runtime.monitoring.sensing import OpenSensor
+from kybflow.runtime.monitoring.tracking_errors import TrackingErrors
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
@@ -89,9 +88,7 @@ class Vehicle:
         self.now: Time = 0
         self.moving: SeenObstacles = NO_OBSTACLES
         self.wanted: Setpoint | None = None
-        self._contact: GroundContact | None = None
-        self._flies = False
-        self._observer, self._score, self._inputs = observer, score, inputs
+        self._observer, self._errors, self._inputs = observer, TrackingErrors(score), inputs
         self._broadcasts, self._neighbours = broadcasts, broadcasts or NOBODY
         self._fleet: dict[str, Estimate | None] = {}
         self._params = params = {part.label: part.params for part in parts_of(plan)}
@@ -146,8 +143,8 @@ class Vehicle:
         """The setpoint that the tracker followed last, None while there is none."""
         return self._control.followed
 
-    def heed(self, set_option: OptionSetter) -> None:
-        """Let its processors retune its tracker through the options."""
+    def use_options(self, set_option: OptionSetter) -> None:
+        """Let its processors retune its tracker through `set_option`, that of the options."""
         self._control.set_option = set_option
 
     @property
@@ -237,7 +234,14 @@ class Vehicle:
             command = self._output.deliver(command, now)
         if self.activity.grip is not None:
             self._output.grip(self.activity.grip, now)
-        self._record(now, wanted, command)
+        knowledge, activity, control = self.knowledge, self.activity, self._control
+        estimate, truth = knowledge.estimate, knowledge.link_in.truth
+        self._observer.tick(
+            now, estimate, wanted, control.followed, command, truth, knowledge.estimation
+        )
+        self.wanted = self._errors.update(
+            now, wanted, truth or estimate, activity.flight, activity.leg
+        )
 
     def _commanded_after(self, failure: Exception, tick: Tick) -> Commanded:
         """Return the command of a tick in which a part failed, whichever parts fail then."""
@@ -335,33 +339,3 @@ class Vehicle:
                 payload, self._inputs, self._neighbours, self.moving,
             ),
         )  # fmt: skip
-
-    def _record(self, now: Time, wanted: Setpoint | None, command: Command) -> None:
-        """Record the tick and, in the air, its errors: what the behavior wanted against the truth,
-        or the estimate on hardware."""
-        knowledge, followed = self.knowledge, self._control.followed
-        estimate, truth = knowledge.estimate, knowledge.link_in.truth
-        self._observer.tick(now, estimate, wanted, followed, command, truth, knowledge.estimation)
-        state = truth or estimate
-        flies = self.activity.flight is AIR or self._flies_off(wanted, state)
-        if flies is not self._flies:
-            self._flies = flies
-            self._score.airborne(flies, now / NS)
-        self.wanted = wanted = wanted if flies else None
-        if wanted is None or state is None:
-            return
-        position, velocity, score = wanted.position, wanted.velocity, self._score
-        if position is not None:
-            score.position.add(distance(position, state.position))
-        if velocity is not None:
-            score.velocity.add(distance(velocity, state.velocity))
-
-    def _flies_off(self, wanted: Setpoint | None, state: Truth | Estimate | None) -> bool:
-        """Return whether a vehicle that takes off or lands is above the ground."""
-        activity = self.activity
-        if activity.flight is GROUND or state is None:
-            self._contact = None
-            return False
-        if self._contact is None or self._contact.leg is not activity.leg:
-            self._contact = GroundContact(activity.leg, state.position[2])
-        return not self._contact.carries(wanted, state.position[2], state.velocity[2])

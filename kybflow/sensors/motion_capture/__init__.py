@@ -48,6 +48,7 @@ class MotionCaptureSensorParams:
 
 class MotionCaptureSensor(Sensor[MotionCaptureSensorParams]):
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
+    tracks_bodies = True
     packages = ("motioncapture",)
 
     @classmethod

@@ -50,6 +50,7 @@ class VrpnParams:
 
 class Vrpn(Sensor[VrpnParams]):
     provides: ClassVar[frozenset[MeasurementKind]] = frozenset({Pose})
+    tracks_bodies = True
 
     @classmethod
     def objection(cls, params: VrpnParams, cameras: Mapping[str, Camera]) -> Objection | None:

@@ -119,9 +119,9 @@ def test_who_lands_by_itself_is_not_followed_and_not_taken_back():
 def test_a_drone_that_is_left_to_loop_is_not_lost_until_that_should_be_over():
     drone = Drone().says(Phase.LANDED, DroneState(0))
     with pytest.raises(Refused, match="it doesn't fly"):
-        drone.flight.leave(NS)
+        drone.flight.let_perform(NS)
     drone.says(Phase.FLYING).flight.send(RISING, 0)
-    drone.flight.leave(3 * NS)
+    drone.flight.let_perform(3 * NS)
     drone.says(Phase.LOOPING).flight.watch(2 * NS)
     assert drone.flight.override is None
     drone.flight.watch(3 * NS)

@@ -12,7 +12,7 @@ from kybflow.flight.avoidance.clearance import reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
 from kybflow.flight.formation.shapes import places_of
 from kybflow.flight.formation.taken_places import NEAREST, seen_from
-from kybflow.runtime.behaviors._formation_room import FormationRoom, FormationRoomParams
+from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 from kybflow.world.shapes import Box, Sphere
 
 PARAMS, SPEED = FormationRoomParams(), 1.0

@@ -45,7 +45,7 @@ class FlightControl:
         self._patience = round(patience * NS)
         self._goal, self._since = Goal.REST, 0
         self._toggled: Time | None = None
-        self._left: Time = 0
+        self._performs_until: Time = 0
         self.override: Override | None = None
         self.rest(0)
 
@@ -85,11 +85,11 @@ class FlightControl:
             move = move_of(command, self._limits, by_compass=self._stream.bearing is not None)
             self._stream.hold(True, move)
 
-    def leave(self, until: Time) -> None:
-        """Let it do until then what no command asks for. Raises Refused."""
+    def let_perform(self, until: Time) -> None:
+        """Take what it does until then, beside its commands, for an act. Raises Refused."""
         if self._goal is not Goal.FOLLOW or not self._status.follows:
             raise Refused("it doesn't fly")
-        self._left = until
+        self._performs_until = until
 
     def land(self, now: Time) -> bool:
         """Land by itself; whether it stands."""
@@ -119,7 +119,7 @@ class FlightControl:
             self.override = None
             return
         status = self._status
-        plays = status.phase is Phase.LOOPING and now < self._left
+        plays = status.phase is Phase.LOOPING and now < self._performs_until
         if self.override is not None or status.follows or status.phase is Phase.TAKING_OFF or plays:
             return
         words = "; ".join(in_words(status.state)) or "by itself"

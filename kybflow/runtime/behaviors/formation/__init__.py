@@ -22,11 +22,11 @@ from __future__ import annotations
 import zlib
 from collections import deque
 from collections.abc import Iterator, Mapping
-from math import cos, pi, sin
+from math import pi
 from typing import ClassVar, Literal, NamedTuple
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO, Vec3, add, distance, scale, wrap
+from kybflow.core.geometry import ZERO, Vec3, distance, scale, wrap
 from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick, Time, Told
 from kybflow.core.units import (
     Acceleration,
@@ -45,30 +45,26 @@ from kybflow.flight.formation.frame import (
     MovingFrame,
     Shift,
     distance_error,
-    longest,
-    mean_frame,
-    mean_heading,
     moved,
 )
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
-from kybflow.flight.motion import Coast, Motion
+from kybflow.flight.motion import Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
-from kybflow.runtime.behaviors._formation_drives import (
+from kybflow.runtime.behaviors._hand import was_held
+from kybflow.runtime.behaviors.formation.drives import (
     AlongPath,
     BehindLeader,
     ByHand,
     Drive,
     Still,
 )
-from kybflow.runtime.behaviors._formation_room import FormationRoom, FormationRoomParams
-from kybflow.runtime.behaviors._hand import was_held
-from kybflow.runtime.behaviors._members import WAITING, InFormation, Member, Members, Team
+from kybflow.runtime.behaviors.formation.meeting import Assigned, Meeting, Rest
+from kybflow.runtime.behaviors.formation.members import WAITING, InFormation, Members, Team
+from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 from kybflow.world.vehicle_context import VehicleContext
 
-_NOTICE: Time = NS // 10
-"""How long a member has waited, beyond the delay, until all have surely heard of it."""
 _UNHURRIED = 0.25
 """The share of `doubt` that a member may lag without slowing the others down."""
 _IN_PLACE = 0.01
@@ -174,9 +170,13 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._shape = _shape(params, len(team))
         if len(self._shape) < len(team):
             raise Refused(f"it has {len(self._shape)} places for {len(team)} members")
-        self._context, self._team = context, team
+        self._context, self._delay = context, round(params.delay * NS)
         self._members = Members(team, context.vehicle, _key(params))
         self._room = FormationRoom(context, team)
+        self._meeting = Meeting(
+            team, context.vehicle, self._shape, self._room, params.center, params.turned,
+            is_led=params.leader is not None,
+        )  # fmt: skip
         self._drive = _drive(params, entry)
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
@@ -186,8 +186,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
     def _wait(self, motion: Motion, heading: float, now: Time) -> None:
         """Come to rest, and wait for the others there."""
-        self._coast, self._heading, self._entered = Coast.after(motion), heading, now
-        self._since = now + round(self._coast.duration * NS)
+        self._rest, self._heading = Rest.after(motion, heading, now), heading
         self._placed: _Placed | None = None
         self._settled = self._is_complete = False
         self._point: Vec3 | None = None
@@ -208,7 +207,10 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if isinstance(self._drive, BehindLeader):
             ahead = self._drive.hear(tick, p.delay, p.freshness)
         if self._placed is None:
-            self._placed = self._met(team, ahead, tick)
+            others, heard = self._members.but_own(team), tick.now - self._delay
+            found = self._meeting.assigned(self._rest, others, ahead, heard, p)
+            if found is not None:
+                self._set_out(found, tick)
         output = self._acting(team, tick)
         if isinstance(output, Setpoint) and self._untold:
             return Told(output, *self._untold.popleft())
@@ -223,105 +225,51 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def prepare(cls) -> None:
         places.prepare()
 
-    @property
-    def _delay(self) -> Time:
-        return round(self.params.delay * NS)
-
     def _go_on(self, tick: Tick) -> None:
         """Keep the place that the vehicle had in this formation until a moment ago."""
         before = self._members.own_news(tick)
         if before is None or before.said.place == WAITING:
             return
-        self._frame, self._turned = before.frame, before.said.turned
-        place, here = self._turned_shape()[before.said.place], self._coast.at(0.0)
-        way = distance(place, self._frame.place(here).position)
-        self._placed = self._set_out(before.said.place, way if way > _IN_PLACE else 0.0, tick)
-        self._settled = before.said.settled
+        frame, said = before.frame, before.said
+        place = places.turned_by(said.turned, self._shape[said.place])
+        way = distance(place, frame.place(self._rest.coast.at(0.0)).position)
+        way = way if way > _IN_PLACE else 0.0
+        self._set_out(Assigned(frame, said.turned, said.place, way), tick)
+        self._settled = said.settled
 
-    def _met(self, team: Team, ahead: MovingFrame | None, tick: Tick) -> _Placed | None:
-        """Lay the formation, or join it; None while not all have come whom that needs."""
-        members = [m for m in self._members.but_own(team) if not m.trouble]
-        formed = [m for m in members if m.said.place != WAITING]
-        waiting = [m for m in members if m.said.place == WAITING]
-        all_there = len(waiting) == len(self._team) - 1
-        if not (formed or all_there) or (self.params.leader is not None and ahead is None):
-            return None
-        since = max((self._since, *(m.said.since for m in waiting)))
-        if tick.now < since + self._delay + _NOTICE:
-            return None
-        here = {m.name: m.said.point for m in waiting} | {self._context.vehicle: self._coast.end}
-        here = {name: here[name] for name in self._team if name in here}
-        if formed:
-            return self._joined(formed, here, tick)
-        heads = [self._heading, *(m.said.heading for m in waiting)]
-        heading = mean_heading(sum(map(cos, heads)), sum(map(sin, heads)))
-        return self._laid(
-            here, ahead or MovingFrame(ZERO, heading=heading), ahead is not None, tick
-        )
-
-    def _laid(self, here: dict[str, Vec3], frame: MovingFrame, is_led: bool, tick: Tick) -> _Placed:
-        """Take a place in a formation that all members lay together now."""
-        p = self.params
-        centre = frame.centre if is_led else p.center
-        found = places.laid(tuple(here.values()), self._shape, frame.heading, centre, p.turned)
-        self._turned = found.turned
-        offsets = [frame.turned(place) for place in self._turned_shape()]
-        centre = frame.centre if is_led else self._room.centred(found.centre, offsets, p)
-        self._frame = frame._replace(centre=centre)
-        goals = [add(centre, offsets[i]) for i in found.taken]
-        way = longest(zip(here.values(), goals, strict=True))
-        place = found.taken[list(here).index(self._context.vehicle)]
-        return self._set_out(place, way, tick)
-
-    def _joined(self, formed: list[Member], here: dict[str, Vec3], tick: Tick) -> _Placed | None:
-        """Take one of the places that are free."""
-        self._frame = mean_frame([m.frame for m in formed])
-        self._turned = formed[0].said.turned
-        taken = {m.said.place for m in formed}
-        free = [i for i in range(len(self._shape)) if i not in taken]
-        if len(free) < len(here):
-            return None
-        shape = self._turned_shape()
-        goals = [add(self._frame.centre, self._frame.turned(shape[i])) for i in free]
-        index = list(here).index(self._context.vehicle)
-        column = places.assigned(tuple(here.values()), goals)[index]
-        way = distance(self._coast.end, goals[column])
-        return self._set_out(free[column], way, tick)
-
-    def _set_out(self, place: int, way: float, tick: Tick) -> _Placed:
-        p, elapsed = self.params, (tick.now - self._entered) / NS
-        span = Shift.time_for(way, self._most_speed, p.acceleration)
-        start = self._frame.place(self._coast.at(elapsed))
-        shift = Shift(start, self._turned_shape()[place], span)
-        return _Placed(place, tick.now, shift, wrap(self._heading - self._frame.heading))
+    def _set_out(self, found: Assigned, tick: Tick) -> None:
+        """Begin the way to a place."""
+        self._frame, self._turned = found.frame, found.turned
+        span = Shift.time_for(found.way, self._most_speed, self.params.acceleration)
+        goal = places.turned_by(found.turned, self._shape[found.place])
+        shift = Shift(found.frame.place(self._rest.at(tick.now)), goal, span)
+        turn = wrap(self._heading - found.frame.heading)
+        self._placed = _Placed(found.place, tick.now, shift, turn)
 
     @property
     def _most_speed(self) -> float:
         return min(self.params.speed, SPEED_SHARE * self._context.airframe.speed)
 
-    def _turned_shape(self) -> tuple[Vec3, ...]:
-        """The places in the frame."""
-        return tuple(places.turned_by(self._turned, place) for place in self._shape)
-
     def _taken_places(self, own: int, taken: frozenset[int]) -> TakenPlaces:
         """The places that are taken, worked out anew when others are."""
         which = (self._turned, own, taken)
         if self._taken_for != which:
-            self._taken_for, self._taken = which, seen_from(self._turned_shape(), own, taken)
+            shape = [places.turned_by(self._turned, place) for place in self._shape]
+            self._taken_for, self._taken = which, seen_from(shape, own, taken)
         return self._taken
 
     def _waiting(self, team: Team, tick: Tick) -> Setpoint | Failed:
         """Rest, and say so."""
-        elapsed = (tick.now - self._entered) / NS
-        self._say(tick, WAITING, self._coast.end, MovingFrame(ZERO, heading=self._heading))
-        setpoint = self._coast.at(elapsed).setpoint(self._heading)
+        rest, elapsed = self._rest, (tick.now - self._rest.began) / NS
+        self._say(tick, WAITING, rest.coast.end, MovingFrame(ZERO, heading=self._heading))
+        setpoint = rest.at(tick.now).setpoint(self._heading)
         come = team.members.keys() - team.troubled.keys()
         missing = [name for name in self._members.others if name not in come]
         if self.params.leader is not None and not missing:
             missing = [self.params.leader]
         who = " and ".join(f"`{name}`" for name in missing)
         self.waits_for = f"{who} to come" if who else None
-        if elapsed > self.params.patience + self._coast.duration:
+        if elapsed > self.params.patience + rest.coast.duration:
             verb = "have" if len(missing) > 1 else "has"
             what = f"{who} {verb} not come" if who else "no place has become free"
             reason = f"{what} within {self.params.patience:g} s"
@@ -402,7 +350,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
     def _say(self, tick: Tick, place: int, point: Vec3, frame: MovingFrame) -> None:
         self.says = InFormation(
-            tick.now, self._members.key, self._since, place, self._settled, frame.heading,
+            tick.now, self._members.key, self._rest.since, place, self._settled, frame.heading,
             frame.rate, self._turned, point, frame.centre, frame.velocity,
         )  # fmt: skip
 

@@ -1,0 +1,51 @@
+"""Obstacles that move, and what sees where they are: KYB511 and KYB547."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+
+
+def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
+    """KYB511: an obstacle moves, the target's vehicles are real, and none has a sensor that could
+    tell where it is: motion capture."""
+    if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
+        return
+    for moving in case.document.moving:
+        if moving.tracked_by(case.vehicles()) is None:
+            yield Diagnostic(
+                "KYB511",
+                f"nothing sees where `{moving.name.text}` is",
+                moving.span,
+                label="motion capture tracks no vehicle",
+                help=f"give one the sensor {_real(case)}, or fly a simulated target",
+            )
+
+
+def _real(case: Case) -> str:
+    """The real sensors that track bodies, in words."""
+    known = (spec for spec in case.parts("sensors") if not spec.cls.simulated)
+    return " or ".join(f"`{spec.name}`" for spec in known if spec.cls.tracks_bodies)
+
+
+def seen_as_another(case: Case) -> Iterator[Diagnostic]:
+    """KYB547: an obstacle that moves has the body in motion capture of a vehicle, or of another
+    obstacle: it would be where that one is."""
+    taken: dict[str, str] = {}
+    for vehicle in case.vehicles() if case.document.moving else ():
+        for sensor in vehicle.sensors:
+            claim = sensor.part.spec.cls.claim(sensor.part.params, vehicle.name.text)
+            if claim is not None:
+                taken.setdefault(claim.what, vehicle.name.text)
+    for moving in case.document.moving:
+        name, by = moving.name.text, moving.tracked_by(case.vehicles())
+        claim = None if by is None else by[1].spec.cls.claim(by[2], name)
+        if claim is not None and taken.setdefault(claim.what, name) != name:
+            yield Diagnostic(
+                "KYB547",
+                f"`{name}` has {claim.what}, as `{taken[claim.what]}` has",
+                moving.span,
+                help="give it its own `body`",
+            )

@@ -1,0 +1,73 @@
+"""A ball that moves: where it is simulated, along straight lines. Metres, world frame (ENU)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from math import sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, add, distance, scale, sub
+
+_ACCELERATION = 1.5
+"""With which it starts and stops at each point, m/s^2."""
+
+
+@dataclass(frozen=True)
+class MovingSphere:
+    """A ball that goes along straight lines through `along`, there and back, at up to `speed`
+    (m/s); it starts and stops with 1.5 m/s^2 at each point. body: its name in motion capture, None
+    where that is its own."""
+
+    along: tuple[Vec3, ...]
+    radius: float
+    speed: float
+    body: str | None = None
+
+    def at(self, seconds: float) -> Vec3:
+        """Return where its centre is so long after the start."""
+        whole = sum(leg.duration for leg in self._legs)
+        left = seconds % whole if whole > 0.0 else 0.0
+        for leg in self._legs:
+            if left < leg.duration:
+                return leg.at(left)
+            left -= leg.duration
+        return self.along[0]
+
+    @cached_property
+    def _legs(self) -> tuple[_Leg, ...]:
+        there = [_Leg.between(a, b, self.speed) for a, b in pairwise(self.along)]
+        return (*there, *(leg.turned() for leg in reversed(there)))
+
+
+class _Leg(NamedTuple):
+    """A line from rest to rest: its speed rises for `ramp` seconds to `speed`, and falls so."""
+
+    start: Vec3
+    end: Vec3
+    speed: float
+    ramp: float
+    duration: float
+
+    @classmethod
+    def between(cls, start: Vec3, end: Vec3, speed: float) -> _Leg:
+        length = distance(start, end)
+        speed = min(speed, sqrt(_ACCELERATION * length))
+        ramp = speed / _ACCELERATION
+        return cls(start, end, speed, ramp, length / speed + ramp if speed > 0.0 else 0.0)
+
+    def turned(self) -> _Leg:
+        return self._replace(start=self.end, end=self.start)
+
+    def at(self, time: float) -> Vec3:
+        left = self.duration - time
+        if time < self.ramp:
+            gone = 0.5 * _ACCELERATION * time * time
+        elif left < self.ramp:
+            gone = self.speed * (self.duration - self.ramp) - 0.5 * _ACCELERATION * left * left
+        else:
+            gone = self.speed * (time - 0.5 * self.ramp)
+        return add(
+            self.start, scale(sub(self.end, self.start), gone / distance(self.start, self.end))
+        )
