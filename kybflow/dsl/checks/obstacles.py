@@ -104,11 +104,10 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
     a landing is none to it, nor is one that it is too close to already. Where a processor leads it
     round obstacles, only the points themselves must be clear.
     """
-    for vehicle, state, entry, footprint in (
-        case.cached(footprints) if case.document.obstacles else ()
-    ):
+    obstacles = list(kept_from(case))
+    for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
         path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
-        for obstacle in kept_from(case):
+        for obstacle in obstacles:
             if entry is not None and obstacle.shape.distance(entry) < arm:
                 continue
             room, point = nearest(path, obstacle.shape, arm)
@@ -260,10 +259,13 @@ def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
 def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float, Vec3]:
     """The least distance of a path from a shape, and where. Lines that keep `enough` away are not
     looked at closely."""
-    found = min(((shape.distance(p), p) for p in path), default=(inf, (0.0, 0.0, 0.0)))
-    for a, b in pairwise(path):
-        middle = _between(a, b, 0.5)
-        if shape.distance(middle) - distance(a, b) / 2 < min(enough, found[0]):
+    rooms = [(shape.distance(p), p) for p in path]
+    found = min(rooms, default=(inf, (0.0, 0.0, 0.0)))
+    for (room, a), (other, b) in pairwise(rooms):
+        length, least = distance(a, b), min(enough, found[0])
+        if (room + other - length) / 2 >= least:
+            continue
+        if shape.distance(_between(a, b, 0.5)) - length / 2 < least:
             found = min(found, _on_line(a, b, shape, enough))
     return found
 
