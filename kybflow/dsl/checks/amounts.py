@@ -89,9 +89,8 @@ def _judged(params: Any) -> dict[str, Field]:
 
 
 def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
-    """KYB427: a length that the fence leaves without a meaning: a tolerance of more than half of
-    the fence's longest side, within which it is everywhere, a distance that is kept and for which
-    there is no room, or a height above its top (a warning)."""
+    """KYB427: a length that says nothing inside the fence: a tolerance or a distance that is kept
+    of more than half of its longest side, or a height above its top (a warning)."""
     fence = case.document.fence
     for name, part in _roomy(case) if fence is not None else ():
         for field in fields_in_rooms(part.params.__class__):
