@@ -1,6 +1,7 @@
 """What is told before take-off of missions that do harm or make no sense, and of sensible ones.
 
     python bench/harm.py [--half development] [--show] [--fly 0] [--only NAME ...]
+                         [--missions NAME ...]
 
 The operators are in tests/support/harms/families; each is used on every shipped mission that has a
 place for it. `told` counts errors and warnings, `at line` those that name a line which the change
@@ -146,12 +147,14 @@ def main() -> None:
     parser.add_argument("--show", action="store_true")
     parser.add_argument("--fly", type=int, default=0)
     parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--missions", nargs="*", default=[])
     options = parser.parse_args()
     operators = tuple(op for op in OPERATORS if not options.only or op.name in options.only)
     began = process_time()
     with tempfile.TemporaryDirectory() as name:
         folder = with_library(Path(name))
-        missions = [Mission(path) for path in MISSIONS]
+        chosen = [p for p in MISSIONS if not options.missions or p.stem in options.missions]
+        missions = [Mission(path) for path in chosen]
         told = judged(missions, operators, folder)
         print(
             f"{len(told)} mutants by {len(operators)} operators of {len(missions)} missions", end=""

@@ -240,6 +240,18 @@ def test_a_path_through_an_obstacle_from_a_place_known_only_in_flight(tmp_path: 
     assert hit.message.startswith("`a` runs into `pillar` at ")
 
 
+def test_an_obstacle_that_moves_into_a_vehicle(tmp_path: Path) -> None:
+    ball = "{along: [[2, 0, 1], [-2, 0, 1]], radius: 15 cm, speed: 30 cm/s}"
+    head = f"{HEAD}  obstacles: {{ball: {{moving_sphere: {ball}}}}}\n"
+    plan, texts = planned(ALONE, tmp_path, head)
+    [vehicle] = plan.vehicles
+    unheld = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
+
+    [hit] = [d for d in rehearse(unheld, texts=texts).diagnostics if d.code == "KYB471"]
+
+    assert hit.message.startswith("`a` runs into `ball` at ")
+
+
 STALL = """\
 time_limit: 40 s
 vehicles:

@@ -7,6 +7,7 @@ and not always the same), so every budget holds for that version and its tests s
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections import Counter
 from collections.abc import Mapping
@@ -25,6 +26,7 @@ needs_repeatable_counts = pytest.mark.skipif(
     sys.version_info[:2] != (3, 11) or sys.gettrace() is not None,
     reason="opcode traces repeat exactly on Python 3.11, outside debuggers and coverage",
 )
+_FOLDERS = frozenset(f.__code__.co_filename for f in (os.path.realpath, Path.relative_to))
 _PACKAGE = str(Path(kybflow.__file__).parent) + "/"
 
 
@@ -33,7 +35,8 @@ class Bytecodes:
 
     stages: (beginning of a module's path below `kybflow/`, its stage), the first match counts. Code
     that matches none, like geometry or the standard library, belongs to the stage that called it.
-    No garbage is collected meanwhile, for what listens to that (Hypothesis) would be counted.
+    No garbage is collected meanwhile, for what listens to that (Hypothesis) would be counted. What
+    goes through the folders of a path isn't, for those are more in a checkout that lies deeper.
     """
 
     def __init__(self, stages: tuple[tuple[str, str], ...], otherwise: str) -> None:
@@ -50,6 +53,8 @@ class Bytecodes:
         gc.enable()
 
     def _called(self, frame: FrameType, event: str, argument: Any) -> Any:
+        if frame.f_code.co_filename in _FOLDERS:
+            return None
         frame.f_trace_opcodes, frame.f_trace_lines = True, False
         stage, counts = self._stage(frame), self.counts
 

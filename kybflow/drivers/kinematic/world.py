@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 from math import cos, pi, sin
 
 from kybflow.core.geometry import Vec3, distance
@@ -11,7 +11,7 @@ from kybflow.core.signals import NS, Time
 from kybflow.drivers.kinematic.vehicle import IdealVehicle
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
-from kybflow.world.shapes import Shape
+from kybflow.world.shapes import Shape, Sphere
 
 ROUND = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
 """Where the edge of a vehicle is looked at."""
@@ -19,7 +19,7 @@ _Pair = tuple[IdealVehicle, str]
 
 
 class KinematicWorld(Session):
-    """Moves every vehicle to each tick's end.
+    """Moves every vehicle, and what else moves, to each tick's end.
 
     Two vehicles touch where their centres are nearer to each other than an arm of each. A vehicle
     touches an obstacle with the disc of its hubs; its legs stand on one below.
@@ -34,6 +34,7 @@ class KinematicWorld(Session):
             (one, other, one.context.airframe.arm + other.context.airframe.arm)
             for one, other in combinations(self._vehicles, 2)
         )
+        self._moving = {n: ball for seat in seats for n, ball in seat.context.moving.items()}
 
     def advance(self, now: Time) -> None:
         dt, self._now = (now - self._now) / NS, now
@@ -51,6 +52,10 @@ class KinematicWorld(Session):
         """There is nothing to release."""
 
     def _touches(self) -> Iterator[_Pair]:
+        balls = {
+            name: Sphere(ball.at(self._now / NS), ball.radius)
+            for name, ball in self._moving.items()
+        }
         for one, other, apart in self._pairs:
             near = distance(one.state.position, other.state.position) < apart
             if near and not (one.is_down and other.is_down):
@@ -58,7 +63,7 @@ class KinematicWorld(Session):
                 yield other, one.context.vehicle
         for vehicle in self._vehicles:
             place, arm = vehicle.state.position, vehicle.context.airframe.arm
-            for name, shape in vehicle.context.obstacles.items():
+            for name, shape in chain(vehicle.context.obstacles.items(), balls.items()):
                 if shape.distance(place) < arm and _meets(shape, place, arm):
                     yield vehicle, name
 

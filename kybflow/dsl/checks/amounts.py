@@ -89,12 +89,10 @@ def _judged(params: Any) -> dict[str, Field]:
 
 
 def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
-    """KYB427: a length that the fence leaves without a meaning: a tolerance of more than half of
-    the fence's longest side, within which it is everywhere, or a height above its top (a
-    warning)."""
+    """KYB427: a length that says nothing inside the fence: a tolerance or a distance that is kept
+    of more than half of its longest side, or a height above its top (a warning)."""
     fence = case.document.fence
-    for _, state in case.states() if fence is not None else ():
-        part = state.part
+    for name, part in _roomy(case) if fence is not None else ():
         for field in fields_in_rooms(part.params.__class__):
             if fence is None or field.name not in part.spans:
                 continue
@@ -105,13 +103,22 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             usual = quantity(_usual(field), LENGTH)
             yield Diagnostic(
                 "KYB427",
-                f"`{field.name}` of `{state.name.text}` says nothing in this room",
+                f"`{field.name}` of `{name}` says nothing in this room",
                 part.spans[field.name],
                 label=quantity(value, LENGTH),
                 notes=(f"the fence is {extent} {'high' if field.room == 'up' else 'wide'}",),
                 help=f"write less, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
+
+
+def _roomy(case: Case) -> Iterator[tuple[str, PartUse]]:
+    """Every behavior and processor, and what reports call it."""
+    for vehicle in case.vehicles():
+        for state in vehicle.states.values():
+            yield state.name.text, state.part
+        for part in vehicle.processors:
+            yield part.label, part
 
 
 def _room(fence: Box, field: Field) -> float:

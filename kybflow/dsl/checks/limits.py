@@ -32,7 +32,8 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     airframe's."""
     for vehicle in case.vehicles():
         for part in (vehicle.tracker, *vehicle.processors):
-            yield from _beyond(vehicle, part)
+            if not LIMITS.isdisjoint(part.spans):
+                yield from _beyond(vehicle, part)
 
 
 def _beyond(vehicle: VehicleEntry, part: PartUse) -> Iterator[Diagnostic]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from math import hypot, inf
+from typing import Protocol
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
@@ -14,7 +15,7 @@ from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, th
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
-from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
+from kybflow.world.shapes import Box, Cylinder, Plane, Scanned
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
@@ -36,7 +37,7 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
                 "KYB340",
                 f"`{vehicle.name.text}` starts in the obstacle `{obstacle.name.text}`",
                 vehicle.start_span,
-                label=_near(vehicle, room),
+                label=room_needed(vehicle, room),
                 notes=(_stands(obstacle),),
                 help="start further away",
             )
@@ -101,23 +102,22 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
     a landing is none to it, nor is one that it is too close to already. Where a processor leads it
     round obstacles, only the points themselves must be clear.
     """
-    for vehicle, state, entry, footprint in (
-        case.cached(footprints) if case.document.obstacles else ()
-    ):
+    obstacles = list(kept_from(case))
+    for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
         path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
-        for obstacle in kept_from(case):
+        for obstacle in obstacles:
             if entry is not None and obstacle.shape.distance(entry) < arm:
                 continue
             room, point = nearest(path, obstacle.shape, arm)
             if room < arm and _goes_round(vehicle, state):
                 room, point = min((obstacle.shape.distance(p), p) for p in path)
-            if room >= arm or (_is_vertical(state) and _carries(obstacle, path[0], vehicle)):
+            if room >= arm or (is_vertical(state) and _carries(obstacle, path[0], vehicle)):
                 continue
             yield Diagnostic(
                 "KYB341",
                 f"`{state.name.text}` ({state.part.name.text}) flies into `{obstacle.name.text}`",
                 aim_of(state, footprint),
-                label=f"at {shown_point(point)}, {_near(vehicle, room)}",
+                label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
                 help=f"lead it round by points beside `{obstacle.name.text}`, or further away",
                 related=values_of(state.part),
@@ -192,7 +192,7 @@ def homes(case: Case) -> Iterator[Diagnostic]:
         for obstacle in case.document.obstacles:
             room = obstacle.shape.distance(home)
             if room < vehicle.airframe.arm - _ROUNDING and not _carries(obstacle, home, vehicle):
-                label, note = _near(vehicle, room), _stands(obstacle)
+                label, note = room_needed(vehicle, room), _stands(obstacle)
         if label:
             message = f"`{name}` can't go home"
             yield Diagnostic("KYB343", message, span, label=label, notes=(note,), related=related)
@@ -204,18 +204,27 @@ def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
     return footprint.path or (footprint.points if len(footprint.points) <= 2 else ())
 
 
-def nearest(path: tuple[Vec3, ...], shape: Shape, enough: float) -> tuple[float, Vec3]:
+class _Solid(Protocol):
+    """What is convex, or a scan."""
+
+    def distance(self, p: Vec3) -> float: ...
+
+
+def nearest(path: tuple[Vec3, ...], shape: _Solid, enough: float) -> tuple[float, Vec3]:
     """The least distance of a path from a shape, and where. Lines that keep `enough` away are not
     looked at closely."""
-    found = min(((shape.distance(p), p) for p in path), default=(inf, (0.0, 0.0, 0.0)))
-    for a, b in pairwise(path):
-        middle = _between(a, b, 0.5)
-        if shape.distance(middle) - distance(a, b) / 2 < min(enough, found[0]):
+    rooms = [(shape.distance(p), p) for p in path]
+    found = min(rooms, default=(inf, (0.0, 0.0, 0.0)))
+    for (room, a), (other, b) in pairwise(rooms):
+        length, least = distance(a, b), min(enough, found[0])
+        if (room + other - length) / 2 >= least:
+            continue
+        if shape.distance(_between(a, b, 0.5)) - length / 2 < least:
             found = min(found, _on_line(a, b, shape, enough))
     return found
 
 
-def _on_line(a: Vec3, b: Vec3, shape: Shape, enough: float) -> tuple[float, Vec3]:
+def _on_line(a: Vec3, b: Vec3, shape: _Solid, enough: float) -> tuple[float, Vec3]:
     """The least distance of a line from a shape, by golden section: that of a convex solid has one
     minimum along a line. Ends as soon as it is sure that the line keeps `enough` away."""
     if isinstance(shape, Scanned):
@@ -241,10 +250,11 @@ def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
 
 def _goes_round(vehicle: VehicleEntry, state: StateEntry) -> bool:
     """Whether something leads the vehicle round what is in the way: it does so in the air only."""
-    return not _is_vertical(state) and any(use.spec.cls.goes_round for use in vehicle.processors)
+    return not is_vertical(state) and any(use.spec.cls.goes_round for use in vehicle.processors)
 
 
-def _is_vertical(state: StateEntry) -> bool:
+def is_vertical(state: StateEntry) -> bool:
+    """Whether it is a take-off or a landing."""
     return any(GROUND in leg and leg.start is not leg.end for leg in state.part.spec.cls.flight)
 
 
@@ -278,7 +288,8 @@ def _top(obstacle: ObstacleEntry, point: Vec3) -> tuple[float, float]:
     return top, inside
 
 
-def _near(vehicle: VehicleEntry, room: float) -> str:
+def room_needed(vehicle: VehicleEntry, room: float) -> str:
+    """How close it comes, and what it needs."""
     where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
     return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
 

@@ -10,7 +10,7 @@ from kybflow.core.params import named_in
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import StateEntry, VehicleEntry
 from kybflow.dsl.names.option_names import no_vehicles
@@ -88,13 +88,16 @@ def never_comes(case: Case) -> Iterator[Diagnostic]:
 
 def at_odds(case: Case) -> Iterator[Diagnostic]:
     """KYB523: a behavior's parameters don't fit each other or its vehicle, as of a formation whose
-    shape has no places for so many. Each part says so of itself."""
+    shape has no places for so many; a warning where they only hardly fit. Each part says so of
+    itself."""
     for vehicle, context in case.cached(contexts):
         for state in vehicle.states.values():
             for objection in state.part.spec.cls.objections(state.part.params, context):
+                severity = Severity.WARNING if objection.is_doubt else Severity.ERROR
                 yield Diagnostic(
                     "KYB523",
                     f"`{objection.parameter}` of `{state.name.text}` {objection.reason}",
                     state.part.spans.get(objection.parameter, state.part.name.span),
                     help=objection.hint,
+                    severity=severity,
                 )

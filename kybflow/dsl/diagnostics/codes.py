@@ -89,6 +89,8 @@ _FAMILIES = {
     "KYB520": "Groups and flows",
     "KYB535": "Data from sensor to rotor",
     "KYB545": "Where it goes and how fast",
+    "KYB553": "Callbacks",
+    "KYB556": "Where it goes and how fast",
 }
 """The families of codes, each from its first code on."""
 

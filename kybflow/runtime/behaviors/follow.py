@@ -47,8 +47,9 @@ class FollowParams:
         default=0.6, above=0.0,
     )  # fmt: skip
     delay: Duration = param(
-        "Least age of what it hears, to simulate a radio.", default=0.0, at_least=0.0, below=0.4
-    )
+        "Least age of what it hears, to simulate a radio.",
+        default=0.0, at_least=0.0, below=0.4, limited_by="freshness",
+    )  # fmt: skip
     freshness: Duration = param(
         "Age of the news from which the other is silent.", default=0.3, above=0.0, at_most=5.0
     )
@@ -124,6 +125,11 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         elif norm(params.offset) < params.clearance:
             reason = f"is {norm(params.offset):.3g} m, closer than `clearance`"
             yield Objection("offset", reason, f"stay {params.clearance:.3g} m away, or say less")
+        unheard, apart = params.speed * params.freshness, norm(params.offset)
+        if unheard > apart > 0.0:
+            reason = f"lets a silent vehicle be {unheard:.3g} m off, which is {apart:.3g} m away"
+            hint = f"write {apart / params.speed:.2g} s at most"
+            yield Objection("freshness", reason, hint, is_doubt=True)
 
     @classmethod
     def footprint(cls, params: FollowParams, entry: Vec3 | None) -> Footprint | None:

@@ -17,21 +17,27 @@ behaviors that stay in the air. Metres, world frame.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from kybflow.core.signals import Setpoint, Tick, Told
 from kybflow.core.units import Acceleration, Length, Speed
 from kybflow.flight.avoidance.detour import Detour
 from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
-from kybflow.parts import Processor, param, params
+from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
+_WANDERS = 0.02
+"""How far a vehicle strays from its setpoint that flies well, metres."""
 _SLACK = 0.5
 """The share of `keep` that the vehicle itself may lack."""
 
 
 @params
 class AvoidObstaclesParams:
-    keep: Length = param("Kept between the rotors' tips and anything else.", default=0.2, above=0.0)
+    keep: Length = param(
+        "Kept between the rotors' tips and anything else.", default=0.2, above=0.0, room="across"
+    )
     treat_as_obstacles: tuple[str, ...] | None = param(
         "The vehicles that it keeps away from; all others without it.",
         default=None,
@@ -47,6 +53,14 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
     accepts = ACCEPTS
     goes_round = True
     tells = BLOCKED
+
+    @classmethod
+    def objections(
+        cls, params: AvoidObstaclesParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        if params.keep < _WANDERS:
+            reason = "is less than a vehicle strays from its setpoint"
+            yield Objection("keep", reason, f"keep {_WANDERS:g} m or more", is_doubt=True)
 
     def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:
         super().__init__(params, context)

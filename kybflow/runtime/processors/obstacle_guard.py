@@ -26,8 +26,9 @@ from kybflow.world.vehicle_context import VehicleContext
 @params
 class ObstacleGuardParams:
     keep: Length = param(
-        "Kept between the rotors and obstacles.", default=0.1, at_least=0.0, tightens="up"
-    )
+        "Kept between the rotors and obstacles.",
+        default=0.1, at_least=0.0, tightens="up", room="across",
+    )  # fmt: skip
     braking: Acceleration = param(
         "Deceleration with which it plans to stop.", default=2.0, at_least=0.2, at_most=2.0
     )

@@ -62,8 +62,12 @@ from kybflow.runtime.behaviors.formation.drives import (
 )
 from kybflow.runtime.behaviors.formation.meeting import Assigned, Meeting, Rest
 from kybflow.runtime.behaviors.formation.members import WAITING, InFormation, Members, Team
-from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.runtime.behaviors.formation.room import (
+    FormationRoom,
+    FormationRoomParams,
+    within_the_rotors,
+)
+from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _UNHURRIED = 0.25
 """The share of `doubt` that a member may lag without slowing the others down."""
@@ -127,14 +131,14 @@ class FormationParams(FormationRoomParams):
     )  # fmt: skip
     delay: Duration = param(
         "Least age of what members hear, to simulate a radio.",
-        default=0.0, at_least=0.0, below=0.4, read_only=True,
+        default=0.0, at_least=0.0, below=0.4, read_only=True, limited_by="freshness",
     )  # fmt: skip
     freshness: Duration = param(
         "Age of the news from which a member is silent.", default=0.3, above=0.0, at_most=5.0
     )
     doubt: Length = param(
         "Distance of a member from where it is to be for which the others stop.",
-        default=0.5, above=0.0,
+        default=0.5, above=0.0, room="across",
     )  # fmt: skip
     patience: Duration = param(
         "How long it waits for members that have not come, for a lost input and a lost leader.",
@@ -368,17 +372,27 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             reason = f"has {len(shape)} places for the {len(team)} members of `{params.members}`"
             yield Objection("points", reason, "add places")
             return
-        widest = max(context.diameters.get(name, 0.0) for name in team)
+        widest = 2.0 * max(hull_of(context.diameters.get(name, 0.0)) for name in team)
         apart = shapes.closest(shape)
         if apart <= widest:
             parameter = "points" if params.points else "side"
             reason = f"puts two places {apart:.3g} m apart"
             yield Objection(parameter, reason, f"the vehicles are {widest:.3g} m wide")
+        yield from cls._doubts(params, context)
         if params.leader is not None and params.leader in team:
             yield Objection("leader", "is a member", "lead by a vehicle that is none")
         drives = [k for k in ("input", "path", "leader") if getattr(params, k) is not None]
         if len(drives) > 1:
             yield Objection(drives[1], f"can't move it beside `{drives[0]}`", "write one of them")
+
+    @classmethod
+    def _doubts(cls, params: FormationParams, context: VehicleContext) -> Iterator[Objection]:
+        unheard = params.speed * params.freshness
+        if unheard > params.doubt:
+            reason = f"lets a silent member be {unheard:.3g} m off, more than `doubt`"
+            hint = f"{params.doubt / params.speed:.2g} s is as much as `doubt` allows"
+            yield Objection("freshness", reason, hint, is_doubt=True)
+        yield from within_the_rotors(params, context)
 
     @classmethod
     def footprint(cls, params: FormationParams, entry: Vec3 | None) -> Footprint | None:

@@ -3,7 +3,7 @@ are no members."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from kybflow.core.geometry import ZERO, Vec3, add, dot
 from kybflow.core.params import param, params
@@ -12,6 +12,7 @@ from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
 from kybflow.flight.formation.taken_places import TakenPlaces
+from kybflow.parts import Objection
 from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -21,15 +22,27 @@ class FormationRoomParams:
     """The distances that are kept."""
 
     margin: Length = param(
-        "Kept from the fence by every place.", default=0.3, at_least=0.0, tightens="up"
+        "Kept from the fence by every place.",
+        default=0.3,
+        at_least=0.0,
+        tightens="up",
+        room="across",
     )
     clearance: Length = param(
         "Kept between hubs and obstacles, and other vehicles, by every place.",
-        default=0.3, above=0.0, tightens="up",
+        default=0.3, above=0.0, tightens="up", room="across",
     )  # fmt: skip
     lowest: Length = param(
         "Least height above the ground of the start.", default=0.4, above=0.0, tightens="up"
     )
+
+
+def within_the_rotors(p: FormationRoomParams, context: VehicleContext) -> Iterator[Objection]:
+    """Yield why `clearance`, which counts from the hubs, lets a rotor touch something."""
+    reach = context.airframe.rotor_radius
+    if p.clearance <= reach:
+        reason = "is within the rotors"
+        yield Objection("clearance", reason, f"they reach {reach:.3g} m", is_doubt=True)
 
 
 class FormationRoom:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from types import ModuleType
 
 from harms.families import (
+    avoidance,
     expectations,
     faults_and_callbacks,
     fleets,
+    formations,
     parameters,
     physics,
     plants,
@@ -23,7 +25,7 @@ from harms.operator import Operator
 
 HARMFUL = (
     slips, physics, expectations, supervisors, time_and_energy, plants, sensing, structure, fleets,
-    rooms, faults_and_callbacks, parameters,
+    rooms, faults_and_callbacks, parameters, avoidance, formations,
 )  # fmt: skip
 
 

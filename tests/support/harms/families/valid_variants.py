@@ -6,7 +6,18 @@ import re
 
 import yaml
 
-from harms.mission_text import Edit, Mission, Node, State, add, own_list, own_section, put
+from harms.families.avoidance import AVOID, tuned, with_ball
+from harms.families.formations import acts, arriving, told
+from harms.mission_text import (
+    Edit,
+    Mission,
+    Node,
+    State,
+    add,
+    own_list,
+    own_section,
+    put,
+)
 from harms.operator import Changes, change, valid
 
 _BOUND = re.compile(r"(max|mean|rms)\((.*)\) < ([\d.]+) (.*)")
@@ -436,3 +447,82 @@ def still_air(mission: Mission) -> Changes:
         yield change(
             own_section(mission, "targets", "calm: {all: {driver: {use: sim, calm: true}}}")
         )
+
+
+@valid
+def a_little_more_distance(mission: Mission) -> Changes:
+    """`avoid_obstacles` keeps 5 cm more."""
+    yield from tuned(mission, "keep", "25 cm")
+
+
+@valid
+def the_others_by_name(mission: Mission) -> Changes:
+    """`treat_as_obstacles` names every vehicle, as `all others` would."""
+    names = ", ".join(v.name for v in mission.plan.vehicles)
+    if len(mission.plan.vehicles) > 1:
+        yield from tuned(mission, "treat_as_obstacles", f"[{names}]")
+
+
+@valid
+def avoids_where_it_need_not(mission: Mission) -> Changes:
+    """The default list with `avoid_obstacles` in it, where nobody comes near."""
+    for vehicle in mission.own():
+        if mission.at("processors", of=vehicle.node) is None and not _library(
+            mission, vehicle.node
+        ):
+            entries = f"limit_speed, limit_acceleration, {AVOID}, fence, position_error"
+            yield change(add(vehicle.node, f"processors: [{entries}]"))
+
+
+@valid
+def a_ball_high_in_a_corner(mission: Mission) -> Changes:
+    """A small ball goes to and fro in an upper corner of the room where nobody flies."""
+    fence = mission.plan.fence
+    if fence is not None and "do: steer" not in mission.text and fence.high[2] > 2.3:
+        x, y, z = fence.high[0], fence.low[1], fence.high[2]
+        along = f"[[{x + 0.5:g}, {y - 0.5:g}, {z:g}], [{x + 0.8:g}, {y - 0.5:g}, {z:g}]]"
+        yield from with_ball(mission, along, "20 cm/s")
+
+
+@valid
+def a_thing_to_be_touched(mission: Mission) -> Changes:
+    """A bar in a corner that may be touched."""
+    fence, world = mission.plan.fence, mission.at("world")
+    if fence is not None and isinstance(world, yaml.MappingNode):
+        x, y = fence.high[0] - 0.05, fence.low[1] + 0.05
+        box = f"box: {{from: [{x - 0.2:g}, {y:g}, 0], to: [{x:g}, {y + 0.2:g}, 0.4]}}"
+        shape, own = f"bar: {{{box}, contact: allowed}}", mission.at("obstacles", of=world)
+        yield change(add(own, shape) if own else add(world, f"obstacles: {{{shape}}}"))
+
+
+@valid
+def a_formation_of_a_little_slower_news(mission: Mission) -> Changes:
+    """News arrive after 40 ms."""
+    yield from told(mission, "delay", "40 ms", "formation", "follow")
+
+
+@valid
+def news_that_may_be_older(mission: Mission) -> Changes:
+    """News count as new for half a second."""
+    yield from told(mission, "freshness", "500 ms", "formation", "follow")
+
+
+@valid
+def a_wider_formation(mission: Mission) -> Changes:
+    """Places a twentieth further from each other."""
+    yield from _scaled(mission, "side", 1.05, "formation")
+
+
+@valid
+def to_the_corners_in_turns(mission: Mission) -> Changes:
+    """Those who fly to places of their own arrive in turns or together."""
+    if mission.name == "formation":
+        yield from arriving(mission, "in_turns", "fly_to")
+        yield from arriving(mission, "together", "fly_to")
+
+
+@valid
+def a_drone_that_blinks(mission: Mission) -> Changes:
+    """An AR.Drone blinks when it has taken off."""
+    if "std.ardrone" in mission.text:
+        yield from acts(mission, "", "leds_blink_green", target="emulated_ardrone")

@@ -1,0 +1,73 @@
+"""Where obstacles that move go: KYB556 and KYB557."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from kybflow.core.geometry import Vec3, add, distance, dot, scale, sub
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_needed
+from kybflow.dsl.checks.space import footprints, shown_point
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+
+
+class _Way(NamedTuple):
+    """All that a ball sweeps on its way from `start` to `end`."""
+
+    start: Vec3
+    end: Vec3
+    radius: float
+
+    def distance(self, p: Vec3) -> float:
+        """Return the distance from its surface to `p`; negative inside."""
+        along = sub(self.end, self.start)
+        length = dot(along, along)
+        share = dot(sub(p, self.start), along) / length if length > 0.0 else 0.0
+        foot = add(self.start, scale(along, min(max(share, 0.0), 1.0)))
+        return distance(p, foot) - self.radius
+
+
+def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
+    """KYB556: an obstacle that moves comes where a vehicle takes off or lands (a warning): nothing
+    keeps it away from what is there then.
+
+    Each line along which it goes must stay further from the line of the climb, from the start on,
+    than its radius and the vehicle's arm.
+    """
+    moving = case.document.moving
+    for vehicle, state, _, footprint in case.cached(footprints) if moving else ():
+        if not is_vertical(state):
+            continue
+        path, arm = path_of(footprint), vehicle.airframe.arm
+        for ball in moving:
+            ways = (_Way(a, b, ball.sphere.radius) for a, b in pairwise(ball.sphere.along))
+            room, point = min((nearest(path, way, arm) for way in ways), default=(arm, None))
+            if room < arm and point is not None:
+                who, what = vehicle.name.text, state.name.text
+                yield Diagnostic(
+                    "KYB556",
+                    f"`{ball.name.text}` comes where `{who}` does `{what}`",
+                    ball.span,
+                    label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
+                    notes=(f"`{what}` is at {state.name.span.beside(ball.span)}",),
+                    help="let it go elsewhere: nothing is avoided in a take-off or a landing",
+                    severity=Severity.WARNING,
+                )
+
+
+def goes_nowhere(case: Case) -> Iterator[Diagnostic]:
+    """KYB557: an obstacle that moves has all its points in one place, where it stays (a
+    warning)."""
+    for ball in case.document.moving:
+        first = ball.sphere.along[0]
+        if all(point == first for point in ball.sphere.along):
+            yield Diagnostic(
+                "KYB557",
+                f"`{ball.name.text}` moves from a place to the same place",
+                ball.span,
+                label=f"stays at {shown_point(first)}",
+                help="give `along` another point, or write a `sphere`",
+                severity=Severity.WARNING,
+            )
