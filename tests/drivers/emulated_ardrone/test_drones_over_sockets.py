@@ -15,7 +15,6 @@ from waiting import HANGS, until
 
 from kybflow.api.flight import RunRequest
 
-pytestmark = pytest.mark.thorough
 MISSION = """kybflow: 1
 mission: by_its_own_odometry
 import: {{std: kybflow/airframes}}
@@ -46,6 +45,7 @@ def program(host, hold, folder):
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_a_mission_flies_on_a_drone_s_own_odometry_through_a_bad_network(tmp_path):
     with served("--loss", "0.05", "--latency", "0.02", "--jitter", "0.02") as drones:
         flight = program(drones.host, 3, tmp_path)
@@ -54,6 +54,7 @@ def test_a_mission_flies_on_a_drone_s_own_odometry_through_a_bad_network(tmp_pat
         assert drones.has_said("v1 is landed")
 
 
+@pytest.mark.thorough
 def test_killed_in_flight_the_drone_lands_itself_and_nobody_sends(tmp_path):
     with served() as drones:
         flight = program(drones.host, 120, tmp_path)
@@ -75,6 +76,7 @@ OLDEST, HELD = 0.1, 0.2
 """Seconds: of a command as it arrives, and as it is sent."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rate", RATES)
 def test_three_drones_over_sockets_on_a_bad_link(rate, tmp_path, monkeypatch):
     ages = check_connection(rate, 8.0, tmp_path, monkeypatch)
@@ -102,6 +104,7 @@ def check_connection(rate, seconds, out, monkeypatch):
     return sorted(ages.seconds)
 
 
+@pytest.mark.thorough
 def test_over_sockets_it_flies_as_in_memory(tmp_path):
     errors = []
     for network in (False, True):
