@@ -144,10 +144,7 @@ class Flows:
         for flow in self._flows.values():
             if not flow.active or flow.entered == now:
                 continue  # vehicles learn what a phase asks of them in the next tick
-            if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
-                flow.wait(dt)
-            else:
-                self._guarded(flow, now, dt)
+            self._guarded(flow, now, dt)
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
@@ -225,6 +222,9 @@ class Flows:
         phase = flow.phase
         if flow.unpaced:
             self._pace(flow)
+        if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
+            flow.wait(dt)
+            return
         if flow.waiting and self._passes_turn(flow):
             return
         if phase.transitions:
