@@ -41,6 +41,7 @@ class Obedient:
     state: str = "landed"
     paused: bool = False
     asked: list[str] = field(default_factory=list)
+    comes_down: bool = False
     pace: Pace | None = None
     kept: Pace | None = None
 
@@ -267,6 +268,18 @@ def test_the_time_of_a_flow_stands_still_while_one_of_its_vehicles_is_paused() -
     assert stage.phases("team") == ["wait"]
     stage.step(2)
     assert stage.phases("team")[0] == "wait: within"
+
+
+def test_a_turn_passes_when_who_fails_in_it_is_down() -> None:
+    over = replace(phase("over", run={"a": "x", "b": "x"}), arrive="in_turns")
+    stage = Stage(flow("team", over, vehicles="ab"))
+    stage.step(3)
+    stage.a.state, stage.a.comes_down = "auto_land", True
+    stage.step(5)
+    assert stage.b.asked == []
+    stage.a.comes_down = False
+    stage.step()
+    assert stage.b.asked == ["x"]
 
 
 def test_those_who_begin_while_another_is_paused_arrive_together_too() -> None:
