@@ -28,8 +28,9 @@ CAUGHT_UP = 1e-4
 class Follower:
     """The position and velocity of a processor's own trajectory, and whether it is `behind`.
 
-    It lives as long as its processor. After a pause in the calls (such as an aborted landing) or a
-    change in the kind of setpoint it restarts from what the tracker follows.
+    It lives as long as its processor. After a pause in the calls (such as an aborted landing), with
+    a new behavior or a change in the kind of setpoint it restarts from what the tracker follows:
+    a processor behind it may have kept that from where it is itself.
     """
 
     __slots__ = ("_kind", "_time", "behind", "position", "velocity")
@@ -43,7 +44,8 @@ class Follower:
     def resume(self, asked: Setpoint, tick: Tick) -> None:
         """Restart the trajectory if necessary. Call it first in every tick."""
         now, kind = tick.now, asked.kind
-        if now - self._time > 1.5e9 * tick.dt or kind is not self._kind:
+        begins = tick.elapsed == 0.0
+        if begins or now - self._time > 1.5e9 * tick.dt or kind is not self._kind:
             self._restart(asked, tick)
         self._time, self._kind = now, kind
 

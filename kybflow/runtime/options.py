@@ -9,6 +9,7 @@ only be tightened while its vehicle flies.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Iterator
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
@@ -172,6 +173,11 @@ def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
         options.set(name, value, "command line")
 
 
+_WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
+_NAME = re.compile(r"\w+")
+_LIST = re.compile(r"\[\s*\]|\[\s*\w+(\s*,\s*\w+)*\s*\]|\w+(\s*,\s*\w+)*")
+
+
 def _decoded(name: str, value: Any, field: Field) -> Any:
     """Return `value` converted to the field's type and checked against its bounds. Raises
     OptionRefused."""
@@ -180,7 +186,7 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
         value = _number(name, value, field)
         numbers = (value,)
     elif field.shape == "integer":
-        if isinstance(value, bool) or not str(value).lstrip("+-").isdigit():
+        if isinstance(value, bool) or not _WHOLE.fullmatch(str(value)):
             raise OptionRefused(f"`{name}` is a whole number, not `{value}`")
         value = int(value)
         numbers = (float(value),)
@@ -217,9 +223,12 @@ def _truth(name: str, value: Any) -> bool:
     return str(value).lower() == "true"
 
 
-def _names(_: str, value: str | Iterable[str]) -> tuple[str, ...]:
-    parts = value.strip("[] ").split(",") if isinstance(value, str) else value
-    return tuple(part.strip() for part in parts if part.strip())
+def _names(name: str, value: str | Iterable[str]) -> tuple[str, ...]:
+    if not isinstance(value, str):
+        return tuple(value)
+    if not _LIST.fullmatch(value.strip()):
+        raise OptionRefused(f"`{name}` is a list of names like `[a, b]`, not `{value}`")
+    return tuple(_NAME.findall(value))
 
 
 _WORDS: dict[str, Callable[[str, Any], Any]] = {"boolean": _truth, "names": _names}

@@ -17,7 +17,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.resting_bias import LONG
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.world.shapes import Box
+from kybflow.world.shapes import Box, Shape, Sphere
 
 TIMEOUT = 5.0
 """Seconds that the preflight waits once the vehicles are ready."""
@@ -181,10 +181,10 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]
         outside = walls.outside_by(position)
         reason = f"{outside:.2f} m outside" if outside > 0.0 else f"{-outside:.2f} m inside"
         yield PreflightResult(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
-    if context.obstacles:
-        name, shape = min(
-            context.obstacles.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE))
-        )
+    balls = {name: Sphere(seen.position, seen.radius) for name, seen in vehicle.moving.items()}
+    solids: dict[str, Shape] = {**context.obstacles, **balls}
+    if solids:
+        name, shape = min(solids.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE)))
         room = shape.distance((x, y, z + _ABOVE))
         reason = f"{room:.2f} m from `{name}` ({context.airframe.arm:.2f} m needed)"
         green = room >= context.airframe.arm

@@ -53,6 +53,10 @@ def test_occupied_cells_are_where_ros_has_them(image: File) -> None:
         (INFO.format(yaw="nan", negate=0), "`origin` is no place"),
         (INFO.format(yaw=0, negate=0).replace("0.5", "0"), "out of bounds"),
         (INFO.format(yaw=0, negate=0).replace("map.pgm", "[a]"), "no name of a file"),
+        (INFO.format(yaw=0, negate=".inf"), "no map"),
+        (INFO.format(yaw=0, negate=0).replace("0.5", "1" + "0" * 400), "no map"),
+        (INFO.format(yaw=0, negate=0).replace("0.5", "1e-300"), "out of bounds"),
+        (INFO.format(yaw=0, negate=0).replace("2.0", "1.7e+308"), "`origin` is no place"),
     ],
 )
 def test_what_is_no_map_is_told(text: str, said: str) -> None:

@@ -89,3 +89,11 @@ def test_a_vehicle_that_is_not_there_is_refused(options, told):
     with pytest.raises(OptionRefused, match="there is no vehicle `nobody`"):
         options.set(name, "[mk, nobody]", by="test")
     assert told[-1].name == "option_refused"
+
+
+@pytest.mark.parametrize("value", ["[", "", ",", "[mk", "[[mk]]", "{mk: mk}", "[mk, ]"])
+def test_half_a_list_of_names_is_no_empty_one(options, told, value):
+    name = "mk.processors.avoid_obstacles.treat_as_obstacles"
+    with pytest.raises(OptionRefused, match="is a list of names like"):
+        options.set(name, value, by="test")
+    assert told[-1].name == "option_refused"

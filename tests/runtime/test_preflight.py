@@ -27,7 +27,7 @@ from kybflow.parts import Estimator, Link, Sensor, Stream
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.cameras import Camera, Lens
-from kybflow.world.shapes import Box
+from kybflow.world.shapes import Box, MovingSphere
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], PreflightResult]:
@@ -302,6 +302,14 @@ def test_outside_the_fence_and_inside_an_obstacle_it_stays():
     assert not found["a", "fence"].green
     assert not found["a", "obstacles"].green
     assert "from `pillar` (0.10 m needed)" in found["a", "obstacles"].reason
+
+
+def test_below_a_moving_obstacle_it_stays():
+    ball = MovingSphere(((0.0, 0.0, 0.5), (0.0, 0.2, 0.5)), 0.2, 0.01)
+    found = checks(flight(), moving={"ball": ball})
+    assert found["a", "obstacle ball"].green
+    assert not found["a", "obstacles"].green
+    assert "from `ball` (0.10 m needed)" in found["a", "obstacles"].reason
 
 
 def test_two_that_would_brake_at_once_stay():

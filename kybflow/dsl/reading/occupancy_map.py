@@ -8,19 +8,20 @@ raises FileError.
 from __future__ import annotations
 
 import re
-from math import cos, isfinite, pi, sin
+from math import cos, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
+from kybflow.world.point_cloud import FARTHEST
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _LONGEST = 10_000
-_COARSEST = 10.0
+_FINEST, _COARSEST = 1e-3, 10.0
 _WORD = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(\S+)")
 
 
@@ -45,14 +46,17 @@ def read_info(file: File) -> MapInfo:
         image, resolution = said["image"], float(said["resolution"])
         x, y, turned = map(float, said["origin"])
         occupied, negate = float(said["occupied_thresh"]), bool(int(said.get("negate", 0)))
-    except (yaml.YAMLError, RecursionError, AttributeError, KeyError, TypeError, ValueError):
+    except (
+        yaml.YAMLError, RecursionError, AttributeError, KeyError, TypeError, ValueError,
+        OverflowError,
+    ):  # fmt: skip
         hint = "it needs `image`, `resolution`, `origin: [x, y, yaw]` and `occupied_thresh`"
         raise FileError("it is no map of ROS's map_server", hint=hint) from None
     if not isinstance(image, str):
         raise FileError("`image` is no name of a file")
-    if not 0.0 < resolution <= _COARSEST or not 0.0 < occupied < 1.0:
+    if not _FINEST <= resolution <= _COARSEST or not 0.0 < occupied < 1.0:
         raise FileError("`resolution` or `occupied_thresh` is out of bounds")
-    if not all(map(isfinite, (x, y))) or not abs(turned) <= 2 * pi:
+    if not max(abs(x), abs(y)) <= FARTHEST or not abs(turned) <= 2 * pi:
         raise FileError("`origin` is no place")
     return MapInfo(image, resolution, (x, y, turned), occupied, negate)
 

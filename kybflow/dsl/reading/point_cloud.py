@@ -38,7 +38,7 @@ _TYPES = {
     "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST_HEADER = 10_000
+_LONGEST_HEADER, _LONGEST_COUNT = 10_000, 18
 
 
 class _Header(NamedTuple):
@@ -142,6 +142,8 @@ def _vertices(head: str) -> tuple[int, dict[str, str]]:
     for number, line in enumerate(head.splitlines(), start=1):
         match line.split():
             case ["element", str(element), str(count)] if count.isdecimal():
+                if len(count) > _LONGEST_COUNT:
+                    raise FileError("no file has so many elements", number)
                 if element == "vertex":
                     many = int(count)
                 elif many < 0 and int(count):

@@ -42,6 +42,7 @@ from kybflow.dsl.schema.building import (
     vector,
 )
 from kybflow.vision.families import FAMILIES
+from kybflow.world.point_cloud import FARTHEST
 
 CameraFacing = Literal["down", "up", "forward", "backward", "left", "right"]
 _TRIM = "Turned from there about the body's {} axis, right-handed; roll first, then pitch, yaw."
@@ -142,7 +143,7 @@ class PointCloudParams:
     )  # fmt: skip
     radius: Length = param(
         "How far around each point it is solid: half the greatest gap in the scan, or more.",
-        above=0.0, at_most=1.0,
+        at_least=1e-3, at_most=1.0,
     )  # fmt: skip
     units: Literal["m", "mm"] = param("What the file measures in.", default="m")
     at: Position = param("Where the scan's origin is, world frame.", default=ZERO)
@@ -160,8 +161,12 @@ class OccupancyParams:
     file: File = param(
         "A map's YAML file, as ROS's map_server has it, beside its PGM picture.", reads=read_info
     )
-    height: Length = param("How high what is occupied stands, from its foot.", above=0.0)
-    foot: Length = param("Height of the foot, world frame.", default=0.0)
+    height: Length = param(
+        "How high what is occupied stands, from its foot.", at_least=1e-3, at_most=FARTHEST
+    )
+    foot: Length = param(
+        "Height of the foot, world frame.", default=0.0, at_least=-FARTHEST, at_most=FARTHEST
+    )
 
 
 @declared

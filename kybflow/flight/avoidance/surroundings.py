@@ -5,7 +5,8 @@ Whoever keeps away from it (`steer`, the processors) says how near is near; a fo
 itself, at what vehicles publish. What is far away is looked at again when it could have come near,
 nothing closing in faster than 20 m/s, and after 0.1 s at the latest. A moving obstacle that is not
 seen grows by how far it can have gone, for a second; then it counts as lost, and stays as large.
-Metres, world frame.
+That it goes away is believed for 0.2 s. A vehicle that has lost its estimate, and lands somewhere
+there, is taken for such an obstacle for 20 s. Metres, world frame.
 """
 
 from __future__ import annotations
@@ -13,15 +14,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
-from kybflow.core.geometry import UP, ZERO, Vec3, distance, norm, scale, sub
-from kybflow.core.signals import NS, Tick, Time
+from kybflow.core.geometry import UP, ZERO, Vec3, distance, dot, norm, scale, sub
+from kybflow.core.signals import NS, Estimate, SeenObstacle, Tick, Time
 from kybflow.world.shapes import around
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _CLOSING, _LATEST = 20.0, 0.1
 """m/s, s."""
-_LOST = 1.0
-"""Seconds after which what is not seen grows no more."""
+_BELIEVED, _LOST, _FORGOTTEN = 0.2, 1.0, 20.0
+"""Seconds after which what is not seen no longer counts as going away, grows no more, and is kept
+away from no more where it is a vehicle."""
+_DRIFT = 0.3
+"""The least speed of a vehicle that knows no place, m/s."""
 
 
 class SecondPoint(NamedTuple):
@@ -68,6 +72,7 @@ class Nearby:
         named = diameters if others is None else others
         self._hulls = {n: hull_of(diameters[n]) for n in named if n in diameters and n != own}
         self._later: dict[str, Time] = {}
+        self._last: dict[str, Estimate] = {}
 
     @property
     def is_empty(self) -> bool:
@@ -89,15 +94,17 @@ class Nearby:
             yield from self._standing(point, reach_of(speed), tick.now, known, slack)
         now, later = tick.now, self._later
         for name, seen in tick.moving.items() if self._moves else ():
-            unseen = min((now - seen.time) / NS, _LOST)
-            radius = seen.radius + seen.speed * unseen
-            if distance(point, seen.position) - radius <= reach_of(speed + seen.speed):
-                there = distance(known, seen.position) + slack < distance(point, seen.position)
-                place, less = (known, slack) if there else (point, 0.0)
-                yield _ball(name, place, seen.position, seen.velocity, radius - less)
+            yield from _seen(name, seen, point, now, reach_of(speed + seen.speed), known, slack)
         for name, hull in self._hulls.items():
-            if now < later.get(name, 0) or (other := tick.fleet.get(name)) is None:
+            if now < later.get(name, 0):
                 continue
+            other = tick.fleet.get(name)
+            if other is None:
+                for seen in self._without_estimate(name, hull, now):
+                    reach = reach_of(speed + seen.speed)
+                    yield from _seen(name, seen, point, now, reach, known, slack)
+                continue
+            self._last[name] = other
             apart = distance(point, other.position)
             beyond = apart - hull - reach_of(speed + norm(other.velocity))
             if beyond > 0.0:
@@ -108,6 +115,14 @@ class Nearby:
             else:
                 found = _ball(name, point, other.position, other.velocity, hull)
             yield found._replace(is_vehicle=True)
+
+    def _without_estimate(self, name: str, hull: float, now: Time) -> Iterator[SeenObstacle]:
+        """Yield a vehicle that has no estimate as where it was known last, unless that is long
+        ago."""
+        last = self._last.get(name)
+        if last is not None and not is_forgotten(last, now):
+            speed = max(norm(last.velocity), _DRIFT)
+            yield SeenObstacle(last.time, last.position, last.velocity, hull, speed)
 
     def _standing(
         self, point: Vec3, reach: float, now: Time, known: Vec3, slack: float
@@ -125,6 +140,27 @@ class Nearby:
             place, more = (known, slack) if there < room else (point, 0.0)
             for apart, outward in around(shape, place, reach):
                 yield Hazard(name, apart + more, outward)
+
+
+def is_forgotten(last: Estimate, now: Time) -> bool:
+    """Return whether a vehicle without an estimate has come down since it had its last one."""
+    return now - last.time > _FORGOTTEN * NS
+
+
+def _seen(
+    name: str, seen: SeenObstacle, point: Vec3, now: Time, reach: float, known: Vec3, slack: float
+) -> Iterator[Hazard]:
+    """Yield what was seen somewhere if it is within reach of a point, as `Nearby.near`."""
+    unseen = min((now - seen.time) / NS, _LOST)
+    radius = seen.radius + seen.speed * unseen
+    if distance(point, seen.position) - radius > reach:
+        return
+    there = distance(known, seen.position) + slack < distance(point, seen.position)
+    place, less = (known, slack) if there else (point, 0.0)
+    found = _ball(name, place, seen.position, seen.velocity, radius - less)
+    goes_away = dot(found.outward, seen.velocity) < 0.0
+    gone = unseen >= _LOST or (goes_away and unseen > _BELIEVED)
+    yield found._replace(velocity=ZERO) if gone else found
 
 
 def _ball(name: str, point: Vec3, at: Vec3, velocity: Vec3, radius: float) -> Hazard:

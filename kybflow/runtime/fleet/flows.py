@@ -4,9 +4,9 @@ Each flow has a state machine, whose states are its phases. On entry a phase giv
 flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
 flow at a time drives a vehicle: what another asks of it is refused, and told. Where a phase lets
 its vehicles arrive in turns, each is asked when the one before has left the state that it was asked
-for; where together, the pace of their behaviors is made one when they begin. A flow that ends
-gives back the vehicles that it was given. Its time stands still while a vehicle that it drives is
-paused. When a person lands every vehicle, every flow ends.
+for, and is down where the failsafe lands it; where together, the pace of their behaviors is made
+one when they begin. A flow that ends gives back the vehicles that it was given. Its time stands
+still while a vehicle that it drives is paused. When a person lands every vehicle, every flow ends.
 """
 
 from __future__ import annotations
@@ -144,10 +144,7 @@ class Flows:
         for flow in self._flows.values():
             if not flow.active or flow.entered == now:
                 continue  # vehicles learn what a phase asks of them in the next tick
-            if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
-                flow.wait(dt)
-            else:
-                self._guarded(flow, now, dt)
+            self._guarded(flow, now, dt)
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
@@ -225,6 +222,9 @@ class Flows:
         phase = flow.phase
         if flow.unpaced:
             self._pace(flow)
+        if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
+            flow.wait(dt)
+            return
         if flow.waiting and self._passes_turn(flow):
             return
         if phase.transitions:
@@ -234,16 +234,19 @@ class Flows:
             flow.machine.step(elapsed, heard, "running", dt)
             if not phase.ends or flow.machine.state != phase.name:
                 return
-        if not any(flow.is_in_its_state(v, self._vehicles[v].state) for v in phase.run):
+        busy = any(flow.is_in_its_state(v, self._vehicles[v].state) for v in phase.run)
+        if not (busy or flow.waiting):
             flow.machine.end("done")
 
     def _passes_turn(self, flow: RunningFlow) -> bool:
         """Whether the turn passes to the next vehicle in this tick.
 
         It does as yet nothing, and the one before it is in its place, where `all swarm in hover`
-        holds although some have not begun: no way out is asked, and what is heard is kept.
+        holds although some have not begun: no way out is asked, and what is heard is kept. It
+        waits for one that the failsafe brings down.
         """
-        if flow.is_in_its_state(flow.turn, self._vehicles[flow.turn].state):
+        turn = self._vehicles[flow.turn]
+        if flow.is_in_its_state(flow.turn, turn.state) or turn.requests.comes_down:
             return False
         self._ask_next(flow)
         flow.missed |= self._events.heard("")

@@ -149,6 +149,11 @@ class Requests:
         return activity.behavior.take(point, self._events.now)
 
     @property
+    def comes_down(self) -> bool:
+        """Whether the failsafe has it and it is not down yet: it may be in anybody's way."""
+        return self._failsafe.latched is not None and self._activity.off_ground
+
+    @property
     def pace(self) -> Pace | None:
         """The pace of a behavior that was entered in this tick and keeps one; else None."""
         activity = self._activity

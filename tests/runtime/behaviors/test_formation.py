@@ -248,3 +248,25 @@ def test_a_follower_keeps_its_offset_and_fails_when_the_other_stays_silent() -> 
     failed = swarm.ends["a"]
     assert isinstance(failed, Failed)
     assert "`b` is silent for" in failed.reason
+
+
+def test_whom_nobody_hears_does_not_run_ahead_into_the_others() -> None:
+    swarm = Swarm(input="stick")
+    swarm.enter()
+    swarm.fly(8.0)
+    for _ in range(10):
+        swarm.fly(1.0, silent="b", x=1.0, turn=0.5)
+        assert pairs(swarm)[0] > 0.7
+
+
+def test_who_comes_back_makes_for_the_corner_that_the_others_make_for() -> None:
+    swarm = Swarm(path=((1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)))
+    swarm.enter()
+    swarm.fly(8.0)
+    del swarm.flown["d"]
+    swarm.setpoints["d"] = at_rest(swarm.place("d"))
+    swarm.fly(1.0)
+    assert {swarm.flown[name].says.corner for name in "abc"} == {1}
+    swarm.enter("d")
+    swarm.fly(15.0)
+    assert all(isinstance(swarm.ends[name], Done) for name in PLACES)

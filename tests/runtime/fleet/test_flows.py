@@ -25,6 +25,7 @@ from kybflow.dsl.plan import (
     Switch,
     TransitionPlan,
 )
+from kybflow.flight.profiles import Pace
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.vehicle.requests import Requester
@@ -40,6 +41,12 @@ class Obedient:
     state: str = "landed"
     paused: bool = False
     asked: list[str] = field(default_factory=list)
+    comes_down: bool = False
+    pace: Pace | None = None
+    kept: Pace | None = None
+
+    def keep(self, pace: Pace) -> None:
+        self.kept = pace
 
     @property
     def requests(self) -> Obedient:
@@ -91,7 +98,7 @@ class Stage:
         self.told: list[Event] = []
         self.events = Events([self.told.append])
         self.options = Settings()
-        self.a, self.b = self.vehicles = [Obedient("a"), Obedient("b")]
+        self.a, self.b, self.c = self.vehicles = [Obedient(name) for name in "abc"]
         states = {v.name: v for v in self.vehicles}
 
         def condition(expression: Any) -> Any:
@@ -261,6 +268,27 @@ def test_the_time_of_a_flow_stands_still_while_one_of_its_vehicles_is_paused() -
     assert stage.phases("team") == ["wait"]
     stage.step(2)
     assert stage.phases("team")[0] == "wait: within"
+
+
+def test_a_turn_passes_when_who_fails_in_it_is_down() -> None:
+    over = replace(phase("over", run={"a": "x", "b": "x"}), arrive="in_turns")
+    stage = Stage(flow("team", over, vehicles="ab"))
+    stage.step(3)
+    stage.a.state, stage.a.comes_down = "auto_land", True
+    stage.step(5)
+    assert stage.b.asked == []
+    stage.a.comes_down = False
+    stage.step()
+    assert stage.b.asked == ["x"]
+
+
+def test_those_who_begin_while_another_is_paused_arrive_together_too() -> None:
+    over = replace(phase("over", run={"a": "x", "b": "x"}), arrive="together")
+    stage = Stage(flow("team", over, vehicles="abc"))
+    stage.a.pace, stage.b.pace, stage.c.paused = Pace(4.0, 1.0), Pace(2.0, 2.0), True
+    stage.step(3)
+    assert stage.a.kept == stage.b.kept == Pace(4.0, 2.0)
+    assert stage.c.kept is None
 
 
 def test_a_person_who_lands_ends_every_flow() -> None:

@@ -167,3 +167,16 @@ def test_other_kinds_are_kept_away_too(kind: SetpointKind) -> None:
         speed = last.velocity or add(speed, scale(last.acceleration or ZERO, DT))
         place = add(place, scale(speed, DT))
         assert distance(place, other.position) > APART - 0.02
+
+
+def test_who_loses_the_estimate_is_kept_away_from_where_it_was() -> None:
+    part = AvoidObstacles(AvoidObstaclesParams(), site("a", ("a", "b")))
+    asked, last, nearest = Straight((0.0, 0.0, 1.0), (2.0, 0.0, 1.0), 0.6, 0.7), None, 9.0
+    other = estimate((1.0, 0.05, 1.0))
+    for i in range(1200):
+        known = estimate(last.position if last is not None else (0.0, 0.0, 1.0))
+        fleet = {"a": known, "b": other if i < 100 else None}
+        last = part(asked.at(i * DT).setpoint(0.0), tick(i * DT, known, last, fleet))
+        nearest = min(nearest, distance(last.position, other.position))
+    assert nearest > APART - 1e-3
+    assert last.position == (2.0, 0.0, 1.0)

@@ -94,3 +94,12 @@ def test_a_velocity_that_follows_a_position_begins_as_fast_as_that() -> None:
     rest = Setpoint(SetpointKind.VELOCITY, None, ZERO, ZERO)
     bent = processor(rest, tick(2 * DT, setpoint=last))
     assert bent.velocity == pytest.approx((0.4 - 3.0 * DT, 0.0, 0.0))
+
+
+def test_a_new_behavior_begins_where_a_processor_behind_it_kept_the_vehicle() -> None:
+    processor = LimitAcceleration(LimitAccelerationParams(acceleration=1.0), SITE)
+    kept = at_rest(START)
+    for i in range(1, 400):
+        processor(at_rest((1.0, 0.0, 1.0)), tick(i * DT)._replace(setpoint=kept))
+    begun = tick(400 * DT)._replace(setpoint=kept, elapsed=0.0)
+    assert processor(kept, begun) is kept

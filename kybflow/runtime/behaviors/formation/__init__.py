@@ -10,6 +10,7 @@ goes over to a behavior with the same formation keeps its own.
 
 The formation slows down for a member that lags behind its point, and stops for one that is `doubt`
 away, has no estimate, or is silent for longer than `freshness`: `neighbour_lost` tells who and why.
+Who runs ahead of the others, as one does whom nobody hears, slows down likewise.
 A member that has left isn't waited for; like any other vehicle it is kept clear of.
 
 The frame stops where any place would come closer than `margin` to the fence, `lowest` to the
@@ -215,6 +216,9 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             found = self._meeting.assigned(self._rest, others, ahead, heard, p)
             if found is not None:
                 self._set_out(found, tick)
+                if isinstance(self._drive, AlongPath):
+                    formed = [m.said for m in others if m.said.place != WAITING and not m.trouble]
+                    self._drive.join((said.path, said.corner) for said in formed)
         output = self._acting(team, tick)
         if isinstance(output, Setpoint) and self._untold:
             return Told(output, *self._untold.popleft())
@@ -321,6 +325,10 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return 0.0
         if self._point is not None:
             lag = max(lag, distance(tick.known().position, self._point))
+            if team.frame is not None:
+                own = self._frame.place(Motion(self._point))
+                theirs = team.frame.motion(own).position
+                lag = max(lag, distance(theirs, self._point))
         slow = _UNHURRIED * p.doubt
         return max(0.0, min(1.0, (p.doubt - lag) / (p.doubt - slow)))
 
@@ -355,7 +363,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _say(self, tick: Tick, place: int, point: Vec3, frame: MovingFrame) -> None:
         self.says = InFormation(
             tick.now, self._members.key, self._rest.since, place, self._settled, frame.heading,
-            frame.rate, self._turned, point, frame.centre, frame.velocity,
+            frame.rate, self._turned, point, frame.centre, frame.velocity, self._drive.path,
+            self._drive.corner,
         )  # fmt: skip
 
     @classmethod

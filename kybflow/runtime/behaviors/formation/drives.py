@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Iterable
 from math import copysign, cos, sin
 from typing import Protocol
 
@@ -18,12 +20,15 @@ _CORNER = 0.03
 
 class Drive(Protocol):
     """waits_for: what it waits for, in words. trouble: why nothing has been asked for `lost`
-    seconds. ended: whether the frame is where it was to come to."""
+    seconds. ended: whether the frame is where it was to come to. path, corner: a number of the path
+    along which it moves, 0 for none, and the corner that it makes for."""
 
     waits_for: str
     trouble: str
     lost: float
     ended: bool
+    path: int
+    corner: int
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         """Return what the frame is asked to do. Called once a tick."""
@@ -32,7 +37,7 @@ class Drive(Protocol):
 class Still:
     """Stays."""
 
-    waits_for, trouble, lost, ended = "", "", 0.0, False
+    waits_for, trouble, lost, ended, path, corner = "", "", 0.0, False, 0, 0
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         return Asked()
@@ -41,7 +46,7 @@ class Still:
 class ByHand:
     """Moves as the axes of an input say. axes: what they said last."""
 
-    ended = False
+    ended, path, corner = False, 0, 0
 
     def __init__(self, name: str, entry: Entry, *, in_world: bool) -> None:
         self.waits_for, self.trouble, self.lost = "", "", 0.0
@@ -77,16 +82,22 @@ class AlongPath:
     waits_for, trouble, lost = "", "", 0.0
 
     def __init__(self, path: tuple[Vec3, ...], heading: float | None) -> None:
-        self._path, self._heading, self._corner = path, heading, 0
+        self._corners, self._heading, self.corner = path, heading, 0
+        self.path = zlib.crc32(repr((path, heading)).encode())
         self.ended = False
 
+    def join(self, others: Iterable[tuple[int, int]]) -> None:
+        """Make for the corner that others make for who move along it: their paths and corners."""
+        own = self.corner
+        self.corner = max((corner for path, corner in others if path == self.path), default=own)
+
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
-        gap = sub(self._path[self._corner], frame.centre)
+        gap = sub(self._corners[self.corner], frame.centre)
         length = norm(gap)
         off = 0.0 if self._heading is None else wrap(self._heading - frame.heading)
         if length < _CORNER:
-            if self._corner + 1 < len(self._path):
-                self._corner += 1
+            if self.corner + 1 < len(self._corners):
+                self.corner += 1
             else:
                 self.ended = abs(off) < _CORNER
         speed = min(limits.speed, approach_speed(length, limits.acceleration))
@@ -99,7 +110,7 @@ class BehindLeader:
     """Moves the centre as another vehicle moves, at an offset in its frame, and turns as it
     does."""
 
-    waits_for, ended = "", False
+    waits_for, ended, path, corner = "", False, 0, 0
 
     def __init__(self, name: str, offset: Vec3) -> None:
         self._leader, self._offset = Leader(name), offset

@@ -7,14 +7,18 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from kybflow.core.geometry import ZERO, Vec3, add, dot
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Tick, Time
+from kybflow.core.signals import NS, Estimate, Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
+from kybflow.flight.avoidance.surroundings import is_forgotten
 from kybflow.flight.formation.frame import MovingFrame
 from kybflow.flight.formation.taken_places import TakenPlaces
 from kybflow.parts import Objection
 from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
+
+_LONGEST = 0.5
+"""Seconds for which it is believed that a vehicle goes on as it said last."""
 
 
 @params
@@ -51,6 +55,7 @@ class FormationRoom:
     def __init__(self, context: VehicleContext, team: tuple[str, ...]) -> None:
         self._context = context
         self._others = tuple(name for name in context.diameters if name not in team)
+        self._last: dict[str, Estimate] = {}
 
     def box(self, p: FormationRoomParams) -> Box | None:
         """Return where places may be in the fence; None without one."""
@@ -83,10 +88,16 @@ class FormationRoom:
             own = name == self._context.vehicle
             news = None if own else tick.neighbours.heard(name, tick.now - delay)
             if news is not None and news.estimate is not None:
-                at, v, age = news.estimate.position, news.estimate.velocity, tick.now - news.time
-                s = age / NS
-                moved = (at[0] + v[0] * s, at[1] + v[1] * s, at[2] + v[2] * s)
-                shapes.append(Sphere(moved, 0.5 * self._context.diameters.get(name, 0.0)))
+                self._last[name] = news.estimate
+            last = self._last.get(name)
+            if news is None or last is None:
+                continue
+            if news.estimate is None and is_forgotten(last, tick.now):
+                continue
+            at, v = last.position, last.velocity
+            s = min((tick.now - last.time) / NS, _LONGEST)
+            moved = (at[0] + v[0] * s, at[1] + v[1] * s, at[2] + v[2] * s)
+            shapes.append(Sphere(moved, 0.5 * self._context.diameters.get(name, 0.0)))
         return tuple(shapes)
 
     def near(
