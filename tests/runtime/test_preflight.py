@@ -27,7 +27,8 @@ from kybflow.parts import Estimator, Link, Sensor, Stream
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.cameras import Camera, Lens
-from kybflow.world.shapes import Box, MovingSphere
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import Box
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], PreflightResult]:
