@@ -44,7 +44,7 @@ BUDGET = {
         "processors": 320,
         "behavior": 342,
         "recorder": 262,
-        "supervisors": 126,
+        "supervisors": 135,
     },
 }
 """Bytecodes a vehicle and tick, by the number of vehicles, in a plain install. The simulator's are

@@ -1,7 +1,7 @@
 """Every mission in `missions/` is flown and judged by its own expectations: once in every run of
-the tests (the longest in the thorough ones), with a second seed in the thorough ones, and with
-twenty in the slow. Those with `mass_guess` fly with a belief too low and, in the thorough tests,
-with one too high."""
+the tests, with a second seed in the thorough ones, and with twenty in the slow; the longest are
+flown first in the thorough ones. Those with `mass_guess` fly with a belief too low and, in the
+thorough tests, with one too high."""
 
 from pathlib import Path
 
@@ -12,14 +12,14 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
-DRAWN = frozenset({"courier", "courier_hard"})
-"""Camera frames are drawn for these, which takes long: they have no second seed but the slow."""
-LONG = DRAWN | {
-    *("formation", "swarm_teleoperation", "follow_leader", "waypoint_swarm"),
-    *("cross_traffic", "corridor", "joystick"),
-}
-"""Flown in the thorough tests only: each takes longer than ten of the others together, but for
-`joystick`, which flies what `teleoperation` does."""
+LONG = frozenset(
+    {
+        *("courier", "courier_hard", "formation", "swarm_teleoperation", "follow_leader"),
+        *("waypoint_swarm", "cross_traffic", "corridor", "joystick"),
+    }
+)
+"""Flown in the thorough tests only, and with a second seed in the slow: each takes longer than ten
+of the others together, but for `joystick`, which flies what `teleoperation` does."""
 GUESSES = ("80 %", "120 %")
 
 
@@ -33,7 +33,7 @@ def flights():
         for number, sets in enumerate(variants(path)):
             for seed in range(20):
                 marks = []
-                if seed >= (1 if path.stem in DRAWN else 2):
+                if seed >= (1 if path.stem in LONG else 2):
                     marks = [pytest.mark.slow]
                 elif seed or number or path.stem in LONG:
                     marks = [pytest.mark.thorough]

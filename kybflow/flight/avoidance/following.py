@@ -103,7 +103,7 @@ class Avoidance:
             return self._slewed(setpoint, demands, strongest, tick)
         wanted = setpoint.acceleration or ZERO
         given = self._allowed(wanted, known.velocity, demands, strongest, tick)
-        return setpoint if given is wanted else setpoint._replace(acceleration=given, jerk=None)
+        return setpoint if given == wanted else setpoint._replace(acceleration=given, jerk=None)
 
     def _allowed(
         self, wanted: Vec3, velocity: Vec3, demands: list[Demand], strongest: float, tick: Tick
@@ -133,7 +133,7 @@ class Avoidance:
             goal = self._detour.turned(goal, follower.position, follower.velocity, demands, dt)
         wanted = scale(shortened(sub(goal, follower.velocity), most * dt), 1.0 / dt)
         given = self._allowed(wanted, follower.velocity, demands, most, tick)
-        if given is wanted and follower.has_caught_up(asked, keeping.braking, dt):
+        if given == wanted and follower.has_caught_up(asked, keeping.braking, dt):
             follower.join(asked.position, asked.velocity)
             return setpoint
         return follower.advance(scale(given, dt), dt).setpoint_like(setpoint)
@@ -156,7 +156,7 @@ class Avoidance:
             goal = self._detour.turned(asked, tick.known().position, before, demands, dt)
         wanted = scale(sub(goal, before), 1.0 / dt)
         given = self._allowed(wanted, before, demands, most, tick)
-        if goal is asked and given is wanted:
+        if goal == asked and given == wanted:
             self._follower.join(ZERO, asked)
             return setpoint
         velocity = add(before, scale(given, dt))

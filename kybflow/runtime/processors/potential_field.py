@@ -73,7 +73,7 @@ class PotentialField(Processor[PotentialFieldParams]):
         repelled = self._repulsion(tick)
         if setpoint.kind is SetpointKind.POSITION:
             return self._shifted(setpoint, repelled, tick.dt)
-        if repelled is ZERO:
+        if repelled == ZERO:
             return setpoint
         velocity = add(setpoint.velocity or ZERO, shortened(repelled, p.speed))
         return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)
@@ -87,13 +87,13 @@ class PotentialField(Processor[PotentialFieldParams]):
 
     def _shifted(self, setpoint: Setpoint, repelled: Vec3, dt: float) -> Setpoint:
         p, follower, asked = self.params, self._follower, motion_of(setpoint)
-        if repelled is ZERO and not follower.behind:
+        if repelled == ZERO and not follower.behind:
             follower.join(asked.position, asked.velocity)
             return setpoint
         goal = follower.pursuit(asked, p.velocity, p.acceleration, dt)
         goal = shortened(add(goal, repelled), p.velocity)
         change = shortened(sub(goal, follower.velocity), p.acceleration * dt)
-        if repelled is ZERO and follower.has_caught_up(asked, p.acceleration, dt):
+        if repelled == ZERO and follower.has_caught_up(asked, p.acceleration, dt):
             follower.join(asked.position, asked.velocity)
             return setpoint
         return follower.advance(change, dt).setpoint_like(setpoint)

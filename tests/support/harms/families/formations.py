@@ -40,6 +40,8 @@ def side_wider_than_the_fence(mission: Mission) -> Changes:
 def two_places_in_one(mission: Mission) -> Changes:
     """A formation by points, two of which are the same."""
     for state in mission.states("formation"):
+        if mission.at("points", of=state.node) is not None:
+            continue
         group = mission.plan.groups.get(mission.word("members", of=state.node), ())
         points = ", ".join(f"[{1.5 * (i // 2):g}, 0, 0]" for i in range(len(group)))
         yield change(add_last(state.node, f"points: [{points}]"))
@@ -49,6 +51,8 @@ def two_places_in_one(mission: Mission) -> Changes:
 def a_place_under_another(mission: Mission) -> Changes:
     """A formation by points that are 40 cm above each other, in each other's downwash."""
     for state in mission.states("formation"):
+        if mission.at("points", of=state.node) is not None:
+            continue
         group = mission.plan.groups.get(mission.word("members", of=state.node), ())
         points = ", ".join(f"[0, 0, {0.4 * i:g}]" for i in range(len(group)))
         yield change(add_last(state.node, f"points: [{points}]"))

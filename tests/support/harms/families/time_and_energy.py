@@ -114,7 +114,8 @@ def dwell_beyond_patience(mission: Mission) -> Changes:
 def patience_of_a_moment(mission: Mission) -> Changes:
     """`patience: 1 ms` with a dwell of 0.3 s: it fails before it may be done."""
     for state in mission.states("fly_to", "take_off"):
-        yield change(add(state.node, "patience: 1 ms"))
+        if mission.at("patience", of=state.node) is None:
+            yield change(add(state.node, "patience: 1 ms"))
 
 
 @dangerous
