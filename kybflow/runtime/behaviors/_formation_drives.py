@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from math import copysign, cos, sin
 from typing import Protocol
 
@@ -72,21 +73,23 @@ class ByHand:
 
 
 class AlongPath:
-    """Moves the centre from corner to corner, and turns to a heading."""
+    """Moves the centre from corner to corner, and turns to a heading. key: a number that members
+    have in common who move along the same path. corner: the one that is next."""
 
     waits_for, trouble, lost = "", "", 0.0
 
     def __init__(self, path: tuple[Vec3, ...], heading: float | None) -> None:
-        self._path, self._heading, self._corner = path, heading, 0
+        self._path, self._heading, self.corner = path, heading, 0
+        self.key = zlib.crc32(repr(path).encode())
         self.ended = False
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
-        gap = sub(self._path[self._corner], frame.centre)
+        gap = sub(self._path[self.corner], frame.centre)
         length = norm(gap)
         off = 0.0 if self._heading is None else wrap(self._heading - frame.heading)
         if length < _CORNER:
-            if self._corner + 1 < len(self._path):
-                self._corner += 1
+            if self.corner + 1 < len(self._path):
+                self.corner += 1
             else:
                 self.ended = abs(off) < _CORNER
         speed = min(limits.speed, approach_speed(length, limits.acceleration))

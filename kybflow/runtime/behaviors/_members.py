@@ -26,7 +26,8 @@ WAITING = -1
 class InFormation(NamedTuple):
     """What a member of a formation publishes: which formation, since when it has been ready, and
     its place, or -1 while it waits; the point where it is to be now; the frame as it has it, and
-    how the shape is turned from the frame's heading."""
+    how the shape is turned from the frame's heading; and of a path of the centre a number that
+    stands for it, zero without one, and the corner that is next."""
 
     time: Stamp
     key: int
@@ -39,6 +40,8 @@ class InFormation(NamedTuple):
     point: Vec3
     centre: Vec3
     velocity: Vec3
+    path: int
+    corner: int
 
 
 class Member(NamedTuple):

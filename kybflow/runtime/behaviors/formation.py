@@ -5,8 +5,9 @@ there, each works out from the same news how the shape is laid and who takes whi
 (`kybflow.flight.formation.places`), and all glide into their places in the same time. From there
 each moves its own copy of the formation's frame, by a hand, along a path or behind a leader, and
 lets it drift to those that its neighbours publish (`kybflow.flight.formation.frame`). No one
-commands the others. A member that enters while others are in formation takes a free place; one that
-goes over to a behavior with the same formation keeps its own.
+commands the others. A member that enters while others are in formation takes a free place, and goes
+on along the path from the corner that they fly to; one that goes over to a behavior with the same
+formation keeps its place.
 
 The formation slows down for a member that lags behind its point, and stops for one that is `doubt`
 away, has no estimate, or is silent for longer than `freshness`: `neighbour_lost` tells who and why.
@@ -203,7 +204,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._untold.append((event, {"neighbour": neighbour, **why}))
         if self._is_new:
             self._is_new = False
-            self._go_on(tick)
+            self._go_on(team, tick)
         ahead = None
         if isinstance(self._drive, BehindLeader):
             ahead = self._drive.hear(tick, p.delay, p.freshness)
@@ -227,7 +228,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _delay(self) -> Time:
         return round(self.params.delay * NS)
 
-    def _go_on(self, tick: Tick) -> None:
+    def _go_on(self, team: Team, tick: Tick) -> None:
         """Keep the place that the vehicle had in this formation until a moment ago."""
         before = self._members.own_news(tick)
         if before is None or before.said.place == WAITING:
@@ -237,6 +238,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         way = distance(place, self._frame.place(here).position)
         self._placed = self._set_out(before.said.place, way if way > _IN_PLACE else 0.0, tick)
         self._settled = before.said.settled
+        self._catch_up([m for m in self._members.but_own(team) if not m.trouble], before.said.path)
 
     def _met(self, team: Team, ahead: MovingFrame | None, tick: Tick) -> _Placed | None:
         """Lay the formation, or join it; None while not all have come whom that needs."""
@@ -277,6 +279,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         """Take one of the places that are free."""
         self._frame = mean_frame([m.frame for m in formed])
         self._turned = formed[0].said.turned
+        self._catch_up(formed)
         taken = {m.said.place for m in formed}
         free = [i for i in range(len(self._shape)) if i not in taken]
         if len(free) < len(here):
@@ -287,6 +290,14 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         column = places.assigned(tuple(here.values()), goals)[index]
         way = distance(self._coast.end, goals[column])
         return self._set_out(free[column], way, tick)
+
+    def _catch_up(self, formed: list[Member], before: int = 0) -> None:
+        """Go on along the path where the others are, who would be held back by one that began.
+        before: the path that it moved along until now, which it begins anew."""
+        drive = self._drive
+        if isinstance(drive, AlongPath) and drive.key != before:
+            corners = (m.said.corner for m in formed if m.said.path == drive.key)
+            drive.corner = max(corners, default=drive.corner)
 
     def _set_out(self, place: int, way: float, tick: Tick) -> _Placed:
         p, elapsed = self.params, (tick.now - self._entered) / NS
@@ -401,9 +412,11 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self.push = self._drive.felt(velocity, self._frame, limits)
 
     def _say(self, tick: Tick, place: int, point: Vec3, frame: MovingFrame) -> None:
+        drive = self._drive
+        path, corner = (drive.key, drive.corner) if isinstance(drive, AlongPath) else (0, 0)
         self.says = InFormation(
             tick.now, self._members.key, self._since, place, self._settled, frame.heading,
-            frame.rate, self._turned, point, frame.centre, frame.velocity,
+            frame.rate, self._turned, point, frame.centre, frame.velocity, path, corner,
         )  # fmt: skip
 
     @classmethod
