@@ -286,7 +286,8 @@ class Watch:
 
     def _arrival(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
         """Return what the phase that lets two vehicles fly at once could say to keep them `needed`
-        metres apart, None where it is no phase, or it says so already."""
+        metres apart, None where it is no phase, it says so already, or one does what it was asked
+        for with a group, whose members come at once."""
         assert self._engine is not None
         for flow in self._plan.flows:
             running = self._engine.flows.running(flow.name)
@@ -295,8 +296,14 @@ class Watch:
             if not any(running.is_in_its_state(v.name, v.state) for v in (one, other)):
                 continue
             phase = running.phase
+            if any(self._is_joint(vehicle, phase) for vehicle in (one, other)):
+                return None
             return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
         return None
+
+    def _is_joint(self, vehicle: Vehicle, phase: PhasePlan) -> bool:
+        behavior = vehicle.plan.states[phase.run[vehicle.name]].behavior
+        return bool(named_in(behavior.params, "group"))
 
     def _way(self, vehicle: Vehicle, phase: PhasePlan) -> Course:
         """Return what a phase lets a vehicle fly, from where it was when it began."""
@@ -322,7 +329,10 @@ class Watch:
         truth = vehicle.truth
         place = vehicle.context.start if truth is None else truth.position
         at, seconds = state.at or vehicle.plan.at, self._engine.seconds()
-        return Doing(vehicle.name, state.name, state.behavior.name, at, seconds, place)
+        part, activity, waits_for = state.behavior.name, vehicle.activity, ""
+        if activity.begun and state is activity.state:
+            waits_for = activity.behavior.waits_for or ""
+        return Doing(vehicle.name, state.name, part, at, seconds, place, waits_for)
 
     def _add(self, found: Diagnostic, *about: str) -> None:
         """Keep a finding about two vehicles, or about something else that `about` names."""

@@ -27,7 +27,7 @@ from math import cos, pi, sin
 from typing import ClassVar, Literal, NamedTuple
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO, Vec3, add, distance, scale, wrap
+from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, wrap
 from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick, Time, Told
 from kybflow.core.units import (
     Acceleration,
@@ -76,6 +76,9 @@ _IN_PLACE = 0.01
 """Metres from its place, one tick ahead, at which a point is there."""
 _RETRACTED = 2.0
 """How many tolerances a formation may be off that was settled."""
+_ROOM = "room: a place is at the fence, the ground or something in its way"
+_STANDS, _PATIENT = 0.01, NS
+"""The speed (m/s) up to which a frame that is to move stands, and for how long until that is told."""
 
 
 @params
@@ -182,6 +185,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
         self._frame, self._turned = MovingFrame(entry.position), 0.0
+        self._moved = entry.now
         self._taken_for: tuple[float, int, frozenset[int]] | None = None
         self._wait(entry.motion, entry.heading, entry.now)
 
@@ -357,6 +361,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
         lost = " and ".join(f"`{name}`" for name in team.troubled if name in team.placed)
         self.waits_for = drive.waits_for or (f"{lost} to recover" if lost else None)
+        if self.waits_for is None and tick.now > self._moved + _PATIENT:
+            self.waits_for = _ROOM
         if drive.lost > p.patience:
             return Failed(setpoint, drive.trouble)
         return Done(setpoint) if drive.ended and self._is_complete else setpoint
@@ -372,6 +378,9 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         fastest = 2.0 * max(limits.speed, limits.climb)
         near = self._room.near(frame, taken, obstacles, fastest, p)
         self._frame = moved(frame, asked, limits, tick.dt, team.frame, taken.reach, near)
+        is_kept = bool(near) and norm(asked.velocity) > _STANDS >= norm(self._frame.velocity)
+        if isinstance(self._drive, ByHand) or not is_kept:
+            self._moved = tick.now
 
     def _share(self, team: Team, tick: Tick) -> float:
         """The share of the speed at which nobody is left behind."""
