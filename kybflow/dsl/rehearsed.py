@@ -289,14 +289,15 @@ def stays_down(vehicle: str, check: str, why: str, at: str, texts: Texts) -> Dia
     )
 
 
-def unmet(expectation: str, at: str, texts: Texts) -> Diagnostic:
+def unmet(expectation: str, at: str, value: str, texts: Texts) -> Diagnostic:
     """KYB482: an expectation does not hold although nothing is broken and everything else is in
-    order. It is told of missions without faults in which no person acts."""
+    order. It is told of missions without faults in which no person acts. value: what was measured,
+    empty where that is no number."""
     return Diagnostic(
         "KYB482",
         f"`{expectation}` does not hold on ideal vehicles",
         span_at(at, texts),
-        label="not met",
+        label=f"it is {value}" if value else "not met",
         help="expect something else, or let the mission do it",
         severity=Severity.WARNING,
     )

@@ -24,6 +24,8 @@ _STANDS = 0.05
 """How far above its ground a start may be told: where its frame is, is not where its legs are."""
 _LANDS = 0.15
 """How far above what is under it a landing may be told to end: a pad that no obstacle describes."""
+_TOUCHES = 0.02
+"""How deep in an obstacle a vehicle's hub may be told to go that only means to touch it."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -122,10 +124,16 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {_near(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
-                help=f"lead it round by points beside `{obstacle.name.text}`, or further away",
+                help=_way_round(obstacle, room),
                 related=values_of(state.part),
             )
             break
+
+
+def _way_round(obstacle: ObstacleEntry, room: float) -> str:
+    """What to do about a way into an obstacle; one that touches and goes no deeper may be meant."""
+    meant = ", or say `contact: allowed` where it stands" if room > -_TOUCHES else ""
+    return f"lead it round by points beside `{obstacle.name.text}`, or further away{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
@@ -161,6 +169,8 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
                     message = f"there is no vehicle `{name}`"
                     span = use.spans.get(parameter, use.name.span)
                     hint = did_you_mean(name, vehicles)
+                    if any(one.name.text == name for one in kept_from(case)):
+                        hint = "leave it out: obstacles of the world always count"
                     yield Diagnostic("KYB510", message, span, label="unknown", help=hint)
 
 

@@ -435,7 +435,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return
         wrong = None if params.points else shapes.objection(params.shape, len(team))
         if wrong is not None:
-            yield Objection("shape", f"doesn't fit `{params.members}`: {wrong}", "choose another")
+            hint = "choose another shape, or write `points` of your own"
+            yield Objection("shape", f"doesn't fit `{params.members}`: {wrong}", hint)
             return
         shape = _shape(params, len(team))
         if len(shape) < len(team):
@@ -446,8 +447,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         apart = shapes.closest(shape)
         if apart <= widest:
             parameter = "points" if params.points else "side"
-            reason = f"puts two places {apart:.3g} m apart"
-            yield Objection(parameter, reason, f"the vehicles are {widest:.3g} m wide")
+            reason = f"puts two places {apart:.3g} m apart, and a vehicle is {widest:.3g} m wide"
+            yield Objection(parameter, reason, "leave more between them")
         if params.leader is not None and params.leader in team:
             yield Objection("leader", "is a member", "lead by a vehicle that is none")
         drives = [k for k in ("input", "path", "leader") if getattr(params, k) is not None]
