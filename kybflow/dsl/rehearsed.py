@@ -19,7 +19,7 @@ _EMIT = "give a person's events at other times with `--emit NAME@TIME`"
 
 class Doing(NamedTuple):
     """What a vehicle did when something was found: at `seconds` of the rehearsal and in `place` its
-    behavior `state` (a `part`), from the mission line `at`."""
+    behavior `state` (a `part`), from the mission line `at`. waits_for: in words."""
 
     vehicle: str
     state: str
@@ -27,6 +27,7 @@ class Doing(NamedTuple):
     at: str
     seconds: float
     place: Vec3
+    waits_for: str = ""
 
     @property
     def when(self) -> str:
@@ -37,7 +38,9 @@ class Doing(NamedTuple):
     def note(self) -> str:
         where = f" ({self.at})" if self.at else ""
         x, y, z = (f"{round(c, 2) + 0.0:.4g}" for c in self.place)
-        return f"`{self.vehicle}` is in `{self.state}` ({self.part}) at [{x}, {y}, {z}] m{where}"
+        waits = f", waits for {self.waits_for}" if self.waits_for else ""
+        who = f"`{self.vehicle}` is in `{self.state}` ({self.part})"
+        return f"{who} at [{x}, {y}, {z}] m{where}{waits}"
 
 
 Texts = Mapping[str, str]
@@ -128,15 +131,14 @@ def failsafe_acted(
 ) -> Diagnostic:
     """KYB474: the failsafe takes over although nothing is broken: what the mission does crosses a
     bound of a supervisor. others: what the vehicles do that the reason names."""
+    alone = "keep their ways apart, in height or in time" if others else "stay within the bound"
     return Diagnostic(
         "KYB474",
         f"the failsafe answers `{own.state}` of `{own.vehicle}` with `{reaction}` {own.when}",
         span_at(own.at, texts),
         label=why,
         notes=(*others, *((f"the bound: {by}",) if by else ())),
-        help=f"{arrival.hint}, or move the bound"
-        if arrival
-        else "stay within the bound, or move it",
+        help=f"{arrival.hint if arrival else alone}, or move the bound",
     )
 
 
@@ -287,14 +289,15 @@ def stays_down(vehicle: str, check: str, why: str, at: str, texts: Texts) -> Dia
     )
 
 
-def unmet(expectation: str, at: str, texts: Texts) -> Diagnostic:
+def unmet(expectation: str, at: str, value: str, texts: Texts) -> Diagnostic:
     """KYB482: an expectation does not hold although nothing is broken and everything else is in
-    order. It is told of missions without faults in which no person acts."""
+    order. It is told of missions without faults in which no person acts. value: what was measured,
+    empty where that is no number."""
     return Diagnostic(
         "KYB482",
         f"`{expectation}` does not hold on ideal vehicles",
         span_at(at, texts),
-        label="not met",
+        label=f"it is {value}" if value else "not met",
         help="expect something else, or let the mission do it",
         severity=Severity.WARNING,
     )

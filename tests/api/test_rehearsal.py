@@ -304,6 +304,42 @@ def test_a_flow_that_stalls(tmp_path: Path) -> None:
     assert one.severity is Severity.WARNING
 
 
+FORMED = """\
+groups: {pair: [a, b]}
+vehicles:
+  a:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: hover}
+      fly:  {do: formation, members: pair, %s, then: hover, failed: down}
+      down: {do: land}
+  b: {like: a, start: {at: [0, 1, 0]}}
+flows:
+  plan:
+    phases:
+      rise: {run: {pair: up}, next: [{when: all pair in hover, go: fly}], within: 20 s,
+             otherwise: land}
+      fly:  {run: {pair: fly}, next: [{when: all pair in hover, go: land}], within: 30 s,
+             otherwise: land}
+      land: {run: {pair: down}}
+"""
+
+
+def test_a_formation_without_room_says_what_it_waits_for(tmp_path: Path) -> None:
+    [one] = rehearsed(FORMED % "path: [[0, 2.6, 1]]", tmp_path).diagnostics
+
+    assert one.code == "KYB476"
+    assert all("waits for room: a place is at the fence" in note for note in one.notes)
+
+
+def test_members_that_come_too_close_are_not_told_to_come_in_turns(tmp_path: Path) -> None:
+    diagnostics = rehearsed(FORMED % "side: 30 cm, path: [[1, 0.5, 1]]", tmp_path).diagnostics
+    hints = {d.help for d in diagnostics if d.code == "KYB474"}
+
+    assert hints == {"keep their ways apart, in height or in time, or move the bound"}
+
+
 def test_a_persons_events_come_two_seconds_after_they_are_waited_for(tmp_path: Path) -> None:
     text = FLOW % ("event: operator.go", "")
 
@@ -383,6 +419,7 @@ def test_an_expectation_that_ideal_vehicles_do_not_meet(tmp_path: Path) -> None:
 
     assert unmet.code == "KYB482"
     assert unmet.message == "`finally distance(a to a.start) > 1 m` does not hold on ideal vehicles"
+    assert unmet.label == "it is 0 cm"
     assert found(rehearsed(ALONE + expects + fault, tmp_path)) == []
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, dot, norm, sub
+from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.dsl.plan import PhasePlan
 from kybflow.dsl.rehearsed import Arrival
@@ -42,7 +43,8 @@ class Arrivals:
 
     def apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
         """Return what the phase that lets two vehicles fly at once could say to keep them `needed`
-        metres apart, None where it is no phase, or it says so already."""
+        metres apart, None where it is no phase, it says so already, or one does what it was asked
+        for with a group, whose members come at once."""
         for flow in self._engine.plan.flows:
             running = self._engine.flows.running(flow.name)
             if not running.active or not {one.name, other.name} <= running.phase.run.keys():
@@ -50,6 +52,8 @@ class Arrivals:
             if not any(running.is_in_its_state(v.name, v.state) for v in (one, other)):
                 continue
             phase = running.phase
+            if any(_is_joint(vehicle, phase) for vehicle in (one, other)):
+                return None
             return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
         return None
 
@@ -62,6 +66,11 @@ class Arrivals:
         is_straight = told is not None and len(told.points) == 2 and not told.path
         end = told.exit if told is not None and is_straight else None
         return StraightWay(name, begin or vehicle.context.start, end, cls.keeps_pace)
+
+
+def _is_joint(vehicle: Vehicle, phase: PhasePlan) -> bool:
+    behavior = vehicle.plan.states[phase.run[vehicle.name]].behavior
+    return bool(named_in(behavior.params, "group"))
 
 
 def arrival(

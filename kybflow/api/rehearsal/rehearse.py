@@ -13,6 +13,7 @@ from kybflow.api.rehearsal.person import Assumed, Person
 from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
 from kybflow.core.errors import PartFailed
 from kybflow.core.signals import Event
+from kybflow.core.units import format_measured
 from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
 from kybflow.dsl.plan import Plan
@@ -67,13 +68,20 @@ def rehearse(
         duration, verdicts = _flown(plan, watch, person, commands, options)
         found = watch.diagnostics
         if not (found or person.assumed or at_rest(plan)):
-            found = tuple(rehearsed.unmet(v.text, v.at, texts) for v in verdicts if not v.held)
+            found = tuple(
+                rehearsed.unmet(v.text, v.at, _measured(v), texts) for v in verdicts if not v.held
+            )
     except PartFailed as failure:
         found = (_not_made(plan, failure, texts),)
     return Rehearsal(
         plan.mission, plan.target, in_order(found), duration, watch.separation, watch.charge,
         tuple(person.assumed),
     )  # fmt: skip
+
+
+def _measured(verdict: Verdict) -> str:
+    value = verdict.value
+    return "" if value is None else format_measured(value, verdict.unit)
 
 
 def _flown(

@@ -298,7 +298,10 @@ class Watch:
         truth = vehicle.truth
         place = vehicle.context.start if truth is None else truth.position
         at, seconds = state.at or vehicle.plan.at, self._engine.seconds()
-        return Doing(vehicle.name, state.name, state.behavior.name, at, seconds, place)
+        part, activity, waits_for = state.behavior.name, vehicle.activity, ""
+        if activity.begun and state is activity.state:
+            waits_for = activity.behavior.waits_for or ""
+        return Doing(vehicle.name, state.name, part, at, seconds, place, waits_for)
 
     def _add(self, found: Diagnostic, *about: str) -> None:
         """Keep a finding about two vehicles, or about something else that `about` names."""

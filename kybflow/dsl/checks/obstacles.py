@@ -22,6 +22,8 @@ _STANDS = 0.05
 """How far above its ground a start may be told: where its frame is, is not where its legs are."""
 _LANDS = 0.15
 """How far above what is under it a landing may be told to end: a pad that no obstacle describes."""
+_TOUCHES = 0.02
+"""How deep in an obstacle a vehicle's hub may be told to go that only means to touch it."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -119,10 +121,16 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
                 notes=(_stands(obstacle), *footprint.line_of(point)),
-                help=f"lead it round by points beside `{obstacle.name.text}`, or further away",
+                help=_way_round(obstacle, room),
                 related=values_of(state.part),
             )
             break
+
+
+def _way_round(obstacle: ObstacleEntry, room: float) -> str:
+    """What to do about a way into an obstacle; one that touches and goes no deeper may be meant."""
+    meant = ", or say `contact: allowed` where it stands" if room > -_TOUCHES else ""
+    return f"lead it round by points beside `{obstacle.name.text}`, or further away{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:

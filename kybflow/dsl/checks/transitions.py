@@ -128,8 +128,25 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
                 span,
                 label="no transition leads here",
                 notes=tuple(_open_ends(vehicle, reached)),
-                help=f"let another behavior go there, as `then: {name}`, or remove it",
+                help=_way_in(case, vehicle, name),
             )
+
+
+def _way_in(case: Case, vehicle: VehicleEntry, name: str) -> str:
+    """What to do about a behavior that is not reached; others that have it from here may need
+    it."""
+    own = vehicle.states.get(vehicle.goal(name))
+    needing = [
+        f"`{other.name.text}`"
+        for other in case.vehicles()
+        if own is not None
+        and (state := other.states.get(own.name.text)) is not None
+        and state.name.span == own.name.span
+        and own.name.text in reached_states(other)
+    ]
+    if needing:
+        return f"write it in {' and '.join(needing)} alone, which is led there"
+    return f"let another behavior go there, as `then: {name}`, or remove it"
 
 
 def _unreached(

@@ -52,6 +52,8 @@ def unknown_vehicle(
 def no_vehicle(code: str, name: str, span: Span, document: Document) -> Diagnostic:
     """The finding for the name of a vehicle that isn't there, where no group may stand."""
     hint = did_you_mean(name, document.vehicles)
+    if any(obstacle.name.text == name for obstacle in document.obstacles):
+        hint = "it stands in the world, and what stands there counts as an obstacle anyway"
     return Diagnostic(code, f"there is no vehicle `{name}`", span, label="unknown", help=hint)
 
 

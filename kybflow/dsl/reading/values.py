@@ -200,6 +200,8 @@ def _wrong(node: Node, field: Field) -> Diagnostic:
     hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
     if field.shape == "vector":
         hint = _three_numbers(node) or hint
+    if field.names == "group" and isinstance(node, Sequence):
+        hint = "give them a name, `groups: {NAME: [...]}`, and write that here"
     point = _POINT.match(node.text) if isinstance(node, Scalar) else None
     if point is not None and field.shape == "vector":
         hint = f"did you mean `{PREFIX}{point[1]}`?"
@@ -270,7 +272,8 @@ def _attached(node: Scalar, field: Field) -> Diagnosed[File | None]:
             node.text, Path(node.span.file).parent, "surrogateescape" if field.binary else "strict"
         )
     except FileError as error:
-        yield Diagnostic("KYB370", str(error), node.span, help=error.hint)
+        needed = () if error.hint else (f"`{field.name}`: {field.help}",)
+        yield Diagnostic("KYB370", str(error), node.span, notes=needed, help=error.hint)
         return None
     try:
         if field.reads is not None:

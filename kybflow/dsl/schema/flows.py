@@ -121,7 +121,8 @@ def action_schema() -> Schema:
             "switch": _names(
                 "Vehicles or groups, and the state that each is asked to enter.",
                 _goal("The state"),
-            ),
+            )
+            | {"examples": [{"a": "home"}]},
             "set": _names(
                 "Options, like `a.processors.limit_speed.speed`, and their new values.", value
             ),
@@ -138,7 +139,8 @@ def action_schema() -> Schema:
                 "Vehicles or groups, and what each is asked to perform: an act of its driver, like"
                 " `leds_blink_red`.",
                 text("The act."),
-            ),
+            )
+            | {"examples": [{"a": "leds_blink_red"}]},
             "log": text("A text for the record, with `{vehicle}`, `{time}` and the event's own."),
             "stop": text("Why the run ends here: every vehicle lands."),
         },

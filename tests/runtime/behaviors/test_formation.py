@@ -230,6 +230,45 @@ def test_along_a_path_it_is_done_at_the_last_corner() -> None:
     assert middle(swarm) == pytest.approx((0.5, 0.5, 1.2), abs=0.04)
 
 
+def test_one_that_comes_back_goes_round_those_who_stand_in_its_way() -> None:
+    points = ((1.2, 0.0, 0.0), (0.0, 0.0, 0.0), (-1.2, 0.0, 0.0), (0.0, 1.2, 0.0))
+    swarm = Swarm(points=points, center=(0.0, 0.0, 1.0), turned=0.0)
+    swarm.enter()
+    swarm.fly(8.0)
+    [back] = [n for n in PLACES if distance(swarm.place(n), (1.2, 0.0, 1.0)) < 0.05]
+    del swarm.flown[back]
+    swarm.setpoints[back] = at_rest((-2.4, 0.05, 1.0))
+    swarm.fly(1.0)
+    swarm.enter(back)
+    apart = []
+    for _ in range(180):
+        swarm.fly(0.1)
+        apart.append(pairs(swarm)[0])
+    assert min(apart) > 0.48
+    assert distance(swarm.place(back), (1.2, 0.0, 1.0)) < 0.01
+
+
+@pytest.mark.parametrize("path_at_once", [True, False])
+def test_one_that_comes_back_goes_on_along_the_path_where_the_others_are(
+    path_at_once: bool,
+) -> None:
+    swarm = Swarm(path=((0.5, 0.0, 1.2), (0.5, 2.0, 1.2), (-1.0, 2.0, 1.2)))
+    swarm.enter()
+    swarm.fly(8.0)
+    del swarm.flown["d"]
+    swarm.setpoints["d"] = at_rest((2.0, -2.0, 1.2))
+    swarm.fly(2.0)
+    assert middle(swarm, "abc")[1] > 0.5
+    still = {} if path_at_once else {"path": None}
+    swarm.enter("d", **still)
+    if still:
+        swarm.fly(4.0)
+        swarm.enter("d")
+    swarm.fly(25.0)
+    assert all(isinstance(swarm.ends[name], Done) for name in PLACES)
+    assert middle(swarm) == pytest.approx((-1.0, 2.0, 1.2), abs=0.04)
+
+
 def test_behind_a_leader_three_keep_their_triangle_around_it() -> None:
     swarm = Swarm(members="trio", shape="triangle", side=2.0, leader="d", offset=(0.0, 0.0, 0.5))
     swarm.enter("abc")

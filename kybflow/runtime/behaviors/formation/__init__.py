@@ -5,8 +5,9 @@ there, each works out from the same news how the shape is laid and who takes whi
 (`kybflow.flight.formation.places`), and all glide into their places in the same time. From there
 each moves its own copy of the formation's frame, by a hand, along a path or behind a leader, and
 lets it drift to those that its neighbours publish (`kybflow.flight.formation.frame`). No one
-commands the others. A member that enters while others are in formation takes a free place; one that
-goes over to a behavior with the same formation keeps its own.
+commands the others. A member that enters while others are in formation takes a free place by a way
+round those in its way (`kybflow.flight.formation.ways`), and goes on along the path from the corner
+that they fly to; one that goes over to a behavior with the same formation keeps its place.
 
 The formation slows down for a member that lags behind its point, and stops for one that is `doubt`
 away, has no estimate, or is silent for longer than `freshness`: `neighbour_lost` tells who and why.
@@ -27,7 +28,7 @@ from math import pi
 from typing import ClassVar, Literal, NamedTuple
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO, Vec3, distance, scale, wrap
+from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, wrap
 from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick, Time, Told
 from kybflow.core.units import (
     Acceleration,
@@ -44,11 +45,11 @@ from kybflow.flight.formation.frame import (
     Asked,
     FrameLimits,
     MovingFrame,
-    Shift,
     distance_error,
     moved,
 )
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
+from kybflow.flight.formation.ways import Way
 from kybflow.flight.motion import Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
@@ -76,6 +77,9 @@ _IN_PLACE = 0.01
 """Metres from its place, one tick ahead, at which a point is there."""
 _RETRACTED = 2.0
 """How many tolerances a formation may be off that was settled."""
+_ROOM = "room: a place is at the fence, the ground or something in its way"
+_STANDS, _PATIENT = 0.01, NS
+"""The speed (m/s) up to which a frame that is to move stands, and how long until that is told."""
 
 
 @params
@@ -153,7 +157,7 @@ class _Placed(NamedTuple):
 
     place: int
     began: Time
-    shift: Shift
+    way: Way
     turn: float
 
 
@@ -186,6 +190,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
         self._last, self._is_new = entry.now, True
         self._frame, self._turned = MovingFrame(entry.position), 0.0
+        self._moved = entry.now
         self._taken_for: tuple[float, int, frozenset[int]] | None = None
         self._wait(entry.motion, entry.heading, entry.now)
 
@@ -207,7 +212,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._untold.append((event, {"neighbour": neighbour, **why}))
         if self._is_new:
             self._is_new = False
-            self._go_on(tick)
+            self._go_on(team, tick)
         ahead = None
         if isinstance(self._drive, BehindLeader):
             ahead = self._drive.hear(tick, p.delay, p.freshness)
@@ -216,9 +221,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             found = self._meeting.assigned(self._rest, others, ahead, heard, p)
             if found is not None:
                 self._set_out(found, tick)
-                if isinstance(self._drive, AlongPath):
-                    formed = [m.said for m in others if m.said.place != WAITING and not m.trouble]
-                    self._drive.join((said.path, said.corner) for said in formed)
+                self._catch_up(team)
         output = self._acting(team, tick)
         if isinstance(output, Setpoint) and self._untold:
             return Told(output, *self._untold.popleft())
@@ -233,26 +236,33 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def prepare(cls) -> None:
         places.prepare()
 
-    def _go_on(self, tick: Tick) -> None:
+    def _go_on(self, team: Team, tick: Tick) -> None:
         """Keep the place that the vehicle had in this formation until a moment ago."""
         before = self._members.own_news(tick)
         if before is None or before.said.place == WAITING:
             return
         frame, said = before.frame, before.said
         place = places.turned_by(said.turned, self._shape[said.place])
-        way = distance(place, frame.place(self._rest.coast.at(0.0)).position)
-        way = way if way > _IN_PLACE else 0.0
-        self._set_out(Assigned(frame, said.turned, said.place, way), tick)
+        length = distance(place, frame.place(self._rest.coast.at(0.0)).position)
+        length = length if length > _IN_PLACE else 0.0
+        self._set_out(Assigned(frame, said.turned, said.place, length, (place,)), tick)
         self._settled = said.settled
+        if said.path != self._drive.path:  # who enters the same path anew begins it anew
+            self._catch_up(team)
+
+    def _catch_up(self, team: Team) -> None:
+        """Go on along a path where the others are."""
+        formed = [m.said for m in self._members.but_own(team) if not m.trouble]
+        self._drive.join((said.path, said.corner) for said in formed if said.place != WAITING)
 
     def _set_out(self, found: Assigned, tick: Tick) -> None:
         """Begin the way to a place."""
         self._frame, self._turned = found.frame, found.turned
-        span = Shift.time_for(found.way, self._most_speed, self.params.acceleration)
-        goal = places.turned_by(found.turned, self._shape[found.place])
-        shift = Shift(found.frame.place(self._rest.at(tick.now)), goal, span)
+        start = found.frame.place(self._rest.at(tick.now))
+        limits = (self._most_speed, self.params.acceleration)
+        way = Way(start, found.points, found.length, *limits)
         turn = wrap(self._heading - found.frame.heading)
-        self._placed = _Placed(found.place, tick.now, shift, turn)
+        self._placed = _Placed(found.place, tick.now, way, turn)
 
     @property
     def _most_speed(self) -> float:
@@ -276,17 +286,19 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if self.params.leader is not None and not missing:
             missing = [self.params.leader]
         who = " and ".join(f"`{name}`" for name in missing)
-        self.waits_for = f"{who} to come" if who else None
+        lacks = self._meeting.lacks
+        self.waits_for = f"{who} to come" if who else lacks or None
         if elapsed > self.params.patience + rest.coast.duration:
             verb = "have" if len(missing) > 1 else "has"
-            what = f"{who} {verb} not come" if who else "no place has become free"
-            reason = f"{what} within {self.params.patience:g} s"
+            reason = (
+                f"{who or lacks or 'its place'} {verb} not come within {self.params.patience:g} s"
+            )
             return Failed(setpoint, reason)
         return setpoint
 
     def _flying(self, own: _Placed, team: Team, tick: Tick) -> Setpoint | Done | Failed:
         """Keep the place while the frame moves."""
-        p, drive, motion = self.params, self._drive, own.shift.at((tick.now - own.began) / NS)
+        p, drive, motion = self.params, self._drive, own.way.at((tick.now - own.began) / NS)
         if self._members.goes_first(own.place, team):
             self._wait(self._frame.motion(motion), self._heading, tick.now)
             return self._waiting(team, tick)
@@ -302,6 +314,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
         lost = " and ".join(f"`{name}`" for name in team.troubled if name in team.placed)
         self.waits_for = drive.waits_for or (f"{lost} to recover" if lost else None)
+        if self.waits_for is None and tick.now > self._moved + _PATIENT:
+            self.waits_for = _ROOM
         if drive.lost > p.patience:
             return Failed(setpoint, drive.trouble)
         return Done(setpoint) if drive.ended and self._is_complete else setpoint
@@ -317,6 +331,9 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         fastest = 2.0 * max(limits.speed, limits.climb)
         near = self._room.near(frame, taken, obstacles, fastest, p)
         self._frame = moved(frame, asked, limits, tick.dt, team.frame, taken.reach, near)
+        is_kept = bool(near) and norm(asked.velocity) > _STANDS >= norm(self._frame.velocity)
+        if isinstance(self._drive, ByHand) or not is_kept:
+            self._moved = tick.now
 
     def _share(self, team: Team, tick: Tick) -> float:
         """The share of the speed at which nobody is left behind."""
@@ -334,7 +351,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
     def _turn_with(self, own: _Placed, tick: Tick) -> None:
         """Turn as the frame does, and by what was between them at first."""
-        span = max(own.shift.duration, STEEPEST * abs(own.turn) / self.params.turn_rate)
+        span = max(own.way.duration, STEEPEST * abs(own.turn) / self.params.turn_rate)
         done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
         left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
         self._heading = wrap(self._frame.heading + left)
@@ -344,7 +361,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         p, seen = self.params, team.positions
         others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
         error = distance_error(tick.known().position, others)
-        arrived = (tick.now - own.began) / NS >= own.shift.duration
+        arrived = (tick.now - own.began) / NS >= own.way.duration
         bound = p.tolerance * (_RETRACTED if self._settled else 1.0)
         self._settled = arrived and error <= bound
         complete = self._settled and self._members.is_settled(team)
@@ -374,7 +391,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return
         wrong = None if params.points else shapes.objection(params.shape, len(team))
         if wrong is not None:
-            yield Objection("shape", f"doesn't fit `{params.members}`: {wrong}", "choose another")
+            hint = "choose another shape, or write `points` of your own"
+            yield Objection("shape", f"doesn't fit `{params.members}`: {wrong}", hint)
             return
         shape = _shape(params, len(team))
         if len(shape) < len(team):
@@ -385,8 +403,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         apart = shapes.closest(shape)
         if apart <= widest:
             parameter = "points" if params.points else "side"
-            reason = f"puts two places {apart:.3g} m apart"
-            yield Objection(parameter, reason, f"the vehicles are {widest:.3g} m wide")
+            reason = f"puts two places {apart:.3g} m apart, and a vehicle is {widest:.3g} m wide"
+            yield Objection(parameter, reason, "leave more between them")
         yield from cls._doubts(params, context)
         if params.leader is not None and params.leader in team:
             yield Objection("leader", "is a member", "lead by a vehicle that is none")

@@ -33,8 +33,12 @@ class Drive(Protocol):
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         """Return what the frame is asked to do. Called once a tick."""
 
+    def join(self, others: Iterable[tuple[int, int]]) -> None:
+        """Go on where the others are, each of which moves along a `path` to a `corner`."""
+        return
 
-class Still:
+
+class Still(Drive):
     """Stays."""
 
     waits_for, trouble, lost, ended, path, corner = "", "", 0.0, False, 0, 0
@@ -43,7 +47,7 @@ class Still:
         return Asked()
 
 
-class ByHand:
+class ByHand(Drive):
     """Moves as the axes of an input say. axes: what they said last."""
 
     ended, path, corner = False, 0, 0
@@ -76,7 +80,7 @@ class ByHand:
         )
 
 
-class AlongPath:
+class AlongPath(Drive):
     """Moves the centre from corner to corner, and turns to a heading."""
 
     waits_for, trouble, lost = "", "", 0.0
@@ -106,7 +110,7 @@ class AlongPath:
         return Asked(velocity, turn)
 
 
-class BehindLeader:
+class BehindLeader(Drive):
     """Moves the centre as another vehicle moves, at an offset in its frame, and turns as it
     does."""
 

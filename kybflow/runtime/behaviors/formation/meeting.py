@@ -2,7 +2,8 @@
 
 It comes to rest and waits. When all have come, each works out from the same news how the shape is
 laid and who takes which place (`kybflow.flight.formation.places`). Who comes while others are in
-formation takes a place that is free, with all who wait beside it. World frame, metres, radians.
+formation takes a place that is free, with all who wait beside it, by a way round those who have
+theirs (`kybflow.flight.formation.ways`). World frame, metres, radians.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from collections.abc import Iterable
 from math import cos, sin
 from typing import NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, distance
+from kybflow.core.geometry import ZERO, Vec3, add
 from kybflow.core.signals import NS, Time
 from kybflow.flight.formation import places
 from kybflow.flight.formation.frame import MovingFrame, longest, mean_frame, mean_heading
+from kybflow.flight.formation.ways import clear_way
 from kybflow.flight.motion import Coast, Motion
 from kybflow.runtime.behaviors.formation.members import WAITING, Member
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
@@ -44,13 +46,14 @@ class Rest(NamedTuple):
 
 class Assigned(NamedTuple):
     """The place that a member takes. frame, turned: the formation's frame, and how the shape is
-    turned from its heading. place: its number. way: the longest way that those have who take theirs
-    in the same time, metres."""
+    turned from its heading. place: its number. length: the longest straight way that those have who
+    take theirs in the same time, metres. points: its own way, in the frame, to the place."""
 
     frame: MovingFrame
     turned: float
     place: int
-    way: float
+    length: float
+    points: tuple[Vec3, ...]
 
 
 class Meeting:
@@ -58,7 +61,8 @@ class Meeting:
     `own`.
 
     center, turned: where the centre is to be and how the shape is to be turned, None for what suits
-    the members. is_led: its centre is where its leader has it.
+    the members. is_led: its centre is where its leader has it. lacks: what it
+    still needs for a place though all have come whom that needs, empty where that is nothing.
     """
 
     def __init__(
@@ -74,6 +78,7 @@ class Meeting:
     ) -> None:
         self._team, self._own, self._shape, self._room = team, own, shape, room
         self._center, self._turned, self._is_led = center, turned, is_led
+        self.lacks = ""
 
     def assigned(
         self,
@@ -98,7 +103,7 @@ class Meeting:
         here = {m.name: m.said.point for m in waiting} | {self._own: rest.coast.end}
         here = {name: here[name] for name in self._team if name in here}
         if formed:
-            return self._joined(formed, here)
+            return self._joined(formed, here, p)
         heads = [rest.heading, *(m.said.heading for m in waiting)]
         heading = mean_heading(sum(map(cos, heads)), sum(map(sin, heads)))
         return self._laid(here, leader or MovingFrame(ZERO, heading=heading), p)
@@ -112,16 +117,31 @@ class Meeting:
         goals = [add(centre, offsets[i]) for i in found.taken]
         way = longest(zip(here.values(), goals, strict=True))
         place = found.taken[list(here).index(self._own)]
-        return Assigned(frame._replace(centre=centre), found.turned, place, way)
+        goal = places.turned_by(found.turned, self._shape[place])
+        return Assigned(frame._replace(centre=centre), found.turned, place, way, (goal,))
 
-    def _joined(self, formed: list[Member], here: dict[str, Vec3]) -> Assigned | None:
-        """Return one of the places that are free; None where they are too few for all who wait."""
+    def _joined(
+        self, formed: list[Member], here: dict[str, Vec3], p: FormationRoomParams
+    ) -> Assigned | None:
+        """Return one of the places that are free; None where they are too few for all who wait, or
+        no way leads there."""
         frame, turned = mean_frame([m.frame for m in formed]), formed[0].said.turned
         taken = {m.said.place for m in formed}
         free = [i for i in range(len(self._shape)) if i not in taken]
         if len(free) < len(here):
+            self.lacks = "a free place"
             return None
-        offsets = [frame.turned(places.turned_by(turned, self._shape[i])) for i in free]
-        goals = [add(frame.centre, offset) for offset in offsets]
-        column = places.assigned(tuple(here.values()), goals)[list(here).index(self._own)]
-        return Assigned(frame, turned, free[column], distance(here[self._own], goals[column]))
+        shape = [places.turned_by(turned, place) for place in self._shape]
+        goals = [add(frame.centre, frame.turned(shape[i])) for i in free]
+        columns = places.assigned(tuple(here.values()), goals)
+        own = free[columns[list(here).index(self._own)]]
+        start = frame.place(Motion(here[self._own])).position
+        points = clear_way(
+            start, shape[own], [shape[i] for i in taken], self._room.between_members(p),
+            lambda one, end: self._room.is_open(frame, one, end, p),
+        )  # fmt: skip
+        self.lacks = "" if points else "a clear way to its place"
+        if points is None:
+            return None
+        length = longest(zip(here.values(), (goals[column] for column in columns), strict=True))
+        return Assigned(frame, turned, own, length, points)

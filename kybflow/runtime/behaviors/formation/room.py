@@ -4,8 +4,9 @@ are no members."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from math import ceil
 
-from kybflow.core.geometry import ZERO, Vec3, add, dot
+from kybflow.core.geometry import ZERO, Vec3, add, distance, dot, scale, sub
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Estimate, Tick, Time
 from kybflow.core.units import Length
@@ -17,6 +18,8 @@ from kybflow.parts import Objection
 from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
+_STEP = 0.1
+"""Metres between the points of a leg that are looked at."""
 _LONGEST = 0.5
 """Seconds for which it is believed that a vehicle goes on as it said last."""
 
@@ -55,6 +58,7 @@ class FormationRoom:
     def __init__(self, context: VehicleContext, team: tuple[str, ...]) -> None:
         self._context = context
         self._others = tuple(name for name in context.diameters if name not in team)
+        self._widest = max((context.diameters.get(name, 0.0) for name in team), default=0.0)
         self._last: dict[str, Estimate] = {}
 
     def box(self, p: FormationRoomParams) -> Box | None:
@@ -78,6 +82,23 @@ class FormationRoom:
             middle = 0.5 * (low + high)
             kept.append(middle if low > high else max(low, min(high, centre[axis])))
         return (kept[0], kept[1], kept[2])
+
+    def between_members(self, p: FormationRoomParams) -> float:
+        """Return how far apart the centres of two members stay when one passes the other (m)."""
+        return self._context.airframe.arm + p.clearance + 0.5 * self._widest
+
+    def is_open(self, frame: MovingFrame, start: Vec3, end: Vec3, p: FormationRoomParams) -> bool:
+        """Return whether a leg in the frame is in the fence and clear of the world's obstacles."""
+        box, keep = self.box(p), self._context.airframe.arm + p.clearance
+        steps = max(1, ceil(distance(start, end) / _STEP))
+        for i in range(1, steps + 1):
+            point = add(start, scale(sub(end, start), i / steps))
+            point = add(frame.centre, frame.turned(point))
+            if box is not None and not box.contains(point):
+                return False
+            if any(one.distance(point) < keep for one in self._context.obstacles.values()):
+                return False
+        return True
 
     def obstacles(self, tick: Tick, delay: Time, left: Iterable[str]) -> tuple[Shape, ...]:
         """Return the world's obstacles, those that move, the vehicles that are no members, and the

@@ -1,0 +1,93 @@
+"""The way in a formation's frame to a place that is free, round those in the places that are taken.
+
+Who joins a formation that stands goes straight, or, where that leads too near to another, over one
+corner beside, above or under it: the nearest of those from which both legs are clear. The others
+stay in their places meanwhile, so that what is clear in the frame stays clear while it moves.
+Metres, in the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from math import cos, pi, sin
+
+from kybflow.core.geometry import Vec3, add, distance, dot, norm, scale, sub
+from kybflow.flight.formation.frame import Shift
+from kybflow.flight.motion import Motion
+
+_ROUND = 8
+"""Corners on each level circle round a place."""
+_WIDER = (1.1, 1.5, 2.2)
+"""How many times as far from a place as a leg may come a corner lies: the legs cut the circle."""
+
+
+def clear_way(
+    start: Vec3,
+    goal: Vec3,
+    taken: Sequence[Vec3],
+    apart: float,
+    is_open: Callable[[Vec3, Vec3], bool],
+) -> tuple[Vec3, ...] | None:
+    """Return the points after `start` of a way to `goal` that nowhere comes nearer than `apart` to
+    the places `taken`, or to one that start or goal are nearer to than they are; None where there
+    is none. is_open: whether something else leaves a leg beside the straight one free."""
+    bounds = [(one, min(apart, distance(start, one), distance(goal, one))) for one in taken]
+    near = [(one, bound) for one, bound in bounds if bound > 0.0]
+    in_the_way = [one for one, bound in near if not _passes(start, goal, one, bound)]
+    if not in_the_way:
+        return (goal,)
+    corners = [corner for one in in_the_way for corner in _beside(one, apart)]
+    for corner in sorted(corners, key=lambda c: distance(start, c) + distance(c, goal)):
+        legs = ((start, corner), (corner, goal))
+        if all(_passes(*leg, one, bound) for leg in legs for one, bound in near) and all(
+            is_open(*leg) for leg in legs
+        ):
+            return (corner, goal)
+    return None
+
+
+def _passes(start: Vec3, end: Vec3, place: Vec3, apart: float) -> bool:
+    """Return whether a leg stays `apart` from a place, but for rounding."""
+    way, gap = sub(end, start), sub(place, start)
+    square = dot(way, way)
+    share = max(0.0, min(1.0, dot(gap, way) / square)) if square > 0.0 else 0.0
+    return norm(sub(gap, scale(way, share))) >= apart - 1e-6
+
+
+def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
+    for wider in _WIDER:
+        for i in range(_ROUND):
+            angle = 2.0 * pi * i / _ROUND
+            yield add(place, scale((cos(angle), sin(angle), 0.0), wider * apart))
+        yield add(place, (0.0, 0.0, wider * apart))
+        yield add(place, (0.0, 0.0, -wider * apart))
+
+
+class Way:
+    """A motion in the frame from `start` along `points`, at rest in each. One that is straight
+    takes as long as a way of `length`."""
+
+    def __init__(
+        self,
+        start: Motion,
+        points: Sequence[Vec3],
+        length: float,
+        speed: float,
+        acceleration: float,
+    ) -> None:
+        self.duration = 0.0
+        legs: list[tuple[float, Shift]] = []
+        for point in points:
+            far = length if len(points) == 1 else distance(start.position, point)
+            leg = Shift(start, point, Shift.time_for(far, speed, acceleration))
+            legs.append((self.duration, leg))
+            self.duration += leg.duration
+            start = Motion(point)
+        self._last_first = legs[::-1]
+
+    def at(self, time: float) -> Motion:
+        """Return the motion in the frame `time` seconds after the start, at least 0."""
+        for began, leg in self._last_first:
+            if time >= began:
+                return leg.at(time - began)
+        raise ValueError(f"{time} s is before the start")
