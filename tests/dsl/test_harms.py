@@ -54,18 +54,27 @@ def test_nothing_is_said_of_sensible_variants(missions: list[Mission], tmp_path:
     assert told_of(judged(missions[::3], VALID, tmp_path, 1)) == []
 
 
-@pytest.mark.thorough
-def test_nothing_is_said_of_any_sensible_variant(missions: list[Mission], tmp_path: Path) -> None:
-    """The rehearsal is asked of up to eight vehicles: of sixteen it takes seconds."""
+every = pytest.mark.parametrize(
+    "nth",
+    [pytest.param(4, marks=pytest.mark.thorough), pytest.param(1, marks=pytest.mark.slow)],
+)
+
+
+@every
+def test_nothing_is_said_in_a_rehearsal_either(
+    missions: list[Mission], nth: int, tmp_path: Path
+) -> None:
+    """It is asked of up to eight vehicles: of sixteen it takes seconds."""
+    missions = missions[1::nth] if nth > 1 else missions
     large = [m for m in missions if len(m.plan.vehicles) > 8]
     assert told_of(judged(large, VALID, tmp_path, 1)) == []
     small = [m for m in missions if m not in large]
     assert told_of(judged(small, VALID, tmp_path, len(JUDGES))) == []
 
 
-@pytest.mark.thorough
-def test_what_is_wrong_is_still_yaml(missions: list[Mission], tmp_path: Path) -> None:
+@every
+def test_what_is_wrong_is_still_yaml(missions: list[Mission], nth: int, tmp_path: Path) -> None:
     others = tuple(op for op in OPERATORS if not hasattr(slips_of_the_keyboard, op.name))
-    found = judged(missions, others, tmp_path)
+    found = judged(missions[::nth], others, tmp_path)
     broken = [v for v in found if NOT_YAML & {finding.code for finding in v.findings}]
     assert {v.mutant.operator.name for v in broken} == set()
