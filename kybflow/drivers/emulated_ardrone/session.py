@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from operator import attrgetter
 
 from kybflow.core.signals import NS, Measurement, Time, Truth
 from kybflow.drivers.ardrone.link import ArdroneLink
@@ -61,8 +60,7 @@ class EmulatedDroneLink(ArdroneLink):
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        told, poses = super().read(now), self._emulated.poses()
-        return sorted([*told, *poses], key=attrgetter("time")) if poses else told
+        return self._emulated.with_poses(super().read(now))
 
     def truth(self) -> Truth | None:
         return self._emulated.vehicle.truth()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from operator import attrgetter
 
 from kybflow.core.signals import NS, Measurement, Time, Truth
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
@@ -79,9 +78,9 @@ class EmulatedLink(AutopilotLink):
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        told, poses = super().read(now), self._emulated.poses()
+        told = super().read(now)
         self.is_heard = bool(told)
-        return sorted([*told, *poses], key=attrgetter("time")) if poses else told
+        return self._emulated.with_poses(told)
 
     def truth(self) -> Truth | None:
         return self._emulated.vehicle.truth()

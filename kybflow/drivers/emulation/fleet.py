@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterable, Sequence
+from operator import attrgetter
 from typing import Generic, Protocol, TypeVar
 
 from kybflow.core.signals import NS, Imu, Measurement, Pose, Position, Time
@@ -53,10 +54,11 @@ class EmulatedVehicle(Generic[Onboard]):
                 self.onboard.feel(measured, now)
         self.onboard.step(now)
 
-    def poses(self) -> list[Measurement]:
-        """What motion capture saw since the last call; the computer is not given it."""
+    def with_poses(self, told: Sequence[Measurement]) -> Sequence[Measurement]:
+        """Return what the computer told and what motion capture saw since the last call, which the
+        computer is not given, in the order of their times."""
         poses, self._poses = self._poses, []
-        return poses
+        return sorted([*told, *poses], key=attrgetter("time")) if poses else told
 
 
 class Fleet(Generic[Onboard]):
