@@ -115,4 +115,4 @@ def test_the_preflight_tells_the_round_trip(late, ticks, expected):
 def test_one_that_never_acknowledges_is_not_asked_for_ever():
     drone = Drone(late=10**6)
     drone.run(1000)
-    assert len(drone.sent) == 40
+    assert len(drone.sent) == 67

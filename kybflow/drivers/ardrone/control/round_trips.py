@@ -22,7 +22,7 @@ from kybflow.drivers.ardrone.protocol.at import (
 
 INTERVAL: Time = NS // 5
 """How often the bit is asked to change."""
-RESENDS: Time = NS // 20
+RESENDS: Time = 3 * NS // 100
 """How often that is sent again until it has: one datagram that is lost makes no long round trip."""
 PATIENCE: Time = 2 * NS
 """For how long, and how long the first is waited for: a firmware may not know the value."""
