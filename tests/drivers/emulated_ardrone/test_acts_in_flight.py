@@ -64,8 +64,8 @@ def test_with_permission_it_flips_in_flight_alone_and_flies_on(tmp_path):
 def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
     room = "processors: [{use: position_error, limit: 1.5 m}]\n    behaviors:"
     text = mission(["a"], 6.0).replace("behaviors:", room)
-    text = text.replace("do: circle, center: [-1.5, 0.5, 1], radius: 50 cm, speed: 40 cm/s, laps: 1",
-                        "do: hover, for_time: 12 s")  # fmt: skip
+    circle = "do: circle, center: [-1.5, 0.5, 1], radius: 50 cm, speed: 40 cm/s, laps: 1"
+    text = text.replace(circle, "do: hover, for_time: 12 s")
     request = RunRequest(out=tmp_path / "run", again=(asked(9.0, f"perform a {CALIBRATE}"),))
     watch = []
     done, told, _ = flown(text, tmp_path, request=request, watch=watch, maneuvers=True)
