@@ -1,7 +1,8 @@
 """One drone as the engine sees it.
 
 `control.flight` decides what is asked of it, `control.configuring` writes its configuration,
-`telemetry` reads what it says, and `transport` carries the bytes.
+`control.round_trips` times its answers, `telemetry` reads what it says, and `transport` carries the
+bytes.
 """
 
 from __future__ import annotations
