@@ -1,7 +1,8 @@
 """One drone as the engine sees it.
 
 `control.flight` decides what is asked of it, `control.configuring` writes its configuration,
-`telemetry` reads what it says, and `transport` carries the bytes.
+`control.round_trips` times its answers, `telemetry` reads what it says, and `transport` carries the
+bytes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from kybflow.drivers.ardrone.control.acts import ACTS, lasts, lines_of
 from kybflow.drivers.ardrone.control.configuring import Configuring, values_of
 from kybflow.drivers.ardrone.control.flight import FlightControl
 from kybflow.drivers.ardrone.control.moves import limits_of
-from kybflow.drivers.ardrone.preflight import checks
+from kybflow.drivers.ardrone.control.round_trips import RoundTrips
+from kybflow.drivers.ardrone.preflight import checks, round_trip
 from kybflow.drivers.ardrone.protocol.at import Ids, comwdg, ftrim
 from kybflow.drivers.ardrone.protocol.configuration import identity
 from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
@@ -41,7 +43,7 @@ class ArdroneLink(Link):
     def __init__(self, seat: Seat, wire: DroneWire, session: str) -> None:
         context, params = seat.context, seat.params
         self.wire = wire
-        self._airframe = context.airframe
+        self._airframe, self._latency = context.airframe, params.latency
         self._limits = limits_of(params, context.airframe)
         wire.stream.bearing = params.compass
         ids = self._ids = Ids(session, identity(params.profile), identity(params.application))
@@ -54,6 +56,7 @@ class ArdroneLink(Link):
             wire.listen_for_configuration,
         )
         self.flight = FlightControl(self.status, wire.stream, self._limits, params.take_off_time)
+        self._round_trips = RoundTrips(ids, wire.stream.post)
         self._opened: Time | None = None
         self._asked: Time | None = None
         self._answered: Time | None = None
@@ -109,8 +112,10 @@ class ArdroneLink(Link):
     def checks(self, now: Time) -> Sequence[Check]:
         if self.status.is_in_emergency and self.status.stands:
             self.flight.reset_emergency(now)
-        trouble = self.wire.trouble
-        return [*checks(self.status, self.configuring, self._limits, self._airframe, trouble, now)]
+        found = checks(
+            self.status, self.configuring, self._limits, self._airframe, self.wire.trouble, now
+        )
+        return [*found, round_trip(self._round_trips, self._latency, now)]
 
     def status_texts(self) -> Sequence[StatusText]:
         ignored = self.wire.gate.report()
@@ -151,7 +156,16 @@ class ArdroneLink(Link):
         if in_bootstrap and self._is_configured:
             self.configuring.begin_anew()
         self._is_configured = not self.configuring.waits_for and not in_bootstrap
-        self.configuring.update(status.acknowledges, now)
+        self._use_acknowledge_bit(now)
         if self._trims and self._is_configured and status.stands:
             self._trims = False
             self.wire.stream.post(ftrim())
+
+    def _use_acknowledge_bit(self, now: Time) -> None:
+        """Write the configuration by it, and when that is done, time round trips by it."""
+        if self._is_configured:
+            self._round_trips.update(self.status.acknowledges, now)
+        else:
+            self._round_trips.begin_anew()
+            self.configuring.update(self.status.acknowledges, now)
+        self.delay = self._round_trips.delay

@@ -13,12 +13,15 @@ from kybflow.drivers.ardrone.control.configuring import (
     Configuring,
 )
 from kybflow.drivers.ardrone.control.moves import Limits
+from kybflow.drivers.ardrone.control.round_trips import RoundTrips
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, in_words
 from kybflow.drivers.ardrone.telemetry.status import DroneStatus
 from kybflow.parts import Check
 from kybflow.world.vehicle_context import Airframe
 
 FRESH: Time = NS // 2
+LATER = 0.15
+"""Seconds by which a round trip may be longer than the gains are made for; then it swings."""
 FIRMWARE = "2."
 """What the version of an AR.Drone 2.0 begins with."""
 
@@ -68,3 +71,15 @@ def _watchdog(found: str | None) -> Check:
     good = 0.0 < seconds <= LONGEST_WATCHDOG
     words = f"it lands {seconds:g} s after the last command"
     return Check("watchdog", good, words if good else f"{words}; {LONGEST_WATCHDOG:g} s at most")
+
+
+def round_trip(trips: RoundTrips, latency: float, now: Time) -> Check:
+    """Whether it does what it is told as soon as the gains expect. latency: seconds."""
+    if trips.waits(now):
+        return Check("round trip", False, "no command is acknowledged yet")
+    if not trips.delay:
+        return Check("round trip", True, "unknown, so that `link_slow` is never raised")
+    words = f"a command and its answer take {trips.delay:.2f} s"
+    good = trips.delay <= latency + LATER
+    late = f"{words}, {latency + LATER:.2f} s at most with `latency: {latency:g} s`"
+    return Check("round trip", good, words if good else late)

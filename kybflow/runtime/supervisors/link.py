@@ -9,7 +9,7 @@ Alarm `link_slow` in the air while the newest two round trips to the vehicle bot
 its crossover frequency: with the default gains by 1.24 rad / 3.5 rad/s = 0.35 s for accelerations
 (`on_board`), by 1.41 rad / 7.5 rad/s = 0.19 s for attitudes (`cascade`), of which the vehicle's own
 lag takes a part. The value is the shorter round trip in seconds. Drivers that measure none never
-raise it; `mavlink` asks five times a second.
+raise it; `mavlink` and `ardrone` ask five times a second.
 
 The default reaction is `land`, or `land_blind` where by then there is no estimate. An autopilot
 lands by its own land mode, whose loops the link is no part of.

@@ -6,7 +6,9 @@ from __future__ import annotations
 from ardrone_flights import flown, mission
 
 from kybflow.api.flight import RunRequest
+from kybflow.core.geometry import heading_of
 from kybflow.core.signals import NS
+from kybflow.drivers.ardrone.control.acts import CALIBRATE
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 
 ON = """on:
@@ -44,20 +46,34 @@ def test_leds_play_for_the_mission_and_for_a_person_and_nothing_else_does(tmp_pa
     assert values["control:flight_anim"] == "0,0"
 
 
-def test_with_permission_it_is_asked_for_a_flip_and_a_calibration_in_flight_alone(tmp_path):
+def test_with_permission_it_flips_in_flight_alone_and_flies_on(tmp_path):
     commands = (asked(2.5, "perform a flip_left"), asked(9.0, "perform a flip_left"),
-                asked(9.5, "perform a calibrate_magnetometer"))  # fmt: skip
+                asked(9.5, "perform a roll_dance"))  # fmt: skip
     done, told, session = flight(tmp_path, *commands, maneuvers=True)
     assert done.summary["outcome"] == "succeeded", told
     assert answers(told) == [
         ("flip_left", "it doesn't fly"),
         ("leds_blink_green", None),
         ("flip_left", None),
-        ("calibrate_magnetometer", None),
+        ("roll_dance", "it still performs"),
     ]
-    drone = session.links["a"].drone
-    assert drone.configuration.values["control:flight_anim"] == "18,15"
-    assert drone.accepted == {"CALIB": 1}
+    assert session.links["a"].drone.configuration.values["control:flight_anim"] == "18,15"
+    assert "control_lost" not in [event.name for event in told]
+
+
+def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
+    room = "processors: [{use: position_error, limit: 1.5 m}]\n    behaviors:"
+    text = mission(["a"], 6.0).replace("behaviors:", room)
+    circle = "do: circle, center: [-1.5, 0.5, 1], radius: 50 cm, speed: 40 cm/s, laps: 1"
+    text = text.replace(circle, "do: hover, for_time: 12 s")
+    request = RunRequest(out=tmp_path / "run", again=(asked(9.0, f"perform a {CALIBRATE}"),))
+    watch = []
+    done, told, _ = flown(text, tmp_path, request=request, watch=watch, maneuvers=True)
+    assert done.summary["outcome"] == "succeeded", told
+    assert answers(told) == [(CALIBRATE, None)]
+    headings = [heading_of(true.attitude) for seconds, true in watch if 9.0 < seconds < 16.0]
+    assert {round(heading) for heading in headings} == {-3, -2, -1, 0, 1, 2, 3}
+    assert abs(headings[-1]) < 0.3
 
 
 def test_who_lands_it_has_it_but_its_leds(tmp_path):

@@ -199,3 +199,25 @@ def test_by_the_compass_it_flies_where_the_client_s_axis_points():
     bench.say(at.pcmd_mag(at.Move(), float("nan"), 0.03))
     bench.run(0.02)
     assert bench.drone.ignored == {"wrong arguments": 1}
+
+
+def test_it_takes_no_moves_while_it_performs_an_animation():
+    bench = DroneBench().configured().hovering()
+    bench.fly(at.ref(True), at.pcmd(at.Move(backward=-1.0)))
+    bench.say(at.config("control:flight_anim", "10,2000"))
+    assert bench.run(0.1, bench.is_in(Phase.LOOPING))
+    rolls = []
+    bench.run(1.9, lambda: rolls.append(bench.demo.roll / 1000.0))
+    assert bench.is_in(Phase.LOOPING)()
+    assert max(rolls) > 4.0  # degrees
+    assert min(rolls) < -4.0
+    assert abs(bench.demo.velocity[0]) < 200.0  # mm/s, forward
+    assert bench.run(0.2, bench.is_in(Phase.FLYING))
+
+
+@pytest.mark.parametrize("value", ["20,1000", "-1,1000", "roll", "1"])
+def test_an_animation_that_there_is_not_is_counted(value):
+    bench = DroneBench().configured()
+    bench.say(at.config("control:flight_anim", value))
+    bench.run(0.1)
+    assert bench.drone.ignored == {"wrong arguments": 1}

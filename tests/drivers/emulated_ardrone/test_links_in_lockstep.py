@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import pytest
 from ardrone_flights import AgesOnReceipt, flown, mission
 
@@ -48,6 +50,26 @@ def check_connection(session, ages):
         assert not link.wire.stream.ended
     assert len(ages.seconds) > 100
     assert max(ages.seconds) <= 0.1
+
+
+@pytest.mark.parametrize("late", [0.3, 0.5, 1.0])
+def test_commands_that_arrive_late_land_it(late, tmp_path):
+    fault = f"faults:\n  - {{at: 12 s, on: a, inject: clock_late, by: {late} s, for: 60 s}}\n"
+    watch = []
+    _, told, _ = flown(mission(["a"], 15.0) + fault, tmp_path, watch=watch)
+    slow = [event.time / NS - 12.0 for event in told if event.name == "link_slow"]
+    assert slow[0] < late + 0.6
+    assert "landed" in [event.name for event in told]
+    off = [hypot(true.position[0] + 1.5, true.position[1] - 0.5) for _, true in watch]
+    assert max(off) < 0.5 + 0.5 + late
+
+
+@pytest.mark.parametrize("way", ["both", "to_vehicle"])
+def test_wifi_that_is_lost_for_a_second_is_not_called_slow(way, tmp_path):
+    fault = f"faults:\n  - {{at: 12 s, on: a, inject: link_cut, way: {way}, for: 1 s}}\n"
+    flight, told, _ = flown(mission(["a"], 15.0) + fault, tmp_path)
+    assert flight.summary["outcome"] == "succeeded", told
+    assert "link_slow" not in [event.name for event in told]
 
 
 def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path, monkeypatch):
@@ -112,7 +134,7 @@ def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
 def test_it_flies_on_the_fusion_of_its_imu_and_motion_capture(tmp_path):
     fused = "estimators: [{use: fusion, healthy: spread < 5 cm}]\n    behaviors:"
     text = mission(["a"], 6.0).replace("behaviors:", fused, 1)
-    flight, told, _ = flown(text, tmp_path)
+    flight, told, _ = flown(text, tmp_path, **bad(50))
     assert flight.summary["outcome"] == "succeeded", told
-    assert "part_failed" not in [event.name for event in told]
+    assert not {"part_failed", "position_refused"} & {event.name for event in told}
     assert flight.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1

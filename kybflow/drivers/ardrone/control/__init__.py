@@ -1,4 +1,4 @@
-"""What is asked of a drone: moves, taking off and landing, and its configuration.
+"""What is asked of a drone: moves, taking off and landing, its configuration, answers to time.
 
 Plain objects that take the drone's status and the time; they know no socket.
 """

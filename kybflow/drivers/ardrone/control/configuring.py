@@ -115,16 +115,14 @@ class Configuring:
         ]
 
     def update(self, acknowledges: bool, now: Time) -> None:
-        """Go on; called once a tick. acknowledges: whether the bit is set."""
+        """Go on; called once a tick until nothing is waited for. acknowledges: whether the bit is
+        set."""
         if self._at < len(self._values):
             self._write(acknowledges, now)
         elif self.found is None and self._is_due(self._asked, READS, now):
             self._listen()
             self._asked = now
             self._post(ctrl(SEND_CONFIGURATION))
-        elif self.found is not None and acknowledges and self._is_due(self._sent, RESENDS, now):
-            self._sent = now
-            self._post(ctrl(RESET_ACKNOWLEDGE))
 
     def read(self, data: bytes) -> None:
         """Take the configuration that the drone has sent."""

@@ -87,6 +87,8 @@ class FlightControl:
 
     def let_perform(self, until: Time) -> None:
         """Take what it does until then, beside its commands, for an act. Raises Refused."""
+        if self._goal is Goal.FOLLOW and self._status.phase is Phase.LOOPING:
+            raise Refused("it still performs")
         if self._goal is not Goal.FOLLOW or not self._status.follows:
             raise Refused("it doesn't fly")
         self._performs_until = until

@@ -15,7 +15,6 @@ from kybflow.core.geometry import GRAVITY, Vec3, from_euler, from_heading, rotat
 from kybflow.core.signals import NS, Battery, BatteryWarning, Imu, Measurement, Odometry, Time
 from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag, decoded
 from kybflow.drivers.ardrone.protocol.navdata.options import (
-    WRAPS,
     Demo,
     PhysMeasures,
     demo,
@@ -24,12 +23,11 @@ from kybflow.drivers.ardrone.protocol.navdata.options import (
 )
 from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
+from kybflow.drivers.ardrone.telemetry.clock import DroneClock
 from kybflow.world.vehicle_context import VehicleContext
 
 FIRST, DRIFT = 0.05, 0.1
 """Standard deviation of its own position: at the start, m, and per metre flown."""
-MOST_STEP = 0.5
-"""Seconds between two packets over which a motion is summed up."""
 BATTERY_PERIOD: Time = NS
 LOWEST, SPAN = 9.0, 3.6
 """The voltage at which it lands, and what a full pack has more; where it sends no voltage."""
@@ -41,8 +39,7 @@ class Measurements:
     def __init__(self, context: VehicleContext) -> None:
         self._context = context
         self._taken: list[Measurement] = []
-        self._time: float | None = None
-        self._at: Time | None = None
+        self._clock = DroneClock()
         self._turned: float | None = None
         self._place: tuple[float, float] = (context.start[0], context.start[1])
         self._floor: float | None = None
@@ -53,13 +50,14 @@ class Measurements:
 
     def hear(self, packet: Packet, now: Time) -> None:
         """Take in one packet, which arrived at `now`."""
-        dt = self._since(packet, now)
+        sent = self._clock.stamp(drone_time(packet.options), now)
+        dt = self._clock.dt
         felt = phys_measures(packet.options)
         if felt is not None:
-            self._feel(felt, dt, now)
+            self._feel(felt, dt, sent)
         known = demo(packet.options)
         if known is not None:
-            self._move(known, DroneState.FLYING in packet.state, dt, now)
+            self._move(known, DroneState.FLYING in packet.state, dt, sent)
             self._charge(known, packet, now)
 
     def take(self) -> list[Measurement]:
@@ -67,25 +65,15 @@ class Measurements:
         taken, self._taken = self._taken, []
         return taken
 
-    def _since(self, packet: Packet, now: Time) -> float:
-        """Seconds since the packet before, by the drone's clock where it is sent."""
-        time, before = drone_time(packet.options), self._time
-        last, self._time, self._at = self._at, time, now
-        if last is None:
-            return 0.0
-        by_own = None if time is None or before is None else (time - before) % WRAPS
-        dt = (now - last) / NS if by_own is None else by_own
-        return dt if 0.0 <= dt <= MOST_STEP else 0.0
-
-    def _feel(self, felt: PhysMeasures, dt: float, now: Time) -> None:
+    def _feel(self, felt: PhysMeasures, dt: float, sent: Time) -> None:
         (ax, ay, az), (gx, gy, gz) = felt
         if dt <= 0.0 or not isfinite(ax + ay + az + gx + gy + gz):
             return
         unit = GRAVITY / 1000.0
         self._rates = (radians(gx), -radians(gy), -radians(gz))
-        self._taken.append(Imu(now, dt, (unit * ax, -unit * ay, -unit * az), self._rates))
+        self._taken.append(Imu(sent, dt, (unit * ax, -unit * ay, -unit * az), self._rates))
 
-    def _move(self, known: Demo, flies: bool, dt: float, now: Time) -> None:
+    def _move(self, known: Demo, flies: bool, dt: float, sent: Time) -> None:
         """Sum up where it is."""
         vx, vy, vz = (0.001 * v for v in known.velocity)
         total = known.roll + known.pitch + known.heading + vx + vy + vz
@@ -103,7 +91,7 @@ class Measurements:
         z = self._context.start[2] + self._height(0.001 * known.altitude, flies)
         climb = -vz if flies else 0.0
         velocity = (level[0], level[1], climb)
-        self._taken.append(Odometry(now, (x, y, z), velocity, attitude, self._rates, self._spread))
+        self._taken.append(Odometry(sent, (x, y, z), velocity, attitude, self._rates, self._spread))
 
     def _height(self, measured: float, flies: bool) -> float:
         """The height above the start."""

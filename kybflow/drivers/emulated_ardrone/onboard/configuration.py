@@ -37,6 +37,8 @@ DEFAULTS: Mapping[str, str] = MappingProxyType(
         "custom:application_desc": "Default application configuration",
         "custom:profile_id": NOBODY, "custom:profile_desc": ".Primary Profile",
         "custom:session_id": NOBODY, "custom:session_desc": "Session 00000000",
+        "gps:latitude": "5.0000000000000000e+02", "gps:longitude": "5.0000000000000000e+02",
+        "gps:altitude": "0.0000000000000000e+00",
     }
 )  # fmt: skip
 FIXED = ("general:num_version", "general:drone_serial", "general:vbat_min", "pic:pic_version")
@@ -45,6 +47,7 @@ SESSION = frozenset(
     {
         "general:navdata_options", "video:video_codec", "video:video_channel", "leds:leds_anim",
         "detect:detect_type", "control:flying_mode",
+        "gps:latitude", "gps:longitude", "gps:altitude",
     }
 )  # fmt: skip
 IDS = ("custom:session_id", "custom:profile_id", "custom:application_id")

@@ -29,6 +29,7 @@ from kybflow.drivers.emulated_ardrone.onboard.flight import (
     DroneFlight,
     tilt_of_drone,
 )
+from kybflow.drivers.emulated_ardrone.onboard.performing import animation, calibration
 from kybflow.drivers.emulation.body import BatteryMonitor, SimulatedBody
 from kybflow.drivers.emulation.breaking import Failures
 from kybflow.world.vehicle_context import VehicleContext
@@ -83,7 +84,7 @@ class OnboardDrone:
         self._obey: dict[str, Callable[[AtCommand], None]] = {
             "REF": self._ref, "PCMD": self._pcmd, "PCMD_MAG": self._pcmd, "CONFIG": self._config,
             "CONFIG_IDS": self._config_ids, "CTRL": self._ctrl, "COMWDG": self._comwdg,
-            "FTRIM": self._accept, "CALIB": self._accept, "ANIM": self._accept,
+            "FTRIM": self._accept, "CALIB": self._calib, "ANIM": self._accept,
             "LED": self._accept, "PMODE": self._accept, "MISC": self._accept,
         }  # fmt: skip
 
@@ -211,6 +212,12 @@ class OnboardDrone:
         self._acknowledges = self.configuration.write(key, value, ids) or self._acknowledges
         if key.lower() == "general:navdata_demo":
             self._in_bootstrap = False
+        if key.lower() == "control:flight_anim":
+            self.flight.perform(animation(value, self._now), self._now)
+
+    def _calib(self, command: AtCommand) -> None:
+        if _integers(command.arguments, 1) == [0]:
+            self.flight.perform(calibration(self._now), self._now)
 
     def _config_ids(self, command: AtCommand) -> None:
         self._ids = Ids(*_words(command.arguments, 3))

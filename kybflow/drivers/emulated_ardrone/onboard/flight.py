@@ -15,6 +15,7 @@ from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.ardrone.protocol.at import Move
 from kybflow.drivers.ardrone.protocol.navdata.state import Phase
 from kybflow.drivers.emulated_ardrone.onboard.estimator import DroneEstimator
+from kybflow.drivers.emulated_ardrone.onboard.performing import Performance
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.control import PositionControl, PositionTarget, Speeds
 from kybflow.world.vehicle_context import Airframe
@@ -49,6 +50,7 @@ class DroneFlight:
         self._held = self._climb = self._heading = 0.0
         self._since: Time = 0
         self._still: Time | None = None
+        self._performs: Performance | None = None
 
     @property
     def flies(self) -> bool:
@@ -73,8 +75,16 @@ class DroneFlight:
         """Stop the rotors, wherever it is."""
         self._change(Phase.LANDED, now)
 
+    def perform(self, performance: Performance, now: Time) -> None:
+        """Take no moves, and perform this, in the air."""
+        if self.phase in (Phase.HOVERING, Phase.FLYING):
+            self.moves, self._performs = None, performance
+            self._change(Phase.LOOPING, now)
+
     def step(self, now: Time, dt: float) -> Command:
         """Go on by `dt`."""
+        if self._performs is not None and now >= self._performs.ends:
+            self._change(Phase.HOVERING, now)
         climb = self._wanted_climb(now)
         self._climb += (climb - self._climb) * min(1.0, dt / EASES)
         height = self._estimator.height
@@ -82,7 +92,7 @@ class DroneFlight:
         self._held = max(height - LEASH, min(height + LEASH, held))
         self._learn(dt)
         self._note(now)
-        return self._command(dt)
+        return self._command(now, dt)
 
     def _wanted_climb(self, now: Time) -> float:
         if self.phase is Phase.TAKING_OFF:
@@ -92,13 +102,12 @@ class DroneFlight:
             return -SINKS
         return 0.0 if self.moves is None else self.climb_most * self.moves.up
 
-    def _command(self, dt: float) -> Command:
+    def _command(self, now: Time, dt: float) -> Command:
         """The attitude and thrust of this step, for the loop that believes in its own attitude."""
-        attitude, move = self._estimator.attitude, self.moves
-        turn = 0.0 if move is None else -self.turn_most * move.clockwise
+        attitude, turn = self._estimator.attitude, self._turn()
         off = wrap(self._heading + turn * dt - attitude.heading)
         self._heading = attitude.heading + max(-TURN_LEASH, min(TURN_LEASH, off))
-        roll, pitch = self._brakes() if move is None else self._tilts(move)
+        roll, pitch = self._tilts(now)
         wanted = from_euler(roll, pitch, self._heading)
         place = (0.0, 0.0, self._estimator.height)
         target = PositionTarget((None, None, self._held), (None, None, self._climb))
@@ -110,8 +119,21 @@ class DroneFlight:
         believed = multiply(self._body.attitude(), multiply(conjugate(attitude.value), wanted))
         return Command(believed, thrust / level, (0.0, 0.0, turn), attitude.heading)
 
-    def _tilts(self, move: Move) -> tuple[float, float]:
-        return self.tilt_most * move.right, -self.tilt_most * move.backward
+    def _turn(self) -> float:
+        """The heading rate, counter-clockwise."""
+        if self._performs is not None:
+            return self._performs.turn
+        return 0.0 if self.moves is None else -self.turn_most * self.moves.clockwise
+
+    def _tilts(self, now: Time) -> tuple[float, float]:
+        """Roll and pitch."""
+        if self.moves is not None:
+            return self.tilt_most * self.moves.right, -self.tilt_most * self.moves.backward
+        roll, pitch = self._brakes()
+        if self._performs is None:
+            return roll, pitch
+        right, down = self._performs.tilts(now)
+        return roll + right, pitch + down
 
     def _brakes(self) -> tuple[float, float]:
         """Roll and pitch against the speed over the ground."""
@@ -143,6 +165,7 @@ class DroneFlight:
 
     def _change(self, phase: Phase, now: Time) -> None:
         self.phase, self._since, self._still = phase, now, None
+        self._performs = self._performs if phase is Phase.LOOPING else None
         self._held = self._estimator.height
 
 
