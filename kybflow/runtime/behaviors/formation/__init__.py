@@ -49,7 +49,7 @@ from kybflow.flight.formation.frame import (
     moved,
 )
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
-from kybflow.flight.formation.ways import Way
+from kybflow.flight.formation.ways import WayToPlace
 from kybflow.flight.motion import Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
@@ -157,7 +157,7 @@ class _Placed(NamedTuple):
 
     place: int
     began: Time
-    way: Way
+    way: WayToPlace
     turn: float
 
 
@@ -262,7 +262,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._frame, self._turned = found.frame, found.turned
         start = found.frame.place(self._rest.at(tick.now))
         limits = (self._most_speed, self.params.acceleration)
-        way = Way(start, found.points, found.length, *limits)
+        way = WayToPlace(start, found.points, found.length, *limits)
         turn = wrap(self._heading - found.frame.heading)
         self._placed = _Placed(found.place, tick.now, way, turn)
 
