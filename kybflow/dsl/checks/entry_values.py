@@ -14,7 +14,15 @@ from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.shaping.entry_values import entry_values, valued_requests
 
-OF_ENTRIES = (leaves_the_fence, held_back, flies_into, kept_from_goals, too_fast, too_steep, refuses)
+OF_ENTRIES = (
+    leaves_the_fence,
+    held_back,
+    flies_into,
+    kept_from_goals,
+    too_fast,
+    too_steep,
+    refuses,
+)
 """What a state is judged by when it is entered in flight with values: all that depends on them and
 on where it is entered alone."""
 
