@@ -126,7 +126,8 @@ class Footprint(NamedTuple):
     one that its curves need, m/s^2. path: corners of a polyline within 1 cm of the path, empty if
     unknown (but two `points` are the path). origin: where a path from a file is described.
     duration: the least time from an entry at rest to its normal end, s; None: see `least_time`.
-    longest: the time after which it has ended in any case, s, None if unknown.
+    longest: the time after which it has ended in any case, s, None if unknown. goals: the places
+    that it must have reached to go on, each with the distance (m) within which it has.
     """
 
     points: tuple[Vec3, ...]
@@ -138,6 +139,7 @@ class Footprint(NamedTuple):
     origin: Origin | None = None
     duration: float | None = None
     longest: float | None = None
+    goals: tuple[tuple[Vec3, float], ...] = ()
 
     def least_time(self, entry: Vec3 | None) -> float:
         """Return a lower bound (s) of the time from an entry at rest to the normal end: `duration`,

@@ -110,6 +110,11 @@ class Processor(Part[P]):
         return None
 
     @classmethod
+    def keeps_off(cls, params: P, airframe: Airframe) -> float:
+        """Return how far from obstacles it keeps the centre of an airframe, m; 0 if it doesn't."""
+        return 0.0
+
+    @classmethod
     def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
         """Yield what makes these parameters senseless for the vehicle of `context`: bounds that are
         crossed at once, or never."""

@@ -46,7 +46,7 @@ def options(case: Case) -> Iterator[Diagnostic]:
     `processors.NAME`, `supervisors.NAME`, `estimators.NAME`, `behaviors.STATE` or `tracker`. Its
     value must have the parameter's type, unit and bounds.
     """
-    for action in _sets(case):
+    for action in sets_of(case):
         assert action.target is not None
         values = yield from option_values(action, case.document, case.catalog)
         fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
@@ -66,7 +66,7 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
     In flight such a parameter only tightens, so the change would be refused whatever has happened
     before.
     """
-    for action in _sets(case):
+    for action in sets_of(case):
         assert action.target is not None
         for option, value in collect(option_values(action, case.document, case.catalog)).value:
             if option.field.loosens(option.declared, value):
@@ -84,7 +84,7 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
 def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     """KYB442: `set` gives a part a `tilt`, `speed` or `climb` beyond that of its vehicle's
     airframe."""
-    for action in _sets(case):
+    for action in sets_of(case):
         assert action.target is not None
         for option, value in collect(option_values(action, case.document, case.catalog)).value:
             name, vehicle = option.field.name, option.name.partition(".")[0]
@@ -188,7 +188,7 @@ def actions_of(case: Case, name: str) -> Iterator[ActionEntry]:
         yield from (action for action in callback.actions if action.name.text == name)
 
 
-def _sets(case: Case) -> Iterator[ActionEntry]:
+def sets_of(case: Case) -> Iterator[ActionEntry]:
     """Every `set` of a callback and of a phase."""
     yield from actions_of(case, "set")
     for flow in case.document.flows.values():

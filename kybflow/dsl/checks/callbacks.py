@@ -207,7 +207,8 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
 
     In flight one round is made in each tick: nothing hangs, but the same is done again and again.
     `emit` tells its event, `log` the event `logged`, `set` `option_changed`, `switch`
-    `behavior_ended` and `behavior_started`, `phase` `phase_started`.
+    `behavior_ended` and `behavior_started`, `phase` `phase_started`, `perform` `performed` or
+    `perform_refused`.
     """
     callbacks = [c for c in case.document.callbacks if c.when is None]
     heard_events = [c.event.text for c in callbacks if c.event is not None]
@@ -263,6 +264,14 @@ def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
             state = case.document.vehicles[vehicle].goal(action.value.text)
             yield _Said(vehicle, "behavior_started", {"behavior": state})
             yield _Said(vehicle, "behavior_ended", {"how": "asked"})
+    elif name == "perform" and target is not None:
+        for vehicle in members(case.document, target.text):
+            driver, act = case.document.vehicles[vehicle].driver, action.value.text
+            known = driver.spec.cls.acts.get(act)
+            can = known is not None and (known.needs is None or getattr(driver.params, known.needs))
+            yield _Said(
+                vehicle, "performed" if can else "perform_refused", {"act": act, "by": "callback"}
+            )
     elif name == "phase":
         known = {} if target is None else {"flow": target.text}
         yield _Said("", "phase_started", {**known, "phase": action.value.text})

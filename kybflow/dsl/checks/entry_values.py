@@ -7,14 +7,22 @@ from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.limits import too_steep
-from kybflow.dsl.checks.obstacles import flies_into
+from kybflow.dsl.checks.obstacles import flies_into, kept_from_goals
 from kybflow.dsl.checks.space import held_back, leaves_the_fence, refuses, too_fast
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.shaping.entry_values import entry_values, valued_requests
 
-OF_ENTRIES = (leaves_the_fence, held_back, flies_into, too_fast, too_steep, refuses)
+OF_ENTRIES = (
+    leaves_the_fence,
+    held_back,
+    flies_into,
+    kept_from_goals,
+    too_fast,
+    too_steep,
+    refuses,
+)
 """What a state is judged by when it is entered in flight with values: all that depends on them and
 on where it is entered alone."""
 

@@ -1,19 +1,20 @@
-"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343, KYB345, KYB453 and
-KYB546."""
+"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343, KYB345, KYB453,
+KYB546 and KYB558."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import hypot, inf
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
+from kybflow.dsl.checks.actions import actions_of, sets_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.document import ObstacleEntry, StateEntry, VehicleEntry
+from kybflow.dsl.document import ObstacleEntry, PartUse, StateEntry, VehicleEntry
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Scanned
 
@@ -24,6 +25,8 @@ _LANDS = 0.15
 """How far above what is under it a landing may be told to end: a pad that no obstacle describes."""
 _TOUCHES = 0.02
 """How deep in an obstacle a vehicle's hub may be told to go that only means to touch it."""
+_CLAMPED = 0.02
+"""How far a processor may keep a vehicle from a goal that is still taken for reached."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -125,6 +128,75 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
                 related=values_of(state.part),
             )
             break
+
+
+def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
+    """KYB558: a behavior waits until it is at a place that is nearer to an obstacle than a
+    processor lets its vehicle go: in vain.
+
+    A processor that the mission switches, or gives other values in flight, is not judged.
+    """
+    obstacles = list(kept_from(case))
+    keepers = _keepers(case) if obstacles else {}
+    for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
+        if not footprint.goals or is_vertical(state):
+            continue
+        for part, keep in keepers.get(vehicle.name.text, ()):
+            found = _out_of_reach(footprint, keep, obstacles)
+            if found is None or found.room < vehicle.airframe.arm - _ROUNDING:
+                continue  # what is nearer, KYB341 tells
+            where = f"{shown_point(found.goal)} is {format_quantity(found.room, LENGTH)}"
+            yield Diagnostic(
+                "KYB558",
+                f"`{part.label}` keeps `{vehicle.name.text}` from where `{state.name.text}` goes",
+                aim_of(state, footprint),
+                label=f"{where} from `{found.obstacle.name.text}`",
+                notes=(
+                    f"`{part.label}` keeps its centre {format_quantity(keep, LENGTH)} away",
+                    _stands(found.obstacle),
+                    *footprint.line_of(found.goal),
+                ),
+                help="stay further from the obstacle, or let the processor keep less",
+                related=values_of(state.part),
+            )
+            break
+
+
+class _OutOfReach(NamedTuple):
+    """A goal that is too near to an obstacle."""
+
+    goal: Vec3
+    room: float
+    obstacle: ObstacleEntry
+
+
+def _out_of_reach(
+    footprint: Footprint, keep: float, obstacles: list[ObstacleEntry]
+) -> _OutOfReach | None:
+    """The first goal that nobody reaches who keeps so far away."""
+    for goal, near in footprint.goals:
+        for obstacle in obstacles:
+            room = obstacle.shape.distance(goal)
+            if keep - room > max(near, _CLAMPED):
+                return _OutOfReach(goal, room, obstacle)
+    return None
+
+
+def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartUse, float]]]:
+    """The processors of each vehicle that keep it off obstacles all the time, and how far."""
+    switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
+    names = [action.value.text for action in switched]
+    names += [action.target.text for action in sets_of(case) if action.target is not None]
+    changed = {name.split(".")[2] for name in names if ".processors." in name}
+    return {
+        vehicle.name.text: [
+            (part, keep)
+            for part in vehicle.processors
+            if (keep := part.spec.cls.keeps_off(part.params, vehicle.airframe)) > 0.0
+            and part.label not in changed
+        ]
+        for vehicle in case.vehicles()
+    }
 
 
 def _way_round(obstacle: ObstacleEntry, room: float) -> str:

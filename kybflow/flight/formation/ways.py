@@ -63,7 +63,7 @@ def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
         yield add(place, (0.0, 0.0, -wider * apart))
 
 
-class Way:
+class WayToPlace:
     """A motion in the frame from `start` along `points`, at rest in each. One that is straight
     takes as long as a way of `length`."""
 

@@ -94,11 +94,14 @@ class FlyTo(Behavior[FlyToParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
 
     @classmethod
     def footprint(cls, params: FlyToParams, entry: Vec3 | None) -> Footprint | None:
+        goals = ((params.position, params.tolerance),)
         if entry is None:
             points: tuple[Vec3, ...] = (params.position,)
-            return Footprint(points, params.speed, params.position, duration=params.dwell)
+            return Footprint(
+                points, params.speed, params.position, duration=params.dwell, goals=goals
+            )
         gap = distance(entry, params.position)
         way = Profile.within(gap, params.speed, params.acceleration)
         duration = way.duration + params.dwell
         points = (entry, params.position)
-        return Footprint(points, params.speed, params.position, duration=duration)
+        return Footprint(points, params.speed, params.position, duration=duration, goals=goals)

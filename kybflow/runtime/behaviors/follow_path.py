@@ -104,4 +104,7 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         gaps = [distance(a, b) for a, b in pairwise(points)]
         legs = [Profile.within(gap, params.speed, params.acceleration).duration for gap in gaps]
         duration = sum(legs) + params.dwell * len(params.path)
-        return Footprint(points, params.speed, params.path[-1], path=points, duration=duration)
+        goals = tuple((corner, params.tolerance) for corner in params.path)
+        return Footprint(
+            points, params.speed, params.path[-1], path=points, duration=duration, goals=goals
+        )

@@ -128,6 +128,7 @@ class FollowTrajectory(
             path=path if entry is None else (entry, *path),
             origin=Origin(lines, f"{name}:{figures.fastest}", f"{name}:{figures.sharpest}"),
             duration=lead.duration + params.dwell + curve.duration,
+            goals=((path[0], params.tolerance),),
         )
 
     @classmethod

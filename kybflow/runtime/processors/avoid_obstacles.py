@@ -25,7 +25,7 @@ from kybflow.flight.avoidance.detour import Detour
 from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Objection, Processor, param, params
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 _WANDERS = 0.02
 """How far a vehicle strays from its setpoint that flies well, metres."""
@@ -53,6 +53,10 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
     accepts = ACCEPTS
     goes_round = True
     tells = BLOCKED
+
+    @classmethod
+    def keeps_off(cls, params: AvoidObstaclesParams, airframe: Airframe) -> float:
+        return airframe.hull + params.keep
 
     @classmethod
     def objections(

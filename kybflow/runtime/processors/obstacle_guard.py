@@ -20,7 +20,7 @@ from kybflow.core.units import Acceleration, Length, Speed
 from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Processor, param, params
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 
 @params
@@ -41,6 +41,10 @@ class ObstacleGuard(Processor[ObstacleGuardParams]):
     accepts = ACCEPTS
     clamps = True
     tells = BLOCKED
+
+    @classmethod
+    def keeps_off(cls, params: ObstacleGuardParams, airframe: Airframe) -> float:
+        return airframe.hull + params.keep
 
     def __init__(self, params: ObstacleGuardParams, context: VehicleContext) -> None:
         super().__init__(params, context)

@@ -32,9 +32,12 @@ class PotentialFieldParams:
     level: Length = param("Semi-axis of the ellipsoid round it, level.", default=0.4, above=0.0)
     above: Length = param("Semi-axis of that, upward.", default=0.15, above=0.0)
     nearest: Length = param(
-        "Distance from the ellipsoid at which the repulsion is largest.", default=0.2, at_least=0.0
+        "Distance from the ellipsoid at which the repulsion is largest.",
+        default=0.2, at_least=0.0, room="across",
+    )  # fmt: skip
+    farthest: Length = param(
+        "Distance from which nothing repels.", default=0.5, above=0.0, room="across"
     )
-    farthest: Length = param("Distance from which nothing repels.", default=0.5, above=0.0)
     gain: Number = param("Gain of the potential.", default=100.0, above=0.0)
     saturation: Speed = param("Largest repulsion.", default=4.0, above=0.0)
     treat_as_obstacles: tuple[str, ...] | None = param(

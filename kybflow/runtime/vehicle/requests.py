@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import PartFailed, Refused, described
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import PlannedPoint, Reaction, Time
+from kybflow.core.signals import NS, PlannedPoint, Reaction, Time
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Pace
@@ -83,6 +83,9 @@ class _NoJudge:
 
 
 _NOT_HERE = "nothing here can judge values"
+_ACTS = 10
+"""How many acts a vehicle is asked for within a second: more show nothing, and stand in the way of
+what is to be said to it besides."""
 
 
 class SwitchRequest(NamedTuple):
@@ -125,6 +128,7 @@ class Requests:
         self.judge: EntryJudge = _NoJudge()
         self._switches: list[SwitchRequest] = []
         self._orders: deque[tuple[_Order, Answered]] = deque()
+        self._performed: deque[Time] = deque(maxlen=_ACTS)
         self._plan, self._link = plan, link
         self._activity, self._failsafe = activity, failsafe
         self._reactions, self._override, self._events = reactions, override, events
@@ -369,13 +373,16 @@ class Requests:
         return reason
 
     def _perform(self, act: str, by: str, at: str, now: Time) -> str | None:
-        reason = self.perform_objection(act)
+        recent, reason = self._performed, self.perform_objection(act)
+        if reason is None and len(recent) == _ACTS and now - recent[0] < NS:
+            reason = f"it was asked for {_ACTS} acts within a second"
         if reason is None:
             try:
                 self._link.perform(act, now)
             except Refused as refusal:
                 reason = str(refusal)
         if reason is None:
+            recent.append(now)
             self._tell("performed", at, act=act, by=by)
         else:
             self._tell("perform_refused", at, act=act, by=by, reason=reason)

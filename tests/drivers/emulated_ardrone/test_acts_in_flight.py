@@ -89,3 +89,13 @@ def test_by_the_compass_it_flies_as_by_its_own_axes(tmp_path):
     done, told, _ = flight(tmp_path, compass=1.5707963)  # the world's x axis points east
     assert done.summary["outcome"] == "succeeded", told
     assert done.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1
+
+
+def test_a_flood_of_acts_is_answered_and_ten_a_second_are_passed_on(tmp_path):
+    commands = (asked(9.0 + 1e-4 * i, "perform a leds_fire") for i in range(300))
+    done, told, _ = flight(tmp_path, *commands, asked(10.5, "perform a leds_red"))
+    assert done.summary["outcome"] == "succeeded", told
+    _, *flood, last = answers(told)
+    why = "it was asked for 10 acts within a second"
+    assert flood == [("leds_fire", None)] * 10 + [("leds_fire", why)] * 290
+    assert last == ("leds_red", None)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, scale, sub
-from kybflow.flight.formation.ways import Way, clear_way
+from kybflow.flight.formation.ways import WayToPlace, clear_way
 from kybflow.flight.motion import Motion
 
 START, GOAL = (-2.0, 0.0, 1.0), (2.0, 0.0, 1.0)
@@ -66,7 +66,7 @@ def test_whoever_stands_there_is_passed_at_that_distance(taken: list[Vec3]) -> N
 
 
 def test_a_way_rests_in_its_corner_and_ends_in_its_place() -> None:
-    way = Way(Motion(START), ((0.0, 1.0, 1.0), GOAL), 9.0, 0.5, 0.7)
+    way = WayToPlace(Motion(START), ((0.0, 1.0, 1.0), GOAL), 9.0, 0.5, 0.7)
     half = way.duration / 2.0
     assert way.at(half).position == pytest.approx((0.0, 1.0, 1.0), abs=1e-6)
     assert way.at(half).velocity == pytest.approx(ZERO, abs=1e-6)
@@ -74,6 +74,6 @@ def test_a_way_rests_in_its_corner_and_ends_in_its_place() -> None:
 
 
 def test_a_straight_way_takes_as_long_as_the_longest_of_those_who_set_out() -> None:
-    assert Way(Motion(START), (GOAL,), 8.0, 0.5, 0.7).duration == pytest.approx(
-        2.0 * Way(Motion(START), (GOAL,), 4.0, 0.5, 0.7).duration
+    assert WayToPlace(Motion(START), (GOAL,), 8.0, 0.5, 0.7).duration == pytest.approx(
+        2.0 * WayToPlace(Motion(START), (GOAL,), 4.0, 0.5, 0.7).duration
     )

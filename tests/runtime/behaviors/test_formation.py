@@ -309,3 +309,28 @@ def test_who_comes_back_makes_for_the_corner_that_the_others_make_for() -> None:
     swarm.enter("d")
     swarm.fly(15.0)
     assert all(isinstance(swarm.ends[name], Done) for name in PLACES)
+
+
+def test_that_it_is_settled_is_told_once_however_long_one_is_silent_on_its_path() -> None:
+    swarm = Swarm(path=((3.0, 0.0, 1.2), (-3.0, 0.0, 1.2)))
+    swarm.enter()
+    swarm.fly(6.0)
+    assert len(swarm.told("formation_settled")) == 4
+    swarm.fly(10.0, silent="b")
+    assert len(swarm.told("formation_settled")) == 4
+    swarm.fly(3.0)
+    assert sorted(name for name, _ in swarm.told("formation_settled")[4:]) == ["a", "c", "d"]
+
+
+def test_one_that_is_held_up_as_far_away_as_stops_the_others_is_lost_once() -> None:
+    swarm = Swarm(input="stick")
+    swarm.enter()
+    swarm.fly(8.0)
+    for away in (0.51, 0.49, 0.505, 0.49) * 3:
+        swarm.off["b"] = (away, 0.0, 0.0)
+        swarm.fly(0.5)
+        assert swarm.flown["a"].waits_for == "`b` to recover"
+    swarm.off["b"] = ZERO
+    swarm.fly(2.0)
+    assert {name for name, _ in swarm.told("neighbour_lost")} == set("acd")
+    assert len(swarm.told("neighbour_lost")) == len(swarm.told("neighbour_recovered")) == 3

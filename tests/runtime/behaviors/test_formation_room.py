@@ -3,20 +3,17 @@ is near any."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-
 from hypothesis import given
 from hypothesis import strategies as st
-from part_bench import SITE, estimate
+from part_bench import SITE
 
 from kybflow.core.geometry import Vec3, add
-from kybflow.core.signals import NS, Answer, Heard, Tick, Time
 from kybflow.flight.avoidance.clearance import reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
 from kybflow.flight.formation.shapes import places_of
 from kybflow.flight.formation.taken_places import NEAREST, seen_from
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
-from kybflow.world.shapes import Box, Shape, Sphere
+from kybflow.world.shapes import Box, Sphere
 
 PARAMS, SPEED = FormationRoomParams(), 1.0
 SPHERES = (Sphere((1.0, 2.0, 1.0), 0.4), Sphere((-2.5, 0.0, 2.0), 0.2))
@@ -54,32 +51,3 @@ def test_the_nearest_of_the_taken_places_are_judged() -> None:
     assert [place for place, _ in taken.near] == list(range(1, NEAREST + 1))
     assert [round(far, 9) for _, far in taken.near] == [float(i) for i in range(1, NEAREST + 1)]
     assert len(seen_from(places_of("line", 1.0, 20), 3, {0, 5, 40}).places) == 3
-
-
-class Radio:
-    """A neighbour `b` says one thing only."""
-
-    def __init__(self, news: Heard) -> None:
-        self.news = news
-
-    def heard(self, vehicle: str, by: Time) -> Heard | None:
-        return self.news if vehicle == "b" else None
-
-    def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
-        return answer()
-
-
-def test_who_is_silent_or_knows_no_place_is_kept_clear_of_where_it_was() -> None:
-    context = SITE._replace(diameters={SITE.vehicle: 0.2, "b": 0.2})
-    room, moves = FormationRoom(context, (SITE.vehicle,)), (1.0, 0.0, 0.0)
-
-    def seen(seconds: float, news: Heard) -> tuple[Shape, ...]:
-        now = round(seconds * NS)
-        tick = Tick(now, 0.01, 0.0, None, None, None, {}, neighbours=Radio(news))
-        return room.obstacles(tick, 0, ())
-
-    said = Heard(0, estimate((1.0, 0.0, 1.0), moves), None, None)
-    for seconds, x in ((0.0, 1.0), (0.2, 1.2), (0.5, 1.5), (30.0, 1.5)):
-        assert seen(seconds, said) == (Sphere((x, 0.0, 1.0), 0.1),)
-    lost = [seen(s, Heard(round(s * NS), None, None, None)) for s in (3.0, 19.0, 21.0)]
-    assert lost == [(Sphere((1.5, 0.0, 1.0), 0.1),), (Sphere((1.5, 0.0, 1.0), 0.1),), ()]

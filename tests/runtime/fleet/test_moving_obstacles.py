@@ -9,9 +9,8 @@ import pytest
 from part_bench import SITE
 
 from kybflow.core.errors import DriverError
-from kybflow.core.geometry import LEVEL, ZERO, Vec3, distance, norm, scale, sub
-from kybflow.core.signals import NS, Event, Measurement, Pose, SeenObstacle, Tick, Time
-from kybflow.flight.avoidance.surroundings import Nearby
+from kybflow.core.geometry import LEVEL, Vec3, distance, norm, scale, sub
+from kybflow.core.signals import NS, Event, Measurement, Pose, Time
 from kybflow.parts import Stream
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
@@ -150,17 +149,3 @@ def test_simulated_motion_capture_sees_it_late_and_with_noise() -> None:
     off = [distance(pose.position, BALL.at(pose.time / NS)) for pose in poses]
     assert 0.001 < sum(off) / len(off) < 0.006
     assert poses[-1].time <= 199 * STEP - 0.03 * NS
-
-
-def room(unseen: float) -> float:
-    context: VehicleContext = SITE._replace(moving={"ball": BALL})
-    seen = SeenObstacle(0, (1.0, 0.0, 1.0), ZERO, 0.1, 0.5)
-    tick = Tick(round(unseen * NS), 0.01, 0.0, None, None, None, {}, moving={"ball": seen})
-    [hazard] = Nearby(context).near((0.0, 0.0, 1.0), 0.0, tick, lambda speed: 5.0)
-    return hazard.room
-
-
-def test_one_that_is_not_seen_grows_by_how_far_it_can_have_gone_for_a_second() -> None:
-    assert room(0.0) == pytest.approx(0.9)
-    assert room(0.4) == pytest.approx(0.7)
-    assert room(1.0) == room(9.0) == pytest.approx(0.4)

@@ -25,7 +25,9 @@ def site(name: str, names: tuple[str, ...], **more) -> VehicleContext:
 
 
 def tick(seconds: float, known: Estimate, last: Setpoint | None, fleet: dict) -> Tick:
-    return Tick(round(seconds * NS), DT, seconds, known, None, last, fleet)
+    now = round(seconds * NS)
+    fleet = {name: one and one._replace(time=now) for name, one in fleet.items()}
+    return Tick(now, DT, seconds, known, None, last, fleet)
 
 
 class Crossing:

@@ -49,7 +49,7 @@ from kybflow.flight.formation.frame import (
     moved,
 )
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
-from kybflow.flight.formation.ways import Way
+from kybflow.flight.formation.ways import WayToPlace
 from kybflow.flight.motion import Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
@@ -157,7 +157,7 @@ class _Placed(NamedTuple):
 
     place: int
     began: Time
-    way: Way
+    way: WayToPlace
     turn: float
 
 
@@ -198,7 +198,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         """Come to rest, and wait for the others there."""
         self._rest, self._heading = Rest.after(motion, heading, now), heading
         self._placed: _Placed | None = None
-        self._settled = self._is_complete = False
+        self._settled = self._is_complete = self._has_told = False
         self._point: Vec3 | None = None
 
     def update(self, tick: Tick) -> Setpoint | Told | Done | Failed:
@@ -207,9 +207,11 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._wait(_motion_of(tick), self._heading, tick.now)
         self._last = tick.now
         team = self._members.heard(tick, self._delay, p.freshness, p.doubt)
-        for event, neighbour, reason in self._members.changes(team, whole=self._is_complete):
-            why = {"reason": reason} if reason else {}
-            self._untold.append((event, {"neighbour": neighbour, **why}))
+        for event, neighbour, reason in self._members.changes(team, p.doubt):
+            self._has_told = False
+            if event != "neighbour_joined" or self._is_complete:
+                why = {"reason": reason} if reason else {}
+                self._untold.append((event, {"neighbour": neighbour, **why}))
         if self._is_new:
             self._is_new = False
             self._go_on(team, tick)
@@ -260,7 +262,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._frame, self._turned = found.frame, found.turned
         start = found.frame.place(self._rest.at(tick.now))
         limits = (self._most_speed, self.params.acceleration)
-        way = Way(start, found.points, found.length, *limits)
+        way = WayToPlace(start, found.points, found.length, *limits)
         turn = wrap(self._heading - found.frame.heading)
         self._placed = _Placed(found.place, tick.now, way, turn)
 
@@ -312,7 +314,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._judge(own, taken, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
-        lost = " and ".join(f"`{name}`" for name in team.troubled if name in team.placed)
+        lost = " and ".join(f"`{name}`" for name in sorted(self._members.lost & team.placed))
         self.waits_for = drive.waits_for or (f"{lost} to recover" if lost else None)
         if self.waits_for is None and tick.now > self._moved + _PATIENT:
             self.waits_for = _ROOM
@@ -357,17 +359,18 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._heading = wrap(self._frame.heading + left)
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
-        """Find whether it is settled, and tell when all are."""
+        """Find whether it is settled, and tell when all are for the first time since one of them
+        came, left or was lost."""
         p, seen = self.params, team.positions
         others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
         error = distance_error(tick.known().position, others)
         arrived = (tick.now - own.began) / NS >= own.way.duration
         bound = p.tolerance * (_RETRACTED if self._settled else 1.0)
         self._settled = arrived and error <= bound
-        complete = self._settled and self._members.is_settled(team)
-        if complete and not self._is_complete:
+        self._is_complete = self._settled and self._members.is_settled(team)
+        if self._is_complete and not self._has_told:
+            self._has_told = True
             self._untold.append(("formation_settled", {"error": round(error, 4)}))
-        self._is_complete = complete
 
     def _let_feel(self, team: Team, limits: FrameLimits, tick: Tick) -> None:
         """Let the hand feel how the swarm moves, and not as it asked."""

@@ -21,6 +21,9 @@ from kybflow.flight.formation.frame import MovingFrame, mean_frame
 
 WAITING = -1
 """The place of a member that has none yet."""
+_NEAR_AGAIN = 0.9
+"""The share of `doubt` within which a member is no longer lost: one that something holds up stays
+as far away as makes the others stop, give or take a breath of wind."""
 
 
 class InFormation(NamedTuple):
@@ -94,14 +97,14 @@ class Team(NamedTuple):
 
 class Members:
     """Listens to the members of `team`, those that speak of the formation `key`, for the one that
-    is `own`."""
+    is `own`. lost: who is in trouble, and who was and is not near its place again."""
 
     def __init__(self, team: tuple[str, ...], own: str, key: int) -> None:
         self.others = tuple(name for name in team if name != own)
         self.key, self._team, self._own = key, team, own
         self._rank = {name: rank for rank, name in enumerate(team)}
-        self._troubled: dict[str, str] = {}
         self._placed: frozenset[str] = frozenset()
+        self.lost: frozenset[str] = frozenset()
 
     def heard(self, tick: Tick, delay: Time, freshness: float, doubt: float) -> Team:
         """Return what is heard of the team, with the news that is `delay` old."""
@@ -158,22 +161,23 @@ class Members:
         age = (tick.now - news.said.time) / NS
         return Member(self._own, news.said, age, news.estimate, 0.0, "") if age < 0.1 else None
 
-    def changes(self, team: Team, *, whole: bool) -> Iterator[tuple[str, str, str]]:
-        """Yield each change of others since the last call: the event, the neighbour, the reason.
-        whole: the formation was complete, so that who is in place now has joined it."""
-        troubled, placed = team.troubled, team.placed
-        if troubled.keys() == self._troubled.keys() and placed == self._placed:
+    def changes(self, team: Team, doubt: float) -> Iterator[tuple[str, str, str]]:
+        """Yield each change of others since the last call: the event, the neighbour, the reason."""
+        troubled, placed, before = team.troubled, team.placed, self.lost
+        if not (troubled or before) and placed == self._placed:
             return
-        here, own = team.members.keys(), {self._own}
-        for name in sorted(self._placed - here - own):
+        here, own = team.members, {self._own}
+        held_up = {n for n in before if n in here and here[n].lag > _NEAR_AGAIN * doubt}
+        self.lost = lost = frozenset(held_up.union(troubled))
+        for name in sorted(self._placed - here.keys() - own):
             yield "neighbour_left", name, ""
-        for name in sorted(placed - self._placed - own) if whole else ():
+        for name in sorted(placed - self._placed - own):
             yield "neighbour_joined", name, ""
-        for name in sorted(troubled.keys() - self._troubled.keys() - own):
+        for name in sorted(lost - before - own):
             yield "neighbour_lost", name, troubled[name]
-        for name in sorted((self._troubled.keys() - troubled.keys() - own) & here):
+        for name in sorted((before - lost - own) & here.keys()):
             yield "neighbour_recovered", name, ""
-        self._troubled, self._placed = dict(troubled), placed
+        self._placed = placed
 
 
 def _team(members: dict[str, Member], team: tuple[str, ...]) -> Team:

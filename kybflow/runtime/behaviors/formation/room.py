@@ -8,10 +8,10 @@ from math import ceil
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, dot, scale, sub
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Estimate, Tick, Time
+from kybflow.core.signals import SeenObstacle, Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
-from kybflow.flight.avoidance.surroundings import is_forgotten
+from kybflow.flight.avoidance.obstacles import Obstacles, grown
 from kybflow.flight.formation.frame import MovingFrame
 from kybflow.flight.formation.taken_places import TakenPlaces
 from kybflow.parts import Objection
@@ -20,8 +20,6 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _STEP = 0.1
 """Metres between the points of a leg that are looked at."""
-_LONGEST = 0.5
-"""Seconds for which it is believed that a vehicle goes on as it said last."""
 
 
 @params
@@ -56,10 +54,10 @@ class FormationRoom:
     """Where a formation may be, as one of its members sees it."""
 
     def __init__(self, context: VehicleContext, team: tuple[str, ...]) -> None:
-        self._context = context
-        self._others = tuple(name for name in context.diameters if name not in team)
+        self._context, self._obstacles = context, Obstacles(context)
+        self._solids = tuple(self._obstacles.solids.values())
+        self._others = tuple(name for name in self._obstacles.hulls if name not in team)
         self._widest = max((context.diameters.get(name, 0.0) for name in team), default=0.0)
-        self._last: dict[str, Estimate] = {}
 
     def box(self, p: FormationRoomParams) -> Box | None:
         """Return where places may be in the fence; None without one."""
@@ -96,30 +94,25 @@ class FormationRoom:
             point = add(frame.centre, frame.turned(point))
             if box is not None and not box.contains(point):
                 return False
-            if any(one.distance(point) < keep for one in self._context.obstacles.values()):
+            if any(one.distance(point) < keep for one in self._solids):
                 return False
         return True
 
     def obstacles(self, tick: Tick, delay: Time, left: Iterable[str]) -> tuple[Shape, ...]:
-        """Return the world's obstacles, those that move, the vehicles that are no members, and the
-        members that have `left`, without the vehicle itself, from what they publish."""
-        shapes: list[Shape] = list(self._context.obstacles.values())
-        shapes += (Sphere(seen.position, seen.radius) for seen in tick.moving.values())
+        """Return the obstacles of the vehicle: those that stand, those that move, the vehicles that
+        are no members, and the members that have `left`, from what they publish."""
+        balls = [grown(seen, tick.now) for seen in tick.moving.values()]
+        balls += self._heard(tick, delay, left)
+        return (*self._solids, *(Sphere(seen.position, seen.radius) for seen in balls))
+
+    def _heard(self, tick: Tick, delay: Time, left: Iterable[str]) -> Iterator[SeenObstacle]:
+        """Yield vehicles as they are heard."""
         for name in (*self._others, *left):
-            own = name == self._context.vehicle
-            news = None if own else tick.neighbours.heard(name, tick.now - delay)
-            if news is not None and news.estimate is not None:
-                self._last[name] = news.estimate
-            last = self._last.get(name)
-            if news is None or last is None:
-                continue
-            if news.estimate is None and is_forgotten(last, tick.now):
-                continue
-            at, v = last.position, last.velocity
-            s = min((tick.now - last.time) / NS, _LONGEST)
-            moved = (at[0] + v[0] * s, at[1] + v[1] * s, at[2] + v[2] * s)
-            shapes.append(Sphere(moved, 0.5 * self._context.diameters.get(name, 0.0)))
-        return tuple(shapes)
+            news = tick.neighbours.heard(name, tick.now - delay)
+            if name != self._context.vehicle and news is not None:
+                seen = self._obstacles.vehicle(name, news.estimate, tick.now)
+                if seen is not None:
+                    yield seen
 
     def near(
         self,
