@@ -89,7 +89,8 @@ def test_a_vehicle_that_does_not_arrive_fails_with_the_distance() -> None:
 def test_its_footprint_is_the_straight_line() -> None:
     print_ = FlyTo.footprint(FlyToParams(position=(1.0, 0.0, 1.0)), START)
     way = (START, (1.0, 0.0, 1.0))
-    assert print_ == Footprint(way, 1.0, way[-1], duration=print_.duration)
+    goals = ((way[-1], 0.02),)
+    assert print_ == Footprint(way, 1.0, way[-1], duration=print_.duration, goals=goals)
 
 
 def facing(degrees: float):

@@ -192,9 +192,11 @@ def test_one_leaves_and_comes_back_into_the_place_that_is_free() -> None:
     assert {(n, f["neighbour"]) for n, f in swarm.told("neighbour_left")} == {
         ("a", "d"), ("b", "d"), ("c", "d"),
     }  # fmt: skip
+    assert len(swarm.told("formation_settled")) == 4
     swarm.setpoints["d"] = at_rest((2.0, -2.0, 1.2))
     swarm.enter("d")
     swarm.fly(10.0)
+    assert len(swarm.told("formation_settled")) == 8
     assert pairs(swarm) == pytest.approx([1.0] * 4 + [2**0.5] * 2, abs=5e-3)
 
 

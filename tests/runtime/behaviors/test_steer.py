@@ -59,7 +59,7 @@ class Flight:
         for _ in range(round(seconds / self.dt)):
             self.now += round(self.dt * NS)
             known = estimate(self.setpoint.position or ZERO, self.setpoint.velocity or ZERO)
-            fleet = {name: estimate(place) for name, place in others.items()}
+            fleet = {name: estimate(place, now=self.now) for name, place in others.items()}
             tick = Tick(
                 self.now, self.dt, self.now / NS, known, None, self.setpoint, fleet,
                 inputs={"stick": reading},

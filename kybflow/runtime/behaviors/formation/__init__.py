@@ -208,7 +208,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._last = tick.now
         team = self._members.heard(tick, self._delay, p.freshness, p.doubt)
         for event, neighbour, reason in self._members.changes(team, p.doubt):
-            self._has_told = False
+            if event in ("neighbour_joined", "neighbour_lost"):
+                self._has_told = False
             if event != "neighbour_joined" or self._is_complete:
                 why = {"reason": reason} if reason else {}
                 self._untold.append((event, {"neighbour": neighbour, **why}))
@@ -360,7 +361,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
         """Find whether it is settled, and tell when all are for the first time since one of them
-        came, left or was lost."""
+        came or was lost."""
         p, seen = self.params, team.positions
         others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
         error = distance_error(tick.known().position, others)
