@@ -54,6 +54,16 @@ distance: Callable[[Vec3, Vec3], float] = dist
 """Return the Euclidean distance between two points."""
 
 
+def least_distance(before: Vec3, after: Vec3) -> float:
+    """Return the least length of a vector that goes straight from `before` to `after`: how near two
+    come that were and are so far apart on straight ways, or a leg comes to a point from which its
+    ends are seen so."""
+    way = sub(after, before)
+    square = dot(way, way)
+    share = 0.0 if square == 0.0 else min(1.0, max(0.0, -dot(before, way) / square))
+    return norm(add(before, scale(way, share)))
+
+
 def wrap(angle: float) -> float:
     """Return the equivalent angle in [-pi, pi)."""
     return (angle + pi) % (2 * pi) - pi

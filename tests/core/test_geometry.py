@@ -88,3 +88,12 @@ def test_wrapped_angles_are_the_same_angle(angle):
     wrapped = g.wrap(angle)
     assert -pi <= wrapped <= pi
     assert isclose(sin(angle), sin(wrapped), abs_tol=1e-9)
+
+
+@given(vectors, vectors)
+def test_the_least_distance_is_that_of_the_nearest_point_on_the_way(before, after):
+    least = g.least_distance(before, after)
+    way = g.sub(after, before)
+    along = [g.norm(g.add(before, g.scale(way, i / 100))) for i in range(101)]
+    assert least <= min(along) + 1e-9
+    assert min(along) <= least + g.norm(way) / 200 + 1e-9

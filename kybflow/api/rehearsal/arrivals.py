@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, dot, norm, sub
+from kybflow.core.geometry import Vec3, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.dsl.plan import PhasePlan
@@ -103,14 +103,3 @@ def _in_turns(first: StraightWay, second: StraightWay) -> float:
     ahead = least_distance(sub(first.begin, second.begin), sub(first.end, second.begin))
     behind = least_distance(sub(second.begin, first.end), sub(second.end, first.end))
     return min(ahead, behind)
-
-
-def least_distance(before: Vec3, after: Vec3) -> float:
-    """Return the least distance of two that were `before` apart and are `after`, on straight
-    ways."""
-    way = sub(after, before)
-    length = dot(way, way)
-    share = 0.0 if length == 0.0 else min(1.0, max(0.0, -dot(before, way) / length))
-    return norm(
-        (before[0] + share * way[0], before[1] + share * way[1], before[2] + share * way[2])
-    )

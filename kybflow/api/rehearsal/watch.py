@@ -11,8 +11,8 @@ from itertools import combinations
 from math import hypot, inf
 from typing import NamedTuple
 
-from kybflow.api.rehearsal.arrivals import Arrivals, least_distance
-from kybflow.core.geometry import Vec3, distance, sub
+from kybflow.api.rehearsal.arrivals import Arrivals
+from kybflow.core.geometry import Vec3, distance, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, format_quantity

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from math import cos, pi, sin
 
-from kybflow.core.geometry import Vec3, add, distance, dot, norm, scale, sub
+from kybflow.core.geometry import Vec3, add, distance, least_distance, scale, sub
 from kybflow.flight.formation.frame import Shift
 from kybflow.flight.motion import Motion
 
@@ -48,10 +48,7 @@ def clear_way(
 
 def _passes(start: Vec3, end: Vec3, place: Vec3, apart: float) -> bool:
     """Return whether a leg stays `apart` from a place, but for rounding."""
-    way, gap = sub(end, start), sub(place, start)
-    square = dot(way, way)
-    share = max(0.0, min(1.0, dot(gap, way) / square)) if square > 0.0 else 0.0
-    return norm(sub(gap, scale(way, share))) >= apart - 1e-6
+    return least_distance(sub(start, place), sub(end, place)) >= apart - 1e-6
 
 
 def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
