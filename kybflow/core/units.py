@@ -94,6 +94,17 @@ Accelerations = Annotated[Vec3, ACCELERATION]
 Inertias = Annotated[Vec3, INERTIA]
 Path = Annotated[tuple[Vec3, ...], LENGTH]
 """Any number of positions."""
+Matrix = tuple[tuple[float, ...], ...]
+"""Rows of numbers in SI units."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The size and dimension of a matrix: `Annotated[Matrix, Rows(3, 3, DAMPING)]`."""
+
+    rows: int
+    columns: int
+    dimension: Dimension
 
 # A number and then a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
 _QUANTITY = re.compile(

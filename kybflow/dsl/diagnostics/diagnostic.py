@@ -62,6 +62,34 @@ class Stopped(Exception):
     """Ends the compilation after a pass with errors, whose findings are yielded before."""
 
 
+class Findings:
+    """The sink of a pass: what reads a value reports here and returns its value."""
+
+    def __init__(self) -> None:
+        self.all: list[Diagnostic] = []
+
+    @property
+    def has_errors(self) -> bool:
+        return has_errors(self.all)
+
+    def report(
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        label: str = "",
+        notes: tuple[str, ...] = (),
+        help: str = "",
+        related: tuple[Related, ...] = (),
+        severity: Severity = Severity.ERROR,
+    ) -> None:
+        """Report a finding."""
+        self.all.append(Diagnostic(code, message, span, label, notes, help, severity, related))
+
+    def add(self, findings: Iterable[Diagnostic]) -> None:
+        self.all.extend(findings)
+
+
 def collect(step: Diagnosed[T]) -> Collected[T]:
     """Run a step to its end."""
     found: list[Diagnostic] = []

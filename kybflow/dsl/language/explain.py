@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any, NamedTuple
 
-from kybflow.core.errors import UnitError
-from kybflow.core.params import Field
+from kybflow.core.params import INTEGER, Choice, Field, numbers
 from kybflow.core.text import did_you_mean, nearest
-from kybflow.core.units import DIMENSIONS, NUMBER, article, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.core.units import DIMENSIONS, article
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.reading.nodes import (
     Mapping,
     Node,
@@ -20,16 +18,14 @@ from kybflow.dsl.reading.nodes import (
     head_of,
 )
 from kybflow.dsl.reading.slips import CONDITIONS, missing_colon
-from kybflow.dsl.reading.values import TYPES, decode, quantity_field
-from kybflow.dsl.schema.building import BOUNDS
+from kybflow.dsl.language.schema import BOUNDS
+from kybflow.dsl.reading.values import TYPES, decode
 
 CODES = {
     "KYB101": "A key that the language doesn't have there.",
     "KYB102": "A key that is needed and missing.",
     "KYB103": "A value of the wrong shape: a list where a mapping is needed, and so on.",
     "KYB106": "Nothing where something is needed.",
-    "KYB107": "A parameter that the part doesn't have.",
-    "KYB108": "A part without a parameter that it needs.",
     "KYB110": "A name that can't be one.",
     "KYB111": "A version of the language that this program doesn't read.",
 }
@@ -47,8 +43,7 @@ _SHAPES = {
 
 class SchemaViolation(NamedTuple):
     """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
-    the node that it is about, the name by which a person would call that, and the part whose
-    parameters are judged, with the keys beside them that could be meant too."""
+    the node that it is about, and the name by which a person would call that."""
 
     keyword: str
     wanted: Any
@@ -56,8 +51,6 @@ class SchemaViolation(NamedTuple):
     schema: dict[str, Any]
     node: Node
     name: str
-    part: str
-    beside: frozenset[str] = frozenset()
 
 
 def explain(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -74,18 +67,11 @@ def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
     assert isinstance(node, Mapping)
     known = fault.schema["properties"]
     for key, entry in node.entries.items():
-        if key in known:
-            continue
-        if fault.part:
-            message = f"`{key}` is no parameter of `{fault.part}`"
-            hint = meant(fault.part, key, node, known, fault.beside)
-            yield Diagnostic("KYB107", message, entry.key.span, help=hint)
-        else:
+        if key not in known:
             what = fault.schema["title"]
             hint = _NEVER.get((what, key)) or did_you_mean(key, known)
-            yield Diagnostic(
-                "KYB101", f"`{key}` is no key of {article(what)}", entry.key.span, help=hint
-            )
+            message = f"`{key}` is no key of {article(what)}"
+            yield Diagnostic("KYB101", message, entry.key.span, help=hint)
 
 
 def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -96,18 +82,12 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
     for key in fault.wanted:
         if node.get(key) is not None or nearest(key, unknown):
             continue  # the misspelt key is reported already
-        if fault.part:
-            hint = how_to_write(key, fault.schema["properties"][key])
-            message = f"`{fault.part}` needs `{key}`"
-            yield Diagnostic("KYB108", message, node.span, help=hint)
-        else:
-            what, hint = fault.schema["title"], _MISSING.get(key, "")
-            others = [k for k in node.entries if k not in fault.schema["properties"]]
-            near = [k for k in ("use", "stack") if nearest(k, others)]
-            if key == "use" and near and near[0] in fault.schema["properties"]:
-                hint = f"did you mean `{near[0]}`?"
-            message = f"{article(what)} needs `{key}`"
-            yield Diagnostic("KYB102", message, head_of(node), help=hint)
+        what, hint = fault.schema["title"], _MISSING.get(key, "")
+        others = [k for k in node.entries if k not in fault.schema["properties"]]
+        near = [k for k in ("use", "stack") if nearest(k, others)]
+        if key == "use" and near and near[0] in fault.schema["properties"]:
+            hint = f"did you mean `{near[0]}`?"
+        yield Diagnostic("KYB102", f"{article(what)} needs `{key}`", head_of(node), help=hint)
 
 
 def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -115,9 +95,11 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node, name = fault.node, fault.name
     schema = fault.schema
     field = _field(name, schema)
-    found = [] if field is None else collect(decode(node, field)).diagnostics
-    if found:
-        yield from found
+    found = Findings()
+    if field is not None:
+        decode(node, field, found)
+    if found.all:
+        yield from found.all
         return
     types = fault.wanted if fault.keyword == "type" else schema.get("type", ())
     types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
@@ -163,14 +145,16 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:
     """The field that a schema was made of, as far as its decoder asks; None where that is none."""
+    bounds: Any = {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
     dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
     if dimension is not None:
-        shape = "vector" if "items" in schema else "scalar"
-        return quantity_field(name, dimension, shape, **_bounds(schema))
+        kind = numbers(dimension, "vector" if "items" in schema else "scalar")
+        return Field(name, kind, key=name, **bounds)
     choices = tuple(schema.get("anyOf", [{}])[0].get("enum", ()))
-    if choices or (_bounds(schema) and "integer" in schema.get("type", ())):
-        plain = quantity_field(name, NUMBER, "choice" if choices else "integer", **_bounds(schema))
-        return replace(plain, dimension=None, choices=choices)
+    if choices:
+        return Field(name, Choice("choice", False, choices), key=name)
+    if bounds and "integer" in schema.get("type", ()):
+        return Field(name, INTEGER, key=name, **bounds)
     return None
 
 
@@ -179,10 +163,6 @@ def _flow(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
     return "[" + ", ".join(map(_flow, value)) + "]" if isinstance(value, list) else str(value)
-
-
-def _bounds(schema: dict[str, Any]) -> dict[str, Any]:
-    return {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
 
 
 def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -201,8 +181,7 @@ def _explain_empty(fault: SchemaViolation) -> Iterator[Diagnostic]:
 
 
 def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
-    """A list of the language, that is; those of parts have a decoder."""
-    if fault.part or fault.wanted != 1:
+    if fault.wanted != 1:
         yield from _explain_value(fault)
     else:
         hint = f"name one at least, or leave out `{fault.name}`"
@@ -239,63 +218,3 @@ _EXPLAINERS = {
     "minProperties": _explain_empty,
     "minItems": _explain_few,
 }
-
-
-_SURE = 0.75
-Schemas = dict[str, dict[str, Any]]
-
-
-def meant(part: str, key: str, node: Mapping, known: Schemas, beside: frozenset[str]) -> str:
-    """The help line for an unknown key: a parameter with a similar name, a key beside the
-    parameters, the one parameter that fits the value; else every parameter."""
-    if not known:
-        return f"`{part}` has no parameters"
-    if key.lower() in known and key.lower() in node.entries:
-        return f"`{key.lower()}` is written, too: remove one of them"
-    one = nearest(key, known) or nearest(key, beside, _SURE)
-    near = [one] if one else []
-    if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
-        return did_you_mean(key, {*known, *beside})
-    if not near:
-        free = {name: schema for name, schema in known.items() if name not in node.entries}
-        fitting = list(_fitting(node.entries[key].value, free))
-        near = fitting if len(fitting) == 1 else []
-    if near:
-        return did_you_mean(near[0], {*known, *beside})
-    names = ", ".join(f"`{name}`" for name in sorted(known))
-    return f"the parameters of `{part}` are {names}"
-
-
-def _fitting(value: Node, known: Schemas) -> Iterator[str]:
-    """The parameters that can have a value: lists of the same depth, quantities with its unit."""
-    for name, schema in known.items():
-        dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
-        if isinstance(value, Sequence) and "items" in schema:
-            is_path = "items" in schema["items"]
-            if is_path == any(isinstance(item, Sequence) for item in value.items):
-                yield name
-        if isinstance(value, Scalar) and dimension is not None and "items" not in schema:
-            try:
-                parse_quantity(value.text, dimension)
-            except UnitError:
-                continue
-            if not value.text.strip()[-1:].isdigit():
-                yield name
-
-
-def how_to_write(name: str, schema: dict[str, Any]) -> str:
-    """A parameter as an author writes it, and what it is."""
-    about = str(schema.get("description", "")).split(". ")[0].rstrip(".")
-    example = _example(schema)
-    how = f"write `{name}: {example}`" if example else f"write `{name}: ...`"
-    return f"{how}: {about[:1].lower()}{about[1:]}" if about else how
-
-
-def _example(schema: dict[str, Any]) -> str:
-    """A value that a schema allows; empty where only its author knows one."""
-    if "items" in schema and "items" in schema["items"]:
-        return f"[{_example(schema['items'])}, ...]"
-    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
-    if dimension is None:
-        return ""
-    return f"[{', '.join([dimension.example] * 3)}]" if "items" in schema else dimension.example

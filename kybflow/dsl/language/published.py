@@ -7,10 +7,9 @@ import json
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import END
-from kybflow.dsl.schema.building import LISTS, Schema, params_schema
-from kybflow.dsl.schema.editor import for_editors, parameter
-from kybflow.dsl.schema.mission import skeleton
+from kybflow.dsl.language.editor import for_editors, parameter
+from kybflow.dsl.language.schema import Schema, params_schema, record_schema
+from kybflow.dsl.plan import END, LISTS, Plan
 from kybflow.parts.observables import EVENTS, OF_THE_RUN
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 def mission_schema(catalog: Catalog) -> Schema:
     """The schema that editors complete from; a part's parameters follow from its name."""
-    root: Schema = json.loads(json.dumps(skeleton()))  # nothing in it is shared
+    root: Schema = json.loads(json.dumps(record_schema(Plan)))  # nothing in it is shared
     vehicle = root["properties"]["vehicles"]["additionalProperties"]["properties"]
     for kind in LISTS:
         vehicle[kind]["items"] = _chosen(catalog, kind, vehicle[kind]["items"])

@@ -1,0 +1,313 @@
+"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, its
+inputs, and the control rate that the drivers need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from kybflow.core.errors import KybflowError
+from kybflow.core.signals import MeasurementKind
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
+from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.plan import InputPlan, PartPlan, SensorPlan, VehiclePlan
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    entries_of,
+    is_null,
+    items_of,
+)
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+CODES = {
+    "KYB150": "A target that the mission doesn't have.",
+    "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
+    "KYB390": "A sensor under a name that no estimator of the vehicle has.",
+    "KYB400": "A target replaces an input that the mission doesn't have, or a vehicle is called "
+    "`inputs`, which a target needs for itself.",
+}
+_NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
+FILE = "--target"
+"""The name of the file that the span of an unknown target points into."""
+Entries = dict[str, MappingEntry]
+
+
+class Target:
+    """The chosen target of a mission: its name, and its entries as they are written."""
+
+    def __init__(self, root: Mapping, target: str | None, decoder: Decoder) -> None:
+        """`sim` unless another is asked for."""
+        self._decoder, self._found, catalog = decoder, decoder.found, decoder.catalog
+        self._vehicles = entries_of(root.get("vehicles"))
+        self._targets = entries_of(root.get("targets"))
+        name = target or "sim"
+        self.is_written = name in self._targets
+        self._entries = entries_of(self._targets[name].value) if self.is_written else {}
+        self.name = Text(name, root.entries["mission"].key.span, verbatim=False)
+        if self.is_written:
+            self.name = self._targets[name].key.as_text
+        elif name != "sim" and name not in (implied := implied_targets(catalog)):
+            known = {*self._targets, *implied, "sim"}
+            message, asked = f"the mission has no target `{name}`", Span(FILE, 1, 1, 1, len(name) + 1)
+            self._found.report("KYB150", message, asked, help=did_you_mean(name, known))
+
+    def drivers(self) -> dict[str, PartPlan]:
+        """The driver of each vehicle: its own entry, else that of `all`, else the one that the
+        target's name implies."""
+        decoded = self._decoded_drivers(self._entries, self._decoder)
+        if "all" not in decoded and not self._vehicles.keys() <= decoded.keys():
+            implied = self._implied()
+            if implied is not None:
+                decoded["all"] = implied
+        drivers: dict[str, PartPlan] = {}
+        for name in self._vehicles:
+            driver = decoded.get(name, decoded.get("all"))
+            if driver is not None:
+                drivers[name] = driver
+            elif self.is_written and name not in decoded and "all" not in decoded:
+                message = f"`{name}` has no driver on the target `{self.name.text}`"
+                self._found.report("KYB151", message, self.name.span)
+        return drivers
+
+    def _implied(self) -> PartPlan | None:
+        """The driver that stands behind the name of the target; None where none does."""
+        name, span = self.name.text, self.name.span
+        if name == "sim":
+            return self._decoder.part("drivers", Scalar("sim", span))
+        if name not in (implied := implied_targets(self._decoder.catalog)):
+            return None
+        driver, values = implied[name]
+        return self._decoder.part("drivers", _node({"use": driver, **values}, span))
+
+    def _decoded_drivers(
+        self, entries: Entries, decoder: Decoder
+    ) -> dict[str, PartPlan | None]:
+        """The drivers that are written; trackers are looked at as well."""
+        decoded: dict[str, PartPlan | None] = {}
+        for name, entry in entries.items():
+            if name == "inputs":
+                continue
+            driver = entry.value.get("driver") if isinstance(entry.value, Mapping) else None
+            tracker = _tracker(entry)
+            if tracker is not None:
+                decoder.part("trackers", tracker)
+            if name != "all" and name not in self._vehicles:
+                hint = did_you_mean(name, [*self._vehicles, "all"])
+                message = f"no vehicle is called `{name}`"
+                decoder.found.report("KYB151", message, entry.key.span, help=hint)
+            elif driver is not None:
+                decoded[name] = decoder.part("drivers", driver)
+        return decoded
+
+    def judge_others(self) -> None:
+        """Report what is wrong with the targets that are not flown on; what is not installed here,
+        and a file that is not there, is only a warning then."""
+        for name, entry in self._targets.items():
+            if name == self.name.text:
+                continue
+            found, entries = Findings(), entries_of(entry.value)
+            decoder = Decoder(self._decoder.catalog, found)
+            self._decoded_drivers(entries, decoder)
+            self._sensors_of(entries, decoder)
+            for own in _inputs(entries).values():
+                if not is_null(own.value):
+                    decoder.record(InputPlan, own.value, own.key.span, name="", buttons={})
+            self._found.add(
+                replace(d, severity=Severity.WARNING) if d.code in _NOT_HERE else d
+                for d in found.all
+            )
+
+    def with_trackers(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
+        """The vehicles with their trackers: that of the vehicle's own entry, else that of `all`,
+        else the one that the driver asks for, else the mission's."""
+        for vehicle in vehicles:
+            node = _tracker(self._entries.get(vehicle.name)) or _tracker(self._entries.get("all"))
+            driver = vehicle.driver
+            asked = driver.cls.tracker(driver.params) if node is None else None
+            if asked is not None:
+                node = _node(asked, driver.span)
+            use = None if node is None else self._decoder.part("trackers", node)
+            own = vehicle.tracker
+            yield vehicle if use is None else replace(vehicle, tracker=use, own_tracker=own)
+
+    def with_sensors(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
+        """The vehicles with their sensors: for each estimator the vehicle's own, else that of
+        `all`; then those that the driver brings."""
+        decoded = self._sensors_of(self._entries, self._decoder)
+        for vehicle in vehicles:
+            labels = set(_estimators(self._vehicles[vehicle.name].value))
+            named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
+            lists = {**named, **decoded.get(vehicle.name, {})}.values()
+            sensors = tuple(use for several in lists for use in several)
+            equipped = replace(vehicle, sensors=sensors)
+            yield replace(equipped, sensors=(*sensors, *self._brought(equipped)))
+
+    def _sensors_of(
+        self, target: Entries, decoder: Decoder
+    ) -> dict[str, dict[str, list[SensorPlan]]]:
+        """The sensors of each entry of a target, by estimator."""
+        decoded: dict[str, dict[str, list[SensorPlan]]] = {}
+        vehicles = self._vehicles
+        for name, entry in target.items():
+            if name == "all":
+                known = [label for e in vehicles.values() for label in _estimators(e.value)]
+            elif name in vehicles:
+                known = list(_estimators(vehicles[name].value))
+            else:
+                continue
+            decoded[name] = self._decoded_sensors(name, entry.value, known, decoder)
+        return decoded
+
+    def _decoded_sensors(
+        self, name: str, target: Node, known: list[str], decoder: Decoder
+    ) -> dict[str, list[SensorPlan]]:
+        decoded: dict[str, list[SensorPlan]] = {}
+        sensors = target.get("sensors") if isinstance(target, Mapping) else None
+        for label, entry in entries_of(sensors).items():
+            if is_null(entry.value):
+                continue
+            if label not in known:
+                whose = "no vehicle has" if name == "all" else f"`{name}` has no"
+                message = f"{whose} {'an ' if name == 'all' else ''}estimator `{label}`"
+                hint = did_you_mean(label, known) or "name one under `estimators` of the vehicle"
+                decoder.found.report("KYB390", message, entry.key.span, help=hint)
+            nodes = items_of(entry.value) or (entry.value,)
+            parts = [decoder.part("sensors", node) for node in nodes]
+            if label in known:
+                source = Source(entry.key.span)
+                decoded[label] = [
+                    SensorPlan(part, (label,), i, source=source)
+                    for i, part in enumerate(parts)
+                    if part is not None
+                ]
+        return decoded
+
+    def _brought(self, vehicle: VehiclePlan) -> list[SensorPlan]:
+        """The sensors that the driver brings for what nothing else gives an estimator; they stand
+        where the first of those does."""
+        given, driver = provided(vehicle), vehicle.driver
+        shows = driver.cls.shows(driver.params)
+        parts = [use.part for use in vehicle.estimators]
+        lacking = [(p, kinds) for p in parts if (kinds := p.cls.uses(p.params) - given)]
+        brought: list[SensorPlan] = []
+        for name in driver.cls.brings if lacking else ():
+            part = self._decoder.part("sensors", Scalar(name, lacking[0][0].span))
+            if part is None or part.cls.simulated > shows:
+                continue
+            if part.cls.provides & {k for _, kinds in lacking for k in kinds}:
+                lacking = [(p, kinds - part.cls.provides) for p, kinds in lacking]
+                brought.append(SensorPlan(part))
+        return brought
+
+    def inputs(self, root: Mapping) -> tuple[InputPlan, ...]:
+        """The inputs, each its own or the target's in its place; one with errors is left out."""
+        own = entries_of(root.get("inputs"))
+        for entry in self._targets.values():
+            for name, other in _inputs(entries_of(entry.value)).items():
+                if name not in own:
+                    hint = did_you_mean(name, own) or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
+                    message, span = f"the mission has no input `{name}`", other.key.span
+                    self._found.report("KYB400", message, span, "unknown", help=hint)
+            if "inputs" in self._vehicles:
+                message, span = "a vehicle can't be called `inputs`", self._vehicles["inputs"].key.span
+                self._found.report("KYB400", message, span, help="give it another name")
+        replaced = _inputs(self._entries)
+        inputs: list[InputPlan] = []
+        for name, entry in own.items():
+            other = replaced.get(name)
+            value = entry.value if other is None or is_null(other.value) else other.value
+            one = None if is_null(value) else self._input(entry.key, value)
+            if one is not None:
+                inputs.append(one)
+            if other is not None and not is_null(entry.value):  # judged too, though it isn't used
+                self._input(entry.key, entry.value)
+        return tuple(inputs)
+
+    def _input(self, name: Scalar, node: Node) -> InputPlan | None:
+        one: InputPlan | None = self._decoder.record(
+            InputPlan, node, name.span, name=name.text, buttons={}
+        )
+        if one is None:
+            return None
+        cls, params = one.part.cls, one.part.params
+        stuck = cls.stuck_after if one.stuck_after is None else one.stuck_after
+        taken = {device: given for given, device in one.renamed.items()}
+        buttons = {
+            b: taken.get(b, b) for b in cls.buttons(params) if b in taken or b not in one.renamed
+        }
+        at = one.part.span.at
+        return replace(one, stuck_after=stuck, buttons=buttons, at=at)
+
+
+def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
+    """The targets that every mission has beside `sim`, each with its driver and that one's
+    parameters as they would be written. Imports every driver."""
+    found: dict[str, tuple[str, dict[str, str]]] = {}
+    for name in catalog.names("drivers"):
+        try:
+            targets = catalog.get("drivers", name).cls.targets
+        except (KybflowError, ImportError):  # told where it is used
+            continue
+        for target, values in targets.items():
+            written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}
+            found.setdefault(target, (name, written))
+    return found
+
+
+def _node(values: dict[str, str], span: Span) -> Mapping:
+    """The mapping as an author would write it there."""
+    entries = {k: MappingEntry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
+    return Mapping(entries, span)
+
+
+def _tracker(entry: MappingEntry | None) -> Node | None:
+    return entry.value.get("tracker") if entry and isinstance(entry.value, Mapping) else None
+
+
+def _inputs(target: Entries) -> Entries:
+    return entries_of(target["inputs"].value) if "inputs" in target else {}
+
+
+def _estimators(vehicle: Node) -> Iterator[str]:
+    """The names of a vehicle's estimators, whether or not they can be decoded."""
+    for item in items_of(vehicle.get("estimators") if isinstance(vehicle, Mapping) else None):
+        name: Node | None = item
+        if isinstance(item, Mapping):
+            name = item.get("as") or item.get("use")
+        if isinstance(name, Scalar):
+            yield name.text
+
+
+def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
+    """The kinds of measurement that the vehicle's driver and sensors provide."""
+    sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
+    return frozenset(kind for part in sources for kind in part.cls.provides)
+
+
+CONTROL_RATE = 250
+"""Hz."""
+
+
+def needed_rate(drivers: Iterable[PartPlan]) -> int:
+    """The lowest (Hz) that all drivers are content with; where it does not fall on the steps of
+    each of them, the usual one that does. Where that doesn't either, KYB303 tells so."""
+    used = [(use.cls, use.params) for use in drivers]
+    needed = max((driver.control_rate(params) for driver, params in used), default=CONTROL_RATE)
+    steps = [rate for driver, params in used if (rate := driver.step_rate(params)) is not None]
+    fitting = (r for r in (needed, CONTROL_RATE) if all(divides(r, step) for step in steps))
+    return next(fitting, needed)
+
+
+def divides(control: int, steps: float) -> bool:
+    """Whether every tick at `control` falls on a step, of `steps` a second."""
+    each = round(steps / control)
+    return each >= 1 and abs(steps / control - each) < 1e-9
