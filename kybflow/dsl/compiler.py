@@ -17,14 +17,12 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks import check
 from kybflow.dsl.diagnostics.diagnostic import (
-    Diagnosed,
     Diagnostic,
+    Findings,
     Related,
     Stopped,
     has_errors,
     in_order,
-    passed,
-    run_passes,
 )
 from kybflow.dsl.diagnostics.spans import SET
 from kybflow.dsl.document import Document, Parameter
@@ -43,8 +41,6 @@ from kybflow.dsl.writing.mission import to_yaml
 
 if TYPE_CHECKING:
     from kybflow.dsl.diagnostics.spans import Span
-    from kybflow.dsl.reading.nodes import Node
-    from kybflow.dsl.resolving.parameters import Setting
     from kybflow.parts.catalog import Catalog
 
 
@@ -87,38 +83,43 @@ def _compiled(
     path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
 ) -> tuple[Document | None, Files, Result]:
     source = read(path, file)
-    files = Files(source, path)
-    document, found = run_passes(_passes(source, files, catalog, target, sets))
-    located = (_located(finding, files) for finding in found)
+    files, found = Files(source, path), Findings()
+    try:
+        document = _passes(source, files, catalog, target, sets, found)
+    except Stopped:
+        document = None
+    located = (_located(finding, files) for finding in found.all)
     texts = {s.file: s.text for s in files.sources.values()}
     given = {SET: "\n".join(sets), targets.FILE: target or ""}
     return document, files, Result(None, in_order(located), texts | given)
 
 
 def _passes(
-    source: ParsedFile, files: Files, catalog: Catalog, target: str | None, sets: Sequence[str]
-) -> Diagnosed[Document | None]:
+    source: ParsedFile,
+    files: Files,
+    catalog: Catalog,
+    target: str | None,
+    sets: Sequence[str],
+    found: Findings,
+) -> Document | None:
     """The passes up to the checked document, a line each. Returns None for a library."""
-    root, settings = yield from passed(_input(source, sets))
+    found.add(source.found)
+    settings, root = parse_settings(sets, found), source.root
+    found.stop_if_errors()
+    assert root is not None  # a file that can't be read has errors
     if is_library(root):
-        library = yield from resolve_library(source, files)
-        yield from judge_library(library, catalog)
+        found.add(judge_library(resolve_library(source, files, found), catalog))
         return None
-    mission = yield from passed(judge_mission(root))
-    resolved = yield from passed(resolve(mission, files, settings))
-    document = yield from passed(shape(resolved, catalog, target))
-    yield from passed(check(document, catalog))
-    yield from unused_names(mission, files, settings)
+    mission = found.take(judge_mission(root))
+    found.stop_if_errors()
+    resolved = resolve(mission, files, settings, found)
+    found.stop_if_errors()
+    document = found.take(shape(resolved, catalog, target))
+    found.stop_if_errors()
+    found.add(check(document, catalog))
+    found.stop_if_errors()
+    found.add(unused_names(mission, files, settings))
     return document
-
-
-def _input(source: ParsedFile, sets: Sequence[str]) -> Diagnosed[tuple[Node, dict[str, Setting]]]:
-    """The tree of the mission's file and the values of `--set`."""
-    yield from source.found
-    settings = yield from parse_settings(sets)
-    if source.root is None:
-        raise Stopped
-    return source.root, settings
 
 
 def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:

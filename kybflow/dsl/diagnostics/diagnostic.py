@@ -46,20 +46,13 @@ class Diagnostic:
         return (self.span.file, self.span.line, self.span.column, self.code)
 
 
-Diagnosed = Generator[Diagnostic, None, T]
-"""What a pass and each of its steps is: it yields every finding as soon as it is made, and returns
-its value. `value = yield from step(...)` hands the findings of a step on."""
-
-
-class Collected(NamedTuple, Generic[T]):
-    """The value of a step that has run to its end, and what it found, in order."""
-
-    value: T
-    diagnostics: list[Diagnostic]
-
-
 class Stopped(Exception):
-    """Ends the compilation after a pass with errors, whose findings are yielded before."""
+    """Ends the compilation after a pass with errors."""
+
+
+Diagnosed = Generator[Diagnostic, None, T]
+"""What a step is that does not report to a sink yet: it yields its findings and returns its
+value."""
 
 
 class Findings:
@@ -67,10 +60,6 @@ class Findings:
 
     def __init__(self) -> None:
         self.all: list[Diagnostic] = []
-
-    @property
-    def has_errors(self) -> bool:
-        return has_errors(self.all)
 
     def report(
         self,
@@ -81,23 +70,61 @@ class Findings:
         notes: tuple[str, ...] = (),
         help: str = "",
         related: tuple[Related, ...] = (),
-        severity: Severity = Severity.ERROR,
     ) -> None:
-        """Report a finding."""
-        self.all.append(Diagnostic(code, message, span, label, notes, help, severity, related))
+        """Report an error."""
+        self.all.append(
+            Diagnostic(code, message, span, label, notes, help, Severity.ERROR, related)
+        )
 
-    def add(self, findings: Iterable[Diagnostic]) -> None:
-        self.all.extend(findings)
+    def warn(
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        label: str = "",
+        notes: tuple[str, ...] = (),
+        help: str = "",
+        related: tuple[Related, ...] = (),
+    ) -> None:
+        """Report a warning."""
+        self.all.append(
+            Diagnostic(code, message, span, label, notes, help, Severity.WARNING, related)
+        )
+
+    def add(self, findings: Iterable[Diagnostic] | Diagnostic) -> None:
+        """Report what was found elsewhere: by a check, in a file that was read before."""
+        self.all += [findings] if isinstance(findings, Diagnostic) else findings
+
+    def take(self, step: Diagnosed[T]) -> T:
+        """The value of a step that yields its findings, which are reported here."""
+        try:
+            while True:
+                self.all.append(next(step))
+        except StopIteration as end:
+            value: T = end.value
+            return value
+
+    @property
+    def has_errors(self) -> bool:
+        return has_errors(self.all)
+
+    def stop_if_errors(self) -> None:
+        """End the compilation here where there are errors. Raises Stopped."""
+        if self.has_errors:
+            raise Stopped
+
+
+class Collected(NamedTuple, Generic[T]):
+    """The value of a step that has run to its end, and what it found, in order."""
+
+    value: T
+    diagnostics: list[Diagnostic]
 
 
 def collect(step: Diagnosed[T]) -> Collected[T]:
     """Run a step to its end."""
-    found: list[Diagnostic] = []
-    try:
-        while True:
-            found.append(next(step))
-    except StopIteration as end:
-        return Collected(end.value, found)
+    found = Findings()
+    return Collected(found.take(step), found.all)
 
 
 def every(steps: Iterable[Diagnosed[T]]) -> Diagnosed[list[T]]:
@@ -109,7 +136,7 @@ def every(steps: Iterable[Diagnosed[T]]) -> Diagnosed[list[T]]:
 
 
 def passed(step: Diagnosed[T]) -> Diagnosed[T]:
-    """The value of a pass without errors. Raises Stopped behind the findings of one with errors."""
+    """The value of a step without errors. Raises Stopped behind the findings of one with errors."""
     has_error = False
     try:
         while True:
@@ -121,18 +148,6 @@ def passed(step: Diagnosed[T]) -> Diagnosed[T]:
             raise Stopped from None
         value: T = end.value
         return value
-
-
-def run_passes(passes: Diagnosed[T]) -> Collected[T | None]:
-    """Run the passes of a compilation; the value is None where one of them stopped it."""
-    found: list[Diagnostic] = []
-    try:
-        while True:
-            found.append(next(passes))
-    except StopIteration as end:
-        return Collected(end.value, found)
-    except Stopped:
-        return Collected(None, found)
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import kybflow
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 from kybflow.dsl.schema.judge import judge_file
@@ -36,51 +36,44 @@ class LibraryPath(NamedTuple):
     file: str
 
 
-def find(text: Scalar, importer: LibraryPath, root: Path) -> Diagnosed[LibraryPath | None]:
+def find(text: Scalar, importer: LibraryPath, root: Path, found: Findings) -> LibraryPath | None:
     """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
-    relative = Path(text.text)
     try:
-        place = None if relative.is_absolute() else _search(relative, importer, root)
+        place = _search(Path(text.text), importer, root)
     except PermissionError:
-        place = None
-    except (OSError, ValueError):  # a name that no file can have
-        yield _missing(text, importer)
+        message = f"`{text.text}` is outside of the mission's folder"
+        hint = "import files beside or below the mission, or from an installed library"
+        found.report("KYB121", message, text.span, help=hint)
         return None
+    except (OSError, ValueError):  # a name that no file can have
+        place = None
     if place is None:
-        yield _outside(text)
-    elif not place.file:
-        yield _missing(text, importer)
-    return place if place and place.file else None
+        notes = ("looked beside the importing file and in the installed libraries",)
+        near = nearest(text.text, _at_hand(importer, text.text))
+        hint = f"did you mean `{near}`?" if near else _STANDARD
+        found.report("KYB120", f"`{text.text}` is no file", text.span, notes=notes, help=hint)
+    return place
 
 
 def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | None:
-    """The file beside the importer, else in an installed library; one without a name where there is
-    none, None where it is outside of the roots."""
-    beside = importer.path.parent / relative
-    if not _within(beside, (root, *_home_of(importer.path))):
-        return None
+    """The file beside the importer, else in an installed library, whose files can import each
+    other. Raises PermissionError for one outside of both."""
+    beside, standard = importer.path.parent / relative, installed("kybflow")
+    is_standard = standard is not None and importer.path.is_relative_to(standard)
+    own = standard if standard and is_standard else importer.path.parent
+    if relative.is_absolute() or not _within(beside, (root, own)):
+        raise PermissionError
     if os.path.isfile(beside):
         folder = os.path.dirname(importer.file)
         return LibraryPath(beside, os.path.normpath(os.path.join(folder, relative)))
     home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
     if home is None:
-        return LibraryPath(beside, "")
+        return None
     path = home.joinpath(*relative.parts[1:])
     path = path if path.suffix else path.with_suffix(".yaml")
     if not _within(path, (home,)):
-        return None
-    return LibraryPath(path, shown_path(path) if os.path.isfile(path) else "")
-
-
-def _missing(text: Scalar, importer: LibraryPath) -> Diagnostic:
-    near = nearest(text.text, _at_hand(importer, text.text))
-    return Diagnostic(
-        "KYB120",
-        f"`{text.text}` is no file",
-        text.span,
-        notes=("looked beside the importing file and in the installed libraries",),
-        help=f"did you mean `{near}`?" if near else _STANDARD,
-    )
+        raise PermissionError
+    return LibraryPath(path, shown_path(path)) if os.path.isfile(path) else None
 
 
 def _at_hand(importer: LibraryPath, name: str) -> list[str]:
@@ -99,24 +92,9 @@ def _at_hand(importer: LibraryPath, name: str) -> list[str]:
     return shown
 
 
-def _outside(text: Scalar) -> Diagnostic:
-    return Diagnostic(
-        "KYB121",
-        f"`{text.text}` is outside of the mission's folder",
-        text.span,
-        help="import files beside or below the mission, or from an installed library",
-    )
-
-
 def _within(path: Path, roots: tuple[Path, ...]) -> bool:
     real, homes = os.path.realpath(path), map(os.path.realpath, roots)
     return any(os.path.commonpath((real, home)) == home for home in homes)
-
-
-def _home_of(path: Path) -> tuple[Path, ...]:
-    """The installed library that `path` lies in, so that its files can import each other."""
-    standard = installed("kybflow")
-    return (standard,) if standard and path.is_relative_to(standard) else (path.parent,)
 
 
 def shown_path(path: Path) -> str:
@@ -171,20 +149,6 @@ class Library(NamedTuple):
     findings: tuple[Diagnostic, ...]
 
 
-class _Version(NamedTuple):
-    """A file on disk with its time and size, as the key of a cache."""
-
-    place: LibraryPath
-    modified: int
-    size: int
-
-
-@functools.lru_cache(maxsize=64)
-def _read(version: _Version) -> Library:
-    place = version.place
-    return judged(read(place.path, place.file))
-
-
 def judged(source: ParsedFile) -> Library:
     """The library with what is wrong with it."""
     root = source.root
@@ -193,10 +157,15 @@ def judged(source: ParsedFile) -> Library:
     return Library(source, tuple(judge_file(root, "library")))
 
 
+@functools.lru_cache(maxsize=64)
+def _read(place: LibraryPath, _modified: int, _size: int) -> Library:
+    return judged(read(place.path, place.file))
+
+
 def read_library(place: LibraryPath) -> Library:
     """A library file, read and judged again only when it changed."""
     try:
         status = place.path.stat()
     except OSError:
         return judged(read(place.path, place.file))
-    return _read(_Version(place, status.st_mtime_ns, status.st_size))
+    return _read(place, status.st_mtime_ns, status.st_size)

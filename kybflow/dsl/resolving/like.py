@@ -71,23 +71,17 @@ class UseMarker:
         return self._done[key][1]
 
     def _copied(self, node: Node, used: Places) -> Node:
+        span = node.span._replace(used=used) if used else node.span
         if isinstance(node, Scalar):
-            return _scalar(node, used)
+            return node._replace(span=span) if used else node
         if isinstance(node, Sequence):
             items = tuple(self.marked(item, used) for item in node.items) if used else node.items
-            return Sequence(items, _span(node.span, used))
-        entries = {name: self._entry(entry, used) for name, entry in node.entries.items()}
-        return Mapping(entries, _span(node.span, used))
-
-    def _entry(self, entry: MappingEntry, used: Places) -> MappingEntry:
-        places = (*used, *entry.used)
-        value = self.marked(entry.value, places)
-        return MappingEntry(_scalar(entry.key, places), value, entry.inherited, depth=entry.depth)
-
-
-def _scalar(node: Scalar, used: Places) -> Scalar:
-    return node._replace(span=_span(node.span, used)) if used else node
-
-
-def _span(span: Span, used: Places) -> Span:
-    return span._replace(used=used) if used else span
+            return Sequence(items, span)
+        entries: dict[str, MappingEntry] = {}
+        for name, entry in node.entries.items():
+            places, key = (*used, *entry.used), entry.key
+            if places:
+                key = key._replace(span=key.span._replace(used=places))
+            value = self.marked(entry.value, places)
+            entries[name] = MappingEntry(key, value, entry.inherited, depth=entry.depth)
+        return Mapping(entries, span)
