@@ -167,7 +167,7 @@ def _transition(transition: TransitionPlan, scope: Scope) -> TransitionPlan:
 
 
 def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
-    return TransitionPlan(target, cause, implied=True, at=at)
+    return TransitionPlan(target, cause=cause, implied=True, at=at)
 
 
 def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:

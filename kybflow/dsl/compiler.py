@@ -15,7 +15,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.bind import bind
 from kybflow.dsl.checks import check
+
 from kybflow.dsl.diagnostics.diagnostic import (
     Diagnostic,
     Findings,
@@ -25,18 +27,16 @@ from kybflow.dsl.diagnostics.diagnostic import (
     in_order,
 )
 from kybflow.dsl.diagnostics.spans import SET
-from kybflow.dsl.document import Document, Parameter
-from kybflow.dsl.lowering.lower import lower
-from kybflow.dsl.plan import Plan, SourceFile
+from kybflow.dsl.expanding import targets
+from kybflow.dsl.expanding.library import judge_library
+from kybflow.dsl.expanding.mission import mission_of
+from kybflow.dsl.language.judge import is_library, judge_mission
+from kybflow.dsl.plan import Parameter, Plan, SourceFile
 from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names
-from kybflow.dsl.schema.judge import is_library, judge_mission
-from kybflow.dsl.shaping import targets
-from kybflow.dsl.shaping.library import judge_library
-from kybflow.dsl.shaping.shape import shape
 from kybflow.dsl.writing.mission import to_yaml
 
 if TYPE_CHECKING:
@@ -64,12 +64,12 @@ def compile_mission(
 ) -> Result:
     """Compile the mission in `path` for `target`, with its parameters set by `sets`
     (`name=value`). Never raises for what a file or a setting says."""
-    document, files, result = _compiled(Path(path), str(path), catalog, target, sets)
-    if document is None:
+    plan, files, result = _compiled(Path(path), str(path), catalog, target, sets)
+    if plan is None:
         return result
     sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
-    plan = lower(document, catalog, sources, to_yaml(document))
-    return replace(result, plan=plan, parameters=document.parameters)
+    plan = bind(plan, catalog, sources, to_yaml(plan))
+    return replace(result, plan=plan, parameters=plan.values)
 
 
 def check_mission(
@@ -81,17 +81,17 @@ def check_mission(
 
 def _compiled(
     path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
-) -> tuple[Document | None, Files, Result]:
+) -> tuple[Plan | None, Files, Result]:
     source = read(path, file)
     files, found = Files(source, path), Findings()
     try:
-        document = _passes(source, files, catalog, target, sets, found)
+        plan = _passes(source, files, catalog, target, sets, found)
     except Stopped:
-        document = None
+        plan = None
     located = (_located(finding, files) for finding in found.all)
     texts = {s.file: s.text for s in files.sources.values()}
     given = {SET: "\n".join(sets), targets.FILE: target or ""}
-    return document, files, Result(None, in_order(located), texts | given)
+    return plan, files, Result(None, in_order(located), texts | given)
 
 
 def _passes(
@@ -101,25 +101,25 @@ def _passes(
     target: str | None,
     sets: Sequence[str],
     found: Findings,
-) -> Document | None:
+) -> Plan | None:
     """The passes up to the checked document, a line each. Returns None for a library."""
     found.add(source.found)
     settings, root = parse_settings(sets, found), source.root
     found.stop_if_errors()
     assert root is not None  # a file that can't be read has errors
     if is_library(root):
-        found.add(judge_library(resolve_library(source, files, found), catalog))
+        judge_library(resolve_library(source, files, found), catalog, found)
         return None
-    mission = found.take(judge_mission(root))
+    mission = judge_mission(root, found)
     found.stop_if_errors()
     resolved = resolve(mission, files, settings, found)
     found.stop_if_errors()
-    document = found.take(shape(resolved, catalog, target))
+    plan = mission_of(resolved, catalog, target, found)
     found.stop_if_errors()
-    found.add(check(document, catalog))
+    found.add(check(plan, catalog))
     found.stop_if_errors()
     found.add(unused_names(mission, files, settings))
-    return document
+    return plan
 
 
 def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:

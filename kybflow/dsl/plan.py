@@ -93,7 +93,7 @@ class TransitionPlan(Record):
     is_whole: ClassVar[bool] = True
     terse: ClassVar[bool] = True
 
-    cause: Cause = "next"
+    cause: Cause = field(default="next", kw_only=True)
     when: Annotated[Expression | None, CONDITION] = key(
         "A condition, like `state.altitude > 1 m`.", default=None
     )
@@ -884,6 +884,12 @@ class Plan(Shared):
             return (name,)
         return tuple(member for member in self.groups.get(name, ()) if member in self.fleet)
 
-    def flow(self, name: str) -> FlowPlan | None:
-        """The flow of a name; None where there is none."""
-        return next((flow for flow in self.flows if flow.name == name), None)
+    @functools.cached_property
+    def flows_by_name(self) -> dict[str, FlowPlan]:
+        """The flows by name."""
+        return {flow.name: flow for flow in self.flows}
+
+    @functools.cached_property
+    def inputs_by_name(self) -> dict[str, InputPlan]:
+        """The inputs by name."""
+        return {use.name: use for use in self.inputs}

@@ -69,7 +69,7 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
     if limit is not None and goal is not None and phase.otherwise is not None:
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
-        return (TransitionPlan(phase.otherwise, "within", after=phase.within, at=span.at, source=source),)
+        return (TransitionPlan(phase.otherwise, cause="within", after=phase.within, at=span.at, source=source),)
     if limit is not None:
         message = "nothing says where the phase goes after `within`"
         found.report("KYB192", message, limit.value.span, help="add `otherwise: PHASE`")

@@ -50,14 +50,15 @@ def is_library(root: Node) -> bool:
     return isinstance(root, Mapping) and "library" in root.entries and "mission" not in root.entries
 
 
-def judge_mission(root: Node, found: Findings) -> None:
-    """Report what is wrong with the shape of a mission."""
+def judge_mission(root: Node, found: Findings) -> Mapping:
+    """The top level of a mission; reports what is wrong with its shape."""
     if isinstance(root, Mapping) and "mission" in root.entries:
         found.add(judge_file(root, Plan))
-        return
+        return root
     what = f"this is {describe(root)}" if not isinstance(root, Mapping) else "`mission` is missing"
     hint = "a mission begins with `kybflow: 1` and `mission: NAME`"
     found.report("KYB102", f"a mission is needed, but {what}", head_of(root), help=hint)
+    return Mapping({}, root.span)
 
 
 def _locate(root: Node, path: Any) -> tuple[Node, str]:

@@ -5,29 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from kybflow.dsl.document import Document, VehicleEntry
 from kybflow.dsl.expressions import Scope
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts.observables import chains_of
 
 
 class Scopes:
-    """The scope of every expression of a document."""
+    """The scope of every expression of a plan."""
 
-    def __init__(self, document: Document) -> None:
-        vehicles = document.vehicles.items()
-        self._states = {name: (*v.states, *_chains(v), *BUILT_IN) for name, v in vehicles}
-        self._estimators = {
-            name: tuple(use.part.label for use in v.estimators) for name, v in vehicles
-        }
-        self._points = document.points
-        self._carriers = frozenset(name for name, v in vehicles if v.payload is not None)
+    def __init__(self, plan: Plan) -> None:
+        vehicles = plan.vehicles
+        self._states = {v.name: (*v.states, *_chains(v), *BUILT_IN) for v in vehicles}
+        self._estimators = {v.name: tuple(e.part.alias for e in v.estimators) for v in vehicles}
+        self._points = plan.points
+        self._carriers = frozenset(v.name for v in vehicles if v.payload is not None)
         self._scopes: dict[tuple[str, str | None], Scope] = {}
         self._groups = {
-            name: tuple(m.text for m in members if m.text in document.vehicles)
-            for name, members in document.groups.items()
+            name: tuple(member for member in members if member in plan.fleet)
+            for name, members in plan.groups.items()
         }
-        self._inputs = {name: use.axes for name, use in document.inputs.items()}
+        self._inputs = {use.name: use.axes for use in plan.inputs}
 
     def condition(self, vehicle: str) -> Scope:
         """The scope of a `when` of `vehicle`."""
@@ -58,6 +56,6 @@ class Scopes:
         return self._scopes[kind, own]
 
 
-def _chains(vehicle: VehicleEntry) -> list[str]:
+def _chains(vehicle: VehiclePlan) -> list[str]:
     """The chains of a vehicle: it is in one while it is in a state inside."""
     return list(dict.fromkeys(chain for state in vehicle.states for chain in chains_of(state)))

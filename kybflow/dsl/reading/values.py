@@ -66,8 +66,13 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 
 @functools.lru_cache(maxsize=256)
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
-    """A required field of `dimension` that no record declares, such as a mission's parameter."""
-    return Field(name, numbers(dimension, shape), required=True, key=name, **bounds)
+    """A required field that no record declares, such as a mission's parameter: of `dimension`, or
+    an integer, a text or a boolean."""
+    kind = _PLAIN.get(shape) or numbers(dimension, shape)
+    return Field(name, kind, required=True, key=name, **bounds)
+
+
+_PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 
 
 def decode(node: Node, field: Field, found: Findings) -> Any:

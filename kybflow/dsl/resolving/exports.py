@@ -21,7 +21,7 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.resolving.imports import LibraryPath, installed, read_library
 from kybflow.dsl.resolving.like import merge
 from kybflow.dsl.resolving.parameters import ParameterTable
-from kybflow.dsl.schema.building import LISTS
+from kybflow.dsl.plan import LISTS
 
 CODES = {
     "KYB157": "A stack that has nothing for the list in which it stands.",

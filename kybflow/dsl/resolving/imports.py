@@ -16,7 +16,8 @@ from kybflow.core.text import nearest
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
-from kybflow.dsl.schema.judge import judge_file
+from kybflow.dsl.language.judge import judge_file
+from kybflow.dsl.plan import Library as LibraryRecord
 
 CODES = {
     "KYB120": "An import that names no file.",
@@ -154,7 +155,7 @@ def judged(source: ParsedFile) -> Library:
     root = source.root
     if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
         return Library(source, source.found)
-    return Library(source, tuple(judge_file(root, "library")))
+    return Library(source, tuple(judge_file(root, LibraryRecord)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -15,7 +15,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, SET, Span
-from kybflow.dsl.document import Parameter
+from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import (
     NAME,
@@ -178,7 +178,7 @@ def _value(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; a point's name stays itself until the world is known."""
     if isinstance(node, Scalar) and field.shape == "vector" and node.text.startswith(PREFIX):
         return node.text
-    return found.take(decode(node, field))
+    return decode(node, field, found)
 
 
 def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
@@ -191,7 +191,7 @@ def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
     for bound in _BOUNDS:
         node = body.get(bound)
         if node is not None:
-            bounds[bound] = found.take(decode(node, quantity_field(bound, dimension)))
+            bounds[bound] = decode(node, quantity_field(bound, dimension), found)
     return quantity_field(name, dimension, shape, **bounds)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
-from kybflow.dsl.document import Parameter
+from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
 from kybflow.dsl.resolving.chains import Chains
