@@ -317,7 +317,9 @@ def fields_of(cls: Any) -> tuple[Field, ...]:
     hints = hints_of(cls)
     is_language = getattr(cls, _LANGUAGE, False)
     declared = [f for f in dataclasses.fields(cls) if _KEY in f.metadata or not is_language]
-    return tuple(_field(cls, f, hints[f.name], is_language) for f in declared)
+    fields = [_field(cls, f, hints[f.name], is_language) for f in declared]
+    first = getattr(cls, "leading", ())
+    return tuple(sorted(fields, key=lambda f: first.index(f.key) if f.key in first else len(first)))
 
 
 def named_in(parameters: Any, what: Named) -> dict[str, str]:

@@ -37,7 +37,7 @@ from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names
-from kybflow.dsl.writing.mission import to_yaml
+from kybflow.dsl.language.text import to_yaml
 
 if TYPE_CHECKING:
     from kybflow.dsl.diagnostics.spans import Span

@@ -791,6 +791,7 @@ class Library(Shared):
 
     title: ClassVar[str] = "library"
     is_whole: ClassVar[bool] = True
+    leading: ClassVar[tuple[str, ...]] = ("library",)
 
     library: Annotated[str, TITLE] = key("Its name.")
     vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key("What flies, by name.", default=())
@@ -804,6 +805,7 @@ class Plan(Shared):
 
     title: ClassVar[str] = "mission"
     is_whole: ClassVar[bool] = True
+    leading: ClassVar[tuple[str, ...]] = ("kybflow", "mission")
     block: ClassVar[bool] = True
 
     version: Annotated[int, VERSION] = key(

@@ -249,12 +249,9 @@ class Obstacle(Record):
     """
 
     title: ClassVar[str] = "obstacle"
+    terse: ClassVar[bool] = True
 
     name: str
-    contact: Literal["forbidden", "allowed"] = key(
-        "`allowed`: it is there to be touched, and nothing keeps away from it.",
-        default="forbidden",
-    )
     box: BoxParams | None = key("A box along the axes.", default=None)
     cylinder: CylinderParams | None = key("An upright cylinder.", default=None)
     sphere: SphereParams | None = key("A ball.", default=None)
@@ -267,6 +264,10 @@ class Obstacle(Record):
     )
     moving_sphere: MovingSphereParams | None = key(
         "A ball that goes along lines, there and back.", default=None
+    )
+    contact: Literal["forbidden", "allowed"] = key(
+        "`allowed`: it is there to be touched, and nothing keeps away from it.",
+        default="forbidden",
     )
     shape: Shape | None = None
     moving: MovingSphere | None = None

@@ -10,7 +10,7 @@ from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionEntry
+from kybflow.dsl.plan import Action
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
 from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
@@ -30,11 +30,11 @@ def switches(case: Case) -> Iterator[Diagnostic]:
     for action in actions_of(case, "switch"):
         who = action.target
         assert who is not None
-        vehicles = members(case.document, who.text)
+        vehicles = case.plan.members(who.text)
         if not vehicles:
-            yield unknown_vehicle("KYB232", who, case.document)
+            yield unknown_vehicle("KYB232", who, case.plan)
         for name in vehicles:
-            finding = wrong_goal("KYB232", action.value, case.document.vehicles[name])
+            finding = wrong_goal("KYB232", action.value, case.plan.fleet[name])
             if finding is not None:
                 yield finding
 
@@ -48,12 +48,12 @@ def options(case: Case) -> Iterator[Diagnostic]:
     """
     for action in sets_of(case):
         assert action.target is not None
-        values = yield from option_values(action, case.document, case.catalog)
+        values = yield from option_values(action, case.plan, case.catalog)
         fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
         if fixed is not None:
             yield Diagnostic(
                 "KYB233",
-                f"`{action.target.text}` can't change in flight",
+                f"`{action.target}` can't change in flight",
                 action.target.span,
                 label="read-only" if fixed.field.read_only else "a path",
                 help="write it where the part is used",
@@ -68,7 +68,7 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
     """
     for action in sets_of(case):
         assert action.target is not None
-        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+        for option, value in collect(option_values(action, case.plan, case.catalog)).value:
             if option.field.loosens(option.declared, value):
                 declared = shown_value(option.declared, option.field)
                 yield Diagnostic(
@@ -86,9 +86,9 @@ def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     airframe."""
     for action in sets_of(case):
         assert action.target is not None
-        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+        for option, value in collect(option_values(action, case.plan, case.catalog)).value:
             name, vehicle = option.field.name, option.name.partition(".")[0]
-            limit = getattr(case.document.vehicles[vehicle].airframe, name, None)
+            limit = getattr(case.plan.fleet[vehicle].airframe, name, None)
             dimension = option.field.dimension
             if name not in LIMITS or dimension not in (SPEED, ANGLE) or value is None:
                 continue
@@ -112,9 +112,9 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
     for action in (*actions_of(case, "enable"), *actions_of(case, "disable")):
         name = action.value
         first, _, rest = name.text.partition(".")
-        vehicles = members(case.document, first)
+        vehicles = case.plan.members(first)
         if not vehicles:
-            yield unknown_vehicle("KYB235", name, case.document, end=len(first))
+            yield unknown_vehicle("KYB235", name, case.plan, end=len(first))
         for vehicle in vehicles[:1] if rest.startswith("supervisors.") else vehicles:
             finding = _not_switchable(case, vehicle, name, rest)
             if finding is not None:
@@ -122,16 +122,16 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
 
 
 def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnostic | None:
-    processors = {f"processors.{p.label}": p for p in case.document.vehicles[vehicle].processors}
+    processors = {f"processors.{p.label}": p for p in case.plan.fleet[vehicle].processors}
     place = name.part(len(name.text) - len(rest), len(name.text))
     if rest.startswith("supervisors."):
         message = f"`{name.text}` can't be switched: a supervisor always works"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     if rest not in processors:
         message = f"`{vehicle}` has no processor `{rest}`"
-        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.spec.cls.safety])
+        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.cls.safety])
         return Diagnostic("KYB235", message, place, label="unknown", help=hint)
-    if processors[rest].spec.cls.safety:
+    if processors[rest].cls.safety:
         message = f"`{name.text}` can't be switched: it keeps the vehicle safe"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     return None
@@ -147,9 +147,9 @@ def unknown_acts(case: Case) -> Iterator[Diagnostic]:
     for action in actions_of(case, "perform"):
         who, act = action.target, action.value
         assert who is not None
-        vehicles = members(case.document, who.text)
+        vehicles = case.plan.members(who.text)
         if not vehicles:
-            yield unknown_vehicle("KYB553", who, case.document)
+            yield unknown_vehicle("KYB553", who, case.plan)
         elif not any(act.text in _acts_of(case, vehicle) for vehicle in vehicles):
             drivers = (case.catalog.get("drivers", n) for n in case.catalog.names("drivers"))
             known = {name for driver in drivers for name in driver.cls.acts}
@@ -164,8 +164,8 @@ def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
     parameters says so."""
     for action in actions_of(case, "perform"):
         assert action.target is not None
-        for vehicle in members(case.document, action.target.text):
-            driver, act = case.document.vehicles[vehicle].driver, action.value
+        for vehicle in case.plan.members(action.target):
+            driver, act = case.plan.fleet[vehicle].driver, action.value
             found = _acts_of(case, vehicle).get(act.text)
             needs = None if found is None else found.needs
             if needs is not None and not getattr(driver.params, needs):
@@ -173,24 +173,24 @@ def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
                     "KYB554",
                     f"the driver of `{vehicle}` performs `{act.text}` with `{needs}: true` only",
                     act.span,
-                    help=f"add `{needs}: true` to `{driver.spec.name}`",
+                    help=f"add `{needs}: true` to `{driver.name}`",
                 )
 
 
 def _acts_of(case: Case, vehicle: str) -> Mapping[str, Act]:
-    acts: Mapping[str, Act] = case.document.vehicles[vehicle].driver.spec.cls.acts
+    acts: Mapping[str, Act] = case.plan.fleet[vehicle].driver.cls.acts
     return acts
 
 
-def actions_of(case: Case, name: str) -> Iterator[ActionEntry]:
+def actions_of(case: Case, name: str) -> Iterator[Action]:
     """The actions of every callback that are called `name`."""
-    for callback in case.document.callbacks:
-        yield from (action for action in callback.actions if action.name.text == name)
+    for callback in case.plan.callbacks:
+        yield from (action for action in callback.actions if action.name == name)
 
 
-def sets_of(case: Case) -> Iterator[ActionEntry]:
+def sets_of(case: Case) -> Iterator[Action]:
     """Every `set` of a callback and of a phase."""
     yield from actions_of(case, "set")
-    for flow in case.document.flows.values():
+    for flow in case.plan.flows:
         for phase in flow.phases.values():
             yield from phase.set

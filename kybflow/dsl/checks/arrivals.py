@@ -10,7 +10,7 @@ from kybflow.dsl.checks.flows import Assignment, assignments, phases
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import PhaseEntry, VehicleEntry
+from kybflow.dsl.plan import PhasePlan, VehiclePlan
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
 from kybflow.dsl.plan import Arrive
@@ -23,7 +23,7 @@ _LASTING = frozenset({"hover", "landed"})
 class _Arriving(NamedTuple):
     """A phase that says how its vehicles arrive, and what it asks of each."""
 
-    phase: PhaseEntry
+    phase: PhasePlan
     how: Text
     asked: list[Assignment]
 
@@ -35,12 +35,12 @@ def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
     """
     for phase, how, asked in case.cached(_arriving):
         vehicles = {assignment.vehicle for assignment in asked}
-        is_known = all(members(case.document, who.text) for who, _ in phase.run)
+        is_known = all(case.plan.members(who.text) for who, _ in phase.run)
         if len(vehicles) < 2 and is_known and not phase.inherited:
             who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "nobody"
             yield Diagnostic(
                 "KYB530",
-                f"`{phase.name.text}` runs {who}, who can't arrive `{how.text}`",
+                f"`{phase.name}` runs {who}, who can't arrive `{how.text}`",
                 how.span,
                 label="needs two vehicles",
                 help="leave it out, or name the others in `run`",
@@ -98,7 +98,7 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _lasts(vehicle: VehicleEntry, goal: str) -> bool:
+def _lasts(vehicle: VehiclePlan, goal: str) -> bool:
     """Whether a state has no end and no way out but by a failure."""
     if goal not in vehicle.states:
         return goal in _LASTING
@@ -111,16 +111,16 @@ def _said(how: Text, assignment: Assignment) -> str:
 
 
 def _arriving(case: Case) -> Iterator[_Arriving]:
-    for _, phase in phases(case.document):
+    for _, phase in phases(case.plan):
         if phase.arrive is not None:
-            asked = list(assignments(case.document, phase.run))
+            asked = list(assignments(case.plan, phase.run))
             yield _Arriving(phase, phase.arrive, asked)
 
 
-def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehicleEntry, str, Assignment]]:
+def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehiclePlan, str, Assignment]]:
     """Each vehicle and the state that it is asked for, if it has it."""
     for assignment in asked:
-        vehicle = case.document.vehicles[assignment.vehicle]
+        vehicle = case.plan.fleet[assignment.vehicle]
         goal = vehicle.goal(assignment.goal.text)
         if goal in vehicle.states or goal in BUILT_IN:
             yield vehicle, goal, assignment

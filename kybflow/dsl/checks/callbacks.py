@@ -14,7 +14,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionEntry, CallbackEntry
+from kybflow.dsl.plan import Action, CallbackPlan
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members, options_named
 from kybflow.parts.observables import ALARM_FIELDS, EVENTS
@@ -34,7 +34,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     reactions are judged; numbers are no names: compare them in a `when`.
     """
     (events,) = case.cached(known_events)
-    for callback in case.document.callbacks:
+    for callback in case.plan.callbacks:
         if callback.event is None:
             continue
         sources = events.sources(callback.event.text)
@@ -54,7 +54,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
 def _never_said(
     case: Case, sources: tuple[str, ...], field: Text, value: Text
 ) -> Iterator[Diagnostic]:
-    vehicles = [case.document.vehicles[name] for name in sources if name]
+    vehicles = [case.plan.fleet[name] for name in sources if name]
     known: set[str] = set()
     if field.text == "behavior":
         known = {name for v in vehicles for name in (*v.states, *BUILT_IN)}
@@ -76,13 +76,13 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
     names = [action.value for action in actions_of(case, "emit")]
-    names += told_by_transitions(case.document)
+    names += told_by_transitions(case.plan)
     if not names:
         return
     (events,) = case.cached(known_events)
     taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
-    owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
-    owners.update(case.document.flows, case.document.inputs)
+    owners = {"any", "operator", *case.plan.fleet, *case.plan.groups}
+    owners.update(case.plan.flows, case.plan.inputs_by_name)
     for name in names:
         first, dot, _ = name.text.partition(".")
         message = hint = ""
@@ -103,7 +103,7 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
 def phases(case: Case) -> Iterator[Diagnostic]:
     """KYB237: `phase` names a flow or a phase that does not exist, or a phase that several flows
     have."""
-    flows = case.document.flows
+    flows = case.plan.flows
     for action in actions_of(case, "phase"):
         flow, phase = action.target, action.value
         owners = [name for name, f in flows.items() if phase.text in f.phases]
@@ -132,16 +132,16 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
     `{vehicle}`, and each its own fields. Braces that are meant as such are written twice.
     """
     (events,) = case.cached(known_events)
-    for callback in case.document.callbacks:
+    for callback in case.plan.callbacks:
         if callback.event is not None and not events.sources(callback.event.text):
             continue  # KYB208 says so
         known = log_fields(callback, events)
         for action in callback.actions:
-            if action.name.text == "log":
+            if action.name == "log":
                 yield from _placeholders(action.value, callback, known)
 
 
-def log_fields(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
+def log_fields(callback: CallbackPlan, events: KnownEvents) -> tuple[str, ...]:
     """The fields that a callback's `log` may name in braces."""
     if callback.event is None:
         return ("time",)
@@ -159,7 +159,7 @@ def carried(event: str, events: KnownEvents) -> tuple[str, ...]:
 
 
 def _placeholders(
-    text: Text, callback: CallbackEntry, known: tuple[str, ...]
+    text: Text, callback: CallbackPlan, known: tuple[str, ...]
 ) -> Iterator[Diagnostic]:
     try:
         parsed = list(Formatter().parse(text.text))
@@ -197,7 +197,7 @@ class _Said(NamedTuple):
 class _Way(NamedTuple):
     """From a callback to another one that hears what `action` of the first brings about."""
 
-    action: ActionEntry
+    action: Action
     to: int
 
 
@@ -210,7 +210,7 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
     `behavior_ended` and `behavior_started`, `phase` `phase_started`, `perform` `performed` or
     `perform_refused`.
     """
-    callbacks = [c for c in case.document.callbacks if c.when is None]
+    callbacks = [c for c in case.plan.callbacks if c.when is None]
     heard_events = [c.event.text for c in callbacks if c.event is not None]
     ways = _ways(case, callbacks, heard_events)
     for first, out in ways.items():
@@ -220,14 +220,14 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB239",
                 f"`{heard[0]}` is answered again and again, for ever",
-                next(way.action.name.span for way in out if way.to == (*cycle, first)[1]),
+                next(way.action.span for way in out if way.to == (*cycle, first)[1]),
                 label="this brings it about" if len(cycle) == 1 else "this begins a cycle",
                 notes=() if len(cycle) == 1 else ("`" + "` → `".join(heard) + "`",),
                 help="add a `when`, or hear an event that this does not bring about",
             )
 
 
-def _ways(case: Case, callbacks: list[CallbackEntry], heard: list[str]) -> dict[int, list[_Way]]:
+def _ways(case: Case, callbacks: list[CallbackPlan], heard: list[str]) -> dict[int, list[_Way]]:
     (events,) = case.cached(known_events)
     hearing: dict[tuple[str, str], list[int]] = {}
     for index, event in enumerate(heard):
@@ -244,30 +244,30 @@ def _ways(case: Case, callbacks: list[CallbackEntry], heard: list[str]) -> dict[
     return ways
 
 
-def _passes(callback: CallbackEntry, said: _Said) -> bool:
+def _passes(callback: CallbackPlan, said: _Said) -> bool:
     """Whether the callback's filters surely let the event through."""
     return all(said.fields.get(field.text) == value.text for field, value in callback.fields)
 
 
-def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
-    name, target = action.name.text, action.target
+def _said(case: Case, action: Action) -> Iterator[_Said]:
+    name, target = action.name, action.target
     if name == "emit":
         yield _Said("", action.value.text, {})
     elif name == "log":
         yield _Said("", "logged", {})
     elif name == "set" and target is not None:
-        for option in collect(options_named(target, case.document, case.catalog)).value:
+        for option in collect(options_named(target, case.plan, case.catalog)).value:
             vehicle = option.name.partition(".")[0]
             yield _Said(vehicle, "option_changed", {"option": option.name, "by": "callback"})
     elif name == "switch" and target is not None:
-        for vehicle in members(case.document, target.text):
-            state = case.document.vehicles[vehicle].goal(action.value.text)
+        for vehicle in case.plan.members(target.text):
+            state = case.plan.fleet[vehicle].goal(action.value.text)
             yield _Said(vehicle, "behavior_started", {"behavior": state})
             yield _Said(vehicle, "behavior_ended", {"how": "asked"})
     elif name == "perform" and target is not None:
-        for vehicle in members(case.document, target.text):
-            driver, act = case.document.vehicles[vehicle].driver, action.value.text
-            known = driver.spec.cls.acts.get(act)
+        for vehicle in case.plan.members(target.text):
+            driver, act = case.plan.fleet[vehicle].driver, action.value.text
+            known = driver.cls.acts.get(act)
             can = known is not None and (known.needs is None or getattr(driver.params, known.needs))
             yield _Said(
                 vehicle, "performed" if can else "perform_refused", {"act": act, "by": "callback"}

@@ -17,7 +17,7 @@ from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
@@ -96,9 +96,9 @@ def _decided_in_states(case: Case) -> Iterator[_Asked]:
 
 
 def _asked_in(
-    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry, text: Text
+    case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan, text: Text
 ) -> _Asked:
-    own, where = vehicle.name.text, transition.since or state.name.text
+    own, where = vehicle.name, transition.since or state.name
     condition = case.condition(text, case.scopes.condition(own))
     longest = inf if transition.since else _longest(case, vehicle, state)
     if condition is None:
@@ -116,7 +116,7 @@ def _asked_in(
     return _Asked(text, True if always else None, why)
 
 
-def _longest(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
+def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
     """How long a state may last; callbacks and requests that bring values may make it longer."""
     is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
     return inf if is_other else longest_time(vehicle, state)
@@ -124,7 +124,7 @@ def _longest(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
 
 def _valued(case: Case) -> Iterator[bool]:
     """Of each phase whether it enters states with values."""
-    return (bool(phase.values) for _, phase in phases(case.document))
+    return (bool(phase.values) for _, phase in phases(case.plan))
 
 
 def _within(own: str, longest: float, usual: Bounds) -> Bounds:
@@ -296,7 +296,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
 
 def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
     """Every expectation that parses."""
-    for text in case.document.expect:
+    for text in case.plan.expect:
         expression = parse(text, case.scopes.expectation())[0]
         if expression is not None:
             yield text, expression
@@ -324,7 +324,7 @@ def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
     """Of each state that a condition names and that is flown from the air into the air: that its
     vehicle isn't in it."""
     for vehicle, state in named_states(condition, None):
-        legs = case.legs(case.document.vehicles[vehicle], state)
+        legs = case.legs(case.plan.fleet[vehicle], state)
         if legs and all(leg.end is AIR for leg in legs):
             yield Not(InState(vehicle, state))
 
@@ -336,7 +336,7 @@ def _unknown(_: object) -> tuple[float, float]:
 def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
     """KYB414: an expectation gives more time than the run has, so that its `within` says nothing (a
     warning)."""
-    limit = case.document.time_limit
+    limit = case.plan.time_limit
     for text, expression in _expected(case):
         match expression:
             case Eventually(_, within) | Finished(within) if within is not None and within > limit:

@@ -12,7 +12,7 @@ from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import the_cameras
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import EstimatorEntry, VehicleEntry
+from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
 from kybflow.dsl.expressions.tree import Read
@@ -26,7 +26,7 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
     has an estimate, however old that is; without `for_at_most` it is then used for ever. A behavior
     may bring others to the front; of a vehicle that has one, nothing is said.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         if any(state.estimators for state in vehicle.states.values()):
             continue
         for index, first in enumerate(vehicle.estimators[:-1]):
@@ -51,9 +51,9 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
     That age is the period of what it measures with and the time that a measurement takes to arrive:
     those of motion capture as the driver declares them, or the period of its slowest camera.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for use in vehicle.estimators:
-            condition = case.condition(use.healthy, case.scopes.health(vehicle.name.text))
+            condition = case.condition(use.healthy, case.scopes.health(vehicle.name))
             ages = _ages(vehicle, use)
             if condition is None or use.healthy is None or ages is None:
                 continue
@@ -79,13 +79,13 @@ def _allowed(most: float) -> str:
     return quantity(max(_USUAL, 3.0 * most), DURATION)
 
 
-def _ages(vehicle: VehicleEntry, use: EstimatorEntry) -> tuple[float, float] | None:
+def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:
     """The least and the largest age of its estimates in a flight that is in order, s."""
-    driver, needs = vehicle.driver, use.part.spec.cls.uses(use.part.params)
+    driver, needs = vehicle.driver, use.part.cls.uses(use.part.params)
     if Frame in needs and vehicle.cameras:
         return 0.0, 1.0 / min(use.camera.rate for use in vehicle.cameras)
-    inner = driver.spec.cls.inner_loop(driver.params, vehicle.airframe)
-    if Pose in needs and Pose in driver.spec.cls.provides and inner is not None:
+    inner = driver.cls.inner_loop(driver.params, vehicle.airframe)
+    if Pose in needs and Pose in driver.cls.provides and inner is not None:
         return inner.pose_latency, inner.pose_latency + inner.pose_period
     return None
 
@@ -108,7 +108,7 @@ def unknown_first(case: Case) -> Iterator[Diagnostic]:
         known = [use.part.label for use in vehicle.estimators]
         for name in state.estimators:
             if name.text not in known:
-                message = f"`{vehicle.name.text}` has no estimator `{name.text}`"
+                message = f"`{vehicle.name}` has no estimator `{name.text}`"
                 hint = did_you_mean(name.text, known) or "name it under `estimators` of the vehicle"
                 yield Diagnostic("KYB361", message, name.span, help=hint)
 
@@ -126,33 +126,33 @@ def first_twice(case: Case) -> Iterator[Diagnostic]:
 def never_begins(case: Case) -> Iterator[Diagnostic]:
     """KYB305: every estimator of a vehicle is dead reckoning, which goes on from the estimate of
     another: none of them ever has a first one, and the vehicle never takes off."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         if vehicle.estimators and all(reckons(use) for use in vehicle.estimators):
             part = vehicle.estimators[0].part
             yield Diagnostic(
                 "KYB305",
-                f"`{vehicle.name.text}` never has an estimate",
+                f"`{vehicle.name}` never has an estimate",
                 part.span,
                 label=f"`{part.label}` goes on from the estimate of another",
                 help="name one that sees where the vehicle is, such as `mocap`, before it",
             )
 
 
-def reckons(use: EstimatorEntry) -> bool:
+def reckons(use: EstimatorPlan) -> bool:
     """Whether it is told of the estimate in use, and measures nothing but its own motion."""
-    cls, params = use.part.spec.cls, use.part.params
+    cls, params = use.part.cls, use.part.params
     return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}
 
 
 def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:
     """KYB256: the only estimator of a vehicle may be used for a time only, then the vehicle has
     none and goes down blind."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         if len(vehicle.estimators) == 1 and vehicle.estimators[0].for_at_most is not None:
             part = vehicle.estimators[0].part
             yield Diagnostic(
                 "KYB256",
-                f"`{vehicle.name.text}` flies blind after the time of `{part.label}`",
+                f"`{vehicle.name}` flies blind after the time of `{part.label}`",
                 part.span,
                 label="its only estimator",
                 help="leave `for_at_most` away, or put an estimator before it",
@@ -163,13 +163,13 @@ def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:
 def never_again(case: Case) -> Iterator[Diagnostic]:
     """KYB439: an estimator that was lost once is never used again: its `recover_after` is longer
     than the run (a warning)."""
-    limit = case.document.time_limit
-    for vehicle in case.vehicles():
+    limit = case.plan.time_limit
+    for vehicle in case.plan.vehicles:
         for use in vehicle.estimators if len(vehicle.estimators) > 1 else ():
             if use.recover_after >= limit:
                 yield Diagnostic(
                     "KYB439",
-                    f"`{use.part.label}` of `{vehicle.name.text}` never recovers",
+                    f"`{use.part.label}` of `{vehicle.name}` never recovers",
                     use.part.span,
                     label=f"must be healthy for {quantity(use.recover_after, DURATION)} first",
                     notes=(f"the mission's `time_limit` is {quantity(limit, DURATION)}",),

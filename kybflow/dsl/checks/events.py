@@ -12,7 +12,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
 from kybflow.parts import AIR, GROUND
@@ -42,21 +42,21 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     """
     (known,) = case.cached(known_events)
     for vehicle, state in case.states():
-        yield from _unheard_by(state.transitions, known, vehicle.name.text)
-    for flow in case.document.flows.values():
+        yield from _unheard_by(state.transitions, known, vehicle.name)
+    for flow in case.plan.flows:
         for phase in flow.phases.values():
             yield from _unheard_by(phase.transitions, known, None)
-    for event in (callback.event for callback in case.document.callbacks):
+    for event in (callback.event for callback in case.plan.callbacks):
         if event is None:
             continue
         if known.sources(event.text):
             yield from _too_late(event, known)
         else:
-            yield _unheard(event, known, None, case.document.groups)
+            yield _unheard(event, known, None, case.plan.groups)
 
 
 def _unheard_by(
-    transitions: Iterable[TransitionEntry], known: KnownEvents, own: str | None
+    transitions: Iterable[TransitionPlan], known: KnownEvents, own: str | None
 ) -> Iterator[Diagnostic]:
     for event in (t.event for t in transitions if t.event is not None):
         if known.hears(event.text, own):
@@ -97,17 +97,17 @@ def never_told(case: Case) -> Iterator[Diagnostic]:
     (known,) = case.cached(known_events)
     for vehicle, state in case.states():
         if not state.inherited:
-            yield from _never_told(case, known, state.transitions, vehicle.name.text)
-    for flow in case.document.flows.values():
+            yield from _never_told(case, known, state.transitions, vehicle.name)
+    for flow in case.plan.flows:
         for phase in flow.phases.values():
             yield from _never_told(case, known, phase.transitions, None)
-    for callback in case.document.callbacks:
+    for callback in case.plan.callbacks:
         if callback.event is not None:
             yield from _vain(case, known, callback.event, None)
 
 
 def _never_told(
-    case: Case, known: KnownEvents, transitions: Iterable[TransitionEntry], own: str | None
+    case: Case, known: KnownEvents, transitions: Iterable[TransitionPlan], own: str | None
 ) -> Iterator[Diagnostic]:
     for transition in transitions:
         if transition.event is not None:
@@ -120,7 +120,7 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
     is_doubt = name in OF_OTHERS
-    if event.text in known.of_the_run or (is_doubt and "targets" in case.document.spans):
+    if event.text in known.of_the_run or (is_doubt and "targets" in case.plan.spans):
         return
     lacks = [_lacks(case, vehicle, name) for vehicle in vehicles if vehicle]
     if lacks and all(lacks):
@@ -139,46 +139,46 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
     landed, which comes only when another behavior has brought it down."""
     for vehicle, state in case.states():
         for event in [t.event for t in state.transitions if t.event is not None and not t.since]:
-            own = {LANDED} if state.inherited else {LANDED, f"{vehicle.name.text}.{LANDED}"}
+            own = {LANDED} if state.inherited else {LANDED, f"{vehicle.name}.{LANDED}"}
             if event.text in own and _stays_in_the_air(state):
                 yield Diagnostic(
                     "KYB449",
-                    f"`{event.text}` never comes in `{state.name.text}`",
+                    f"`{event.text}` never comes in `{state.name}`",
                     event.span,
-                    label=f"`{state.part.name.text}` stays in the air",
+                    label=f"`{state.behavior.name}` stays in the air",
                     help="let it lead to a landing, and hear the event there",
                 )
 
 
-def _stays_in_the_air(state: StateEntry) -> bool:
-    legs = state.part.spec.cls.flight
+def _stays_in_the_air(state: StatePlan) -> bool:
+    legs = state.legs
     return all(leg.start is not GROUND and leg.end is AIR for leg in legs)
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
     """What a vehicle lacks to have an event; empty when it lacks nothing."""
-    vehicle = case.document.vehicles[name]
+    vehicle = case.plan.fleet[name]
     if event not in EVENTS:
         return _silent(case, vehicle, event)
-    used = {kind for e in vehicle.estimators for kind in e.part.spec.cls.uses(e.part.params)}
+    used = {kind for e in vehicle.estimators for kind in e.part.cls.uses(e.part.params)}
     if event in OF_CAMERAS and Frame not in used:
         return f"no estimator of `{name}` uses a camera"
     if event in OF_BODIES and Pose not in used:
         return f"no estimator of `{name}` uses motion capture"
     if event in OF_A_PAYLOAD and vehicle.payload is None:
         return f"`{name}` carries no payload"
-    if event in OF_FLOWS and not case.document.flows:
+    if event in OF_FLOWS and not case.plan.flows:
         return "the mission has no flows"
-    if event in OF_OTHERS and not vehicle.driver.spec.cls.shared:
-        return f"nobody else commands `{name}` on `{vehicle.driver.name.text}`"
+    if event in OF_OTHERS and not vehicle.driver.cls.shared:
+        return f"nobody else commands `{name}` on `{vehicle.driver.name}`"
     return ""
 
 
-def _silent(case: Case, vehicle: VehicleEntry, event: str) -> str:
+def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
     """The supervisor that alone tells an event, and has nothing to watch; empty where one does."""
-    telling = [part for part in vehicle.supervisors if event in part.spec.cls.events]
+    telling = [part for part in vehicle.supervisors if event in part.cls.events]
     context = next(c for v, c in case.cached(contexts) if v is vehicle) if telling else None
-    if context is None or any(event in part.spec.cls.can_tell(context) for part in telling):
+    if context is None or any(event in part.cls.can_tell(context) for part in telling):
         return ""
     return f"`{telling[0].label}` has nothing to watch here"
 
@@ -191,13 +191,13 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     it.
     """
     states = [state.transitions for _, state in case.states()]
-    phases = [p.transitions for f in case.document.flows.values() for p in f.phases.values()]
+    phases = [p.transitions for f in case.plan.flows for p in f.phases.values()]
     transitions = (transition for transitions in (*states, *phases) for transition in transitions)
     acting = [transition.event for transition in transitions if transition.event is not None]
     acting += [
         callback.event
-        for callback in case.document.callbacks
-        if callback.event and any(action.name.text != "log" for action in callback.actions)
+        for callback in case.plan.callbacks
+        if callback.event and any(action.name != "log" for action in callback.actions)
     ]
     for event in acting:
         if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
@@ -214,10 +214,10 @@ OPERATOR = "operator."
 """How the name of an event begins that a person gives."""
 
 
-def given_by_a_person(event: str, document: Document) -> bool:
+def given_by_a_person(event: str, plan: Plan) -> bool:
     """Whether a person gives an event, by command or by a button."""
     first, _, button = event.partition(".")
-    use = document.inputs.get(first)
+    use = plan.inputs_by_name.get(first)
     return event.startswith(OPERATOR) or (use is not None and button in use.buttons.values())
 
 
@@ -227,19 +227,19 @@ class KnownEvents:
     `of` those of a vehicle by their bare names."""
 
     def __init__(self, case: Case) -> None:
-        self._document = case.document
-        self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+        self._plan = case.plan
+        self.of = {v.name: _told_by(v, case) for v in case.plan.vehicles}
 
     @cached_property
     def custom(self) -> frozenset[str]:
-        document = self._document
-        ends = {f"{flow}.finished" for flow in document.flows}
-        pressed = {f"{n}.{b}" for n, use in document.inputs.items() for b in use.buttons.values()}
-        return emitted(document) | ends | pressed
+        plan = self._plan
+        ends = {f"{flow}.finished" for flow in plan.flows}
+        pressed = {f"{n}.{b}" for n, use in plan.inputs_by_name.items() for b in use.buttons.values()}
+        return emitted(plan) | ends | pressed
 
     @property
     def of_the_run(self) -> frozenset[str]:
-        return OF_THE_RUN | self.custom | {f"{flow}.finished" for flow in self._document.flows}
+        return OF_THE_RUN | self.custom | {f"{flow}.finished" for flow in self._plan.flows}
 
     def sources(self, event: str) -> tuple[str, ...]:
         """The vehicles that an event's name speaks of: `("",)` is the run. None tells an unknown
@@ -249,27 +249,27 @@ class KnownEvents:
             return ("",)
         if not dot:
             return ()
-        asked = tuple(self.of) if first == ANY else members(self._document, first)
+        asked = tuple(self.of) if first == ANY else self._plan.members(first)
         return tuple(vehicle for vehicle in asked if name in self.of[vehicle])
 
     def fields_of(self, event: str) -> tuple[str, ...]:
         """The fields of an event, by its bare name. A mission's own event has none."""
         if event in EVENT_FIELDS:
             return EVENT_FIELDS[event]
-        for vehicle in self._document.vehicles.values():
+        for vehicle in self._plan.vehicles.values():
             for state in vehicle.states.values():
-                if event in state.part.spec.cls.tells:
-                    return ("behavior", *state.part.spec.cls.tells[event])
+                if event in state.behavior.cls.tells:
+                    return ("behavior", *state.behavior.cls.tells[event])
             for processor in vehicle.processors:
-                if event in processor.spec.cls.tells:
-                    return ("processor", *processor.spec.cls.tells[event])
+                if event in processor.cls.tells:
+                    return ("processor", *processor.cls.tells[event])
         return ALARM_FIELDS
 
     def hears(self, event: str, own: str | None) -> bool:
         """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
         if own is not None and event in self.of[own]:
             return True
-        return event.partition(".")[0] not in self._document.groups and bool(self.sources(event))
+        return event.partition(".")[0] not in self._plan.groups and bool(self.sources(event))
 
     def names(self, own: str | None, groups: Iterable[str]) -> set[str]:
         """Every name under which an event can be heard: by `own` also its vehicle's bare ones, and
@@ -288,30 +288,30 @@ def known_events(case: Case) -> Iterator[KnownEvents]:
     yield KnownEvents(case)
 
 
-def emitted(document: Document) -> frozenset[str]:
+def emitted(plan: Plan) -> frozenset[str]:
     """The custom events that the actions and transitions of a mission emit."""
-    found = {name.text for name in told_by_transitions(document)}
-    for callback in document.callbacks:
+    found = {name.text for name in told_by_transitions(plan)}
+    for callback in plan.callbacks:
         for action in callback.actions:
-            if action.name.text == "emit":
+            if action.name == "emit":
                 found.add(action.value.text)
             elif action.part is not None:
-                found.update(action.part.spec.cls.events)
+                found.update(action.part.cls.events)
     return frozenset(found)
 
 
-def told_by_transitions(document: Document) -> list[Text]:
+def told_by_transitions(plan: Plan) -> list[Text]:
     """The events that transitions of states and phases emit."""
-    ways = [state.transitions for v in document.vehicles.values() for state in v.states.values()]
-    ways += [phase.transitions for f in document.flows.values() for phase in f.phases.values()]
+    ways = [state.transitions for v in plan.vehicles for state in v.states.values()]
+    ways += [phase.transitions for f in plan.flows for phase in f.phases.values()]
     return [t.emit for transitions in ways for t in transitions if t.emit]
 
 
-def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:
+def _told_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
     """The events that belong to the vehicle, by their bare names."""
     parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
     parts += [estimator.part for estimator in vehicle.estimators]
-    parts += [state.part for state in vehicle.states.values()]
-    classes = [part.spec.cls for part in parts]
+    parts += [state.behavior for state in vehicle.states.values()]
+    classes = [part.cls for part in parts]
     classes += [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
     return _OF_VEHICLES.union(*(cls.events for cls in classes))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import PartUse, VehicleEntry
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.flight.loops.design import (
     ASKED,
     LEAST,
@@ -33,7 +33,7 @@ class _Closed(NamedTuple):
     """A vehicle's position loop. is_chosen: its gains are the author's or follow from the loop, so
     that they are no tracker's by nature."""
 
-    vehicle: VehicleEntry
+    vehicle: VehiclePlan
     outer: OuterLoop
     inner: InnerLoop
     margins: Margins
@@ -42,21 +42,21 @@ class _Closed(NamedTuple):
 
 def _loops(case: Case) -> Iterator[_Closed]:
     """The loop of each vehicle of which one is known."""
-    period = 1.0 / case.document.control_rate
-    for vehicle in case.vehicles():
+    period = 1.0 / case.plan.control_rate
+    for vehicle in case.plan.vehicles:
         driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
-        inner = driver.spec.cls.inner_loop(driver.params, airframe)
+        inner = driver.cls.inner_loop(driver.params, airframe)
         if inner is None:
             continue
-        outer = tracker.spec.cls.outer_loop(tracker.params, airframe, inner, period)
+        outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
         if outer is not None:
             found = margins_of(outer, inner)
             yield _Closed(vehicle, outer, inner, found, any(map(_is_chosen, _gains(tracker))))
 
 
-def _gains(tracker: PartUse) -> Iterator[tuple[float | None, float | None]]:
+def _gains(tracker: PartPlan) -> Iterator[tuple[float | None, float | None]]:
     """Each gain of a tracker, and the one that it has by itself."""
-    for field in tracker.spec.fields:
+    for field in tracker.fields:
         if field.name in GAINS:
             yield getattr(tracker.params, field.name), field.default
 
@@ -101,17 +101,17 @@ def _is_little(loop: _Closed) -> bool:
 
 
 def _finding(code: str, loop: _Closed) -> Diagnostic:
-    tracker, name = loop.vehicle.tracker, loop.vehicle.name.text
+    tracker, name = loop.vehicle.tracker, loop.vehicle.name
     bound = asked_of(loop.outer, loop.inner)
     what = f"would make `{name}` oscillate"
     if holds(loop.margins, _SWINGS):
         little = "little" if code == "KYB324" else "too little"
         what = f"leaves `{name}` {little} margin"
     written = (tracker.spans[key] for key in (*GAINS, "observer") if key in tracker.spans)
-    span = next(written, tracker.name.span)
+    span = next(written, tracker.span)
     return Diagnostic(
         code,
-        f"`{tracker.name.text}` {what}",
+        f"`{tracker.name}` {what}",
         span,
         label=in_words(loop.margins),
         notes=(f"at least {in_words(bound)} are asked for",),

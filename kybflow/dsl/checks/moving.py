@@ -36,7 +36,7 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
     Each line along which it goes must stay further from the line of the climb, from the start on,
     than its radius and the vehicle's arm.
     """
-    moving = case.document.moving
+    moving = case.plan.moving
     for vehicle, state, _, footprint in case.cached(footprints) if moving else ():
         if not is_vertical(state):
             continue
@@ -45,13 +45,13 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
             ways = (_Way(a, b, ball.sphere.radius) for a, b in pairwise(ball.sphere.along))
             room, point = min((nearest(path, way, arm) for way in ways), default=(arm, None))
             if room < arm and point is not None:
-                who, what = vehicle.name.text, state.name.text
+                who, what = vehicle.name, state.name
                 yield Diagnostic(
                     "KYB556",
-                    f"`{ball.name.text}` comes where `{who}` does `{what}`",
+                    f"`{ball.name}` comes where `{who}` does `{what}`",
                     ball.span,
                     label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
-                    notes=(f"`{what}` is at {state.name.span.beside(ball.span)}",),
+                    notes=(f"`{what}` is at {state.span.beside(ball.span)}",),
                     help="let it go elsewhere: nothing is avoided in a take-off or a landing",
                     severity=Severity.WARNING,
                 )
@@ -60,12 +60,12 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
 def goes_nowhere(case: Case) -> Iterator[Diagnostic]:
     """KYB557: an obstacle that moves has all its points in one place, where it stays (a
     warning)."""
-    for ball in case.document.moving:
+    for ball in case.plan.moving:
         first = ball.sphere.along[0]
         if all(point == first for point in ball.sphere.along):
             yield Diagnostic(
                 "KYB557",
-                f"`{ball.name.text}` moves from a place to the same place",
+                f"`{ball.name}` moves from a place to the same place",
                 ball.span,
                 label=f"stays at {shown_point(first)}",
                 help="give `along` another point, or write a `sphere`",

@@ -9,7 +9,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import LANDED, KnownEvents, known_events
 from kybflow.dsl.checks.reachability import PHRASES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import ActionEntry, CallbackEntry, VehicleEntry
+from kybflow.dsl.plan import Action, CallbackPlan, VehiclePlan
 from kybflow.dsl.names.option_names import members
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
@@ -39,7 +39,7 @@ def always_refused(case: Case) -> Iterator[Diagnostic]:
                 f"`{action.value.text}` can't be entered at this event",
                 action.value.span,
                 label=f"starts {starts}",
-                notes=(f"`{vehicle.name.text}` is {PHRASES[flights[0]]} then",),
+                notes=(f"`{vehicle.name}` is {PHRASES[flights[0]]} then",),
                 help="ask for a state that fits, or at another event",
             )
 
@@ -66,52 +66,52 @@ def never_goes_on(case: Case) -> Iterator[Diagnostic]:
 def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
     """KYB452: a callback stops the run before anything of the mission is flown: at its begin or at
     a take-off (a warning)."""
-    for callback in case.document.callbacks:
+    for callback in case.plan.callbacks:
         if callback.event is None or callback.when is not None or callback.fields:
             continue
-        stops = [action for action in callback.actions if action.name.text == "stop"]
+        stops = [action for action in callback.do if action.name == "stop"]
         if stops and _bare(callback) in _BEFORE_ALL:
             yield Diagnostic(
                 "KYB452",
                 f"`stop` at `{callback.event.text}` leaves nothing to fly",
-                stops[0].name.span,
+                stops[0].span,
                 label="lands everybody at once",
                 help="stop at a later event, or add a `when`",
                 severity=Severity.WARNING,
             )
 
 
-def _switched(case: Case) -> Iterator[tuple[CallbackEntry, ActionEntry, VehicleEntry]]:
+def _switched(case: Case) -> Iterator[tuple[CallbackPlan, Action, VehiclePlan]]:
     """Every request of a callback that hears the very vehicle that it asks."""
-    document = case.document
-    for callback in document.callbacks:
-        asked = [action for action in callback.actions if action.name.text == "switch"]
+    plan = case.plan
+    for callback in plan.callbacks:
+        asked = [action for action in callback.do if action.name == "switch"]
         if callback.event is None or not asked:
             continue
         heard = _heard(case, callback)
         for action in asked:
             assert action.target is not None
-            if heard == members(document, action.target.text) and len(heard) == 1:
-                yield callback, action, document.vehicles[heard[0]]
+            if heard == plan.members(action.target) and len(heard) == 1:
+                yield callback, action, plan.fleet[heard[0]]
 
 
-def _heard(case: Case, callback: CallbackEntry) -> tuple[str, ...]:
+def _heard(case: Case, callback: CallbackPlan) -> tuple[str, ...]:
     events: KnownEvents
     (events,) = case.cached(known_events)
     return () if callback.event is None else events.sources(callback.event.text)
 
 
-def _bare(callback: CallbackEntry) -> str:
+def _bare(callback: CallbackPlan) -> str:
     return "" if callback.event is None else callback.event.text.rpartition(".")[2]
 
 
-def _behavior(callback: CallbackEntry) -> str:
+def _behavior(callback: CallbackPlan) -> str:
     """The behavior of which alone the callback hears; empty where it hears of several."""
     named = [value.text for field, value in callback.fields if field.text == "behavior"]
     return named[0] if named else ""
 
 
-def _found(case: Case, callback: CallbackEntry, vehicle: VehicleEntry) -> tuple[Flight, ...]:
+def _found(case: Case, callback: CallbackPlan, vehicle: VehiclePlan) -> tuple[Flight, ...]:
     """How the vehicle may be found at the callback's event; empty where that is not known."""
     event, state = _bare(callback), _behavior(callback)
     if event == _STARTED:

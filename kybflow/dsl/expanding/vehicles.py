@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import tan
+from math import degrees, tan
 
-from kybflow.core.geometry import Quat, from_axes, from_euler, multiply
+from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.expanding.states import States, states_of
 from kybflow.dsl.language.decode import Decoder
@@ -152,3 +152,18 @@ def pinhole(width: int, height: int, field_of_view: float) -> Lens:
     field_of_view: angle between the image's left and right edges."""
     focal = 0.5 * width / tan(0.5 * field_of_view)
     return Lens(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+
+def written_camera(camera: Camera, calibration: str) -> str:
+    """An entry of `cameras`, to a tenth of a millimetre and a hundredth of a degree, with its lens
+    in a file."""
+    at = ", ".join(f"{metres:.4f} m" for metres in camera.position)
+    turned = {name: multiply(camera.attitude, conjugate(quat)) for name, quat in FACING.items()}
+    facing = max(FACING, key=lambda name: abs(turned[name][0]))
+    angles = zip(("roll", "pitch", "yaw"), to_euler(turned[facing]), strict=True)
+    trim = "".join(f", {name}: {degrees(angle):.3f} deg" for name, angle in angles)
+    more = f", row_time: {camera.row_time:g} s" if camera.row_time else ""
+    return (
+        f"{camera.name}: {{at: [{at}], facing: {facing}{trim}, calibration: {calibration},"
+        f" rate: {camera.rate:g} Hz{more}}}"
+    )

@@ -51,6 +51,7 @@ class Record:
     least: ClassVar[int] = 0
     terse: ClassVar[bool] = False
     block: ClassVar[bool] = False
+    leading: ClassVar[tuple[str, ...]] = ()
 
     source: Source = field(default=NOWHERE, kw_only=True, compare=False, repr=False)
 

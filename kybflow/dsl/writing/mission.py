@@ -1,1 +1,0 @@
-def to_yaml(plan): return ""
