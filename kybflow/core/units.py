@@ -106,6 +106,7 @@ class Rows:
     columns: int
     dimension: Dimension
 
+
 # A number and then a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
 _QUANTITY = re.compile(
     r"[ \t]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[ \t]*([^\d\s.,].*?|1/s)?[ \t]*\Z", re.ASCII

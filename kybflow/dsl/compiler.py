@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.bind import bind
 from kybflow.dsl.checks import check
-
 from kybflow.dsl.diagnostics.diagnostic import (
     Diagnostic,
     Findings,
@@ -31,13 +30,13 @@ from kybflow.dsl.expanding import targets
 from kybflow.dsl.expanding.library import judge_library
 from kybflow.dsl.expanding.mission import mission_of
 from kybflow.dsl.language.judge import is_library, judge_mission
+from kybflow.dsl.language.text import to_yaml
 from kybflow.dsl.plan import Parameter, Plan, SourceFile
 from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.resolving.loading import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names
-from kybflow.dsl.language.text import to_yaml
 
 if TYPE_CHECKING:
     from kybflow.dsl.diagnostics.spans import Span

@@ -99,9 +99,7 @@ class TransitionPlan(Record):
     )
     event: Annotated[str | None, EVENT] = key("An event to hear.", default=None)
     after: Duration | None = key("Time in the behavior.", default=None, at_least=0.0)
-    hold: Duration = key(
-        "How long the condition must hold.", default=0.0, at_least=0.0, key="for"
-    )
+    hold: Duration = key("How long the condition must hold.", default=0.0, at_least=0.0, key="for")
     emit: str | None = key(
         "An event of the mission's own, told when this way is taken.", default=None
     )
@@ -114,7 +112,8 @@ class TransitionPlan(Record):
     @property
     def target_span(self) -> Span:
         """Where its target is written; its own place for one that follows from something else."""
-        return self.source.span if self.cause == "within" else self.span_of("go")
+        text = self.text_of("go")
+        return self.span if text is None else text.span
 
 
 Ways = tuple[TransitionPlan, ...]
@@ -277,9 +276,7 @@ class VehiclePlan(Record):
         "What turns the setpoint into a command.", needed=False
     )
     supervisors: Supervisors = key("What watches a bound.", default=())
-    begin: Annotated[str, STATE] = key(
-        "The first behavior; without it the topmost.", needed=False
-    )
+    begin: Annotated[str, STATE] = key("The first behavior; without it the topmost.", needed=False)
     behaviors: dict[str, StatePlan] = key(
         "The vehicle's state machine: exactly one is active.", default={}, names_like="dotted"
     )
@@ -429,9 +426,7 @@ class Action(Record):
     enable: str | None = key(
         "A processor to use again, like `a.processors.limit_speed`.", default=None
     )
-    disable: str | None = key(
-        "A processor to leave out; none that is a safety part.", default=None
-    )
+    disable: str | None = key("A processor to leave out; none that is a safety part.", default=None)
     emit: str | None = key(
         "An event of the mission's own, to be heard in the next tick.", default=None
     )
@@ -522,9 +517,7 @@ class InputPlan(Record):
     name: str
     part: Annotated[PartPlan, part_of("inputs")] = key("Name of the part.", key="use")
     buttons: dict[str, str]
-    silent_after: Duration = key(
-        "Lost when it is silent for longer.", default=0.3, above=0.0
-    )
+    silent_after: Duration = key("Lost when it is silent for longer.", default=0.3, above=0.0)
     stuck_after: Duration | None = key(
         "Lost when an axis away from its centre doesn't change for longer.",
         default=None, above=0.0,
@@ -605,9 +598,7 @@ class PhasePlan(Record):
         "`in_turns`, each when the one before is there.",
         default=None,
     )
-    next: Ways = key(
-        "Ways out, asked from the top in every tick; `end` ends the flow.", default=()
-    )
+    next: Ways = key("Ways out, asked from the top in every tick; `end` ends the flow.", default=())
     within: Duration | None = key("The longest that it lasts.", default=None, above=0.0)
     otherwise: Goal = key("The phase to go to when it lasts longer, or `end`.", default=None)
     transitions: Ways = ()
@@ -770,7 +761,9 @@ class Shared(Record):
     """What missions and libraries may have."""
 
     summary: str = key("One line for people.", default="")
-    imports: dict[str, Annotated[ImportKeys, OR_NAME]] = key("Libraries, each under a name.", default={}, key="import")
+    imports: dict[str, Annotated[ImportKeys, OR_NAME]] = key(
+        "Libraries, each under a name.", default={}, key="import"
+    )
     parameters: dict[str, ParameterKeys] = key(
         "Values that `--set` may change.", default={}, each_examples=_EXAMPLE
     )
@@ -821,9 +814,7 @@ class Plan(Shared):
         "A hover that was entered by default lands after this.",
         default=30.0, above=0.0,
     )  # fmt: skip
-    time_limit: Duration = key(
-        "The run ends after this at the latest.", default=600.0, above=0.0
-    )
+    time_limit: Duration = key("The run ends after this at the latest.", default=600.0, above=0.0)
     world: Annotated[World, OR_NAME] = key(
         "Name of a library's world, or what bounds the flight, stands in its way and has a name.",
         default=World(),

@@ -43,6 +43,7 @@ class CameraPlan(Record):
     """A camera."""
 
     title: ClassVar[str] = "camera"
+    missing: ClassVar[str] = "KYB108"
 
     at: Position = key("Where its lens is, body frame (x forward, y left, z up).")
     facing: CameraFacing = key(
@@ -51,9 +52,7 @@ class CameraPlan(Record):
     roll: Angle = key(_TRIM.format("x"), default=0.0)
     pitch: Angle = key(_TRIM.format("y"), default=0.0)
     yaw: Angle = key(_TRIM.format("z"), default=0.0)
-    width: int | None = key(
-        "Width of its image, pixels.", default=None, at_least=16, at_most=8192
-    )
+    width: int | None = key("Width of its image, pixels.", default=None, at_least=16, at_most=8192)
     height: int | None = key(
         "Height of its image, pixels.", default=None, at_least=16, at_most=8192
     )
@@ -90,6 +89,7 @@ class GridParams(Record):
     """Tags in columns and rows."""
 
     title: ClassVar[str] = "grid"
+    missing: ClassVar[str] = "KYB108"
 
     family: Family = key("Family of the tags.")
     count: tuple[int, ...] = key("How many: [columns, rows].", at_least=1)
@@ -111,6 +111,7 @@ class TagParams(Record):
     """One tag."""
 
     title: ClassVar[str] = "tag"
+    missing: ClassVar[str] = "KYB108"
 
     family: Family = key("Family of the tag.")
     id: int = key("Its number.", at_least=0)
@@ -125,6 +126,7 @@ class MovingSphereParams(Record):
     """A ball that goes along lines, there and back."""
 
     title: ClassVar[str] = "moving_sphere"
+    missing: ClassVar[str] = "KYB108"
 
     along: Path = key("The points through which its centre goes, where it is simulated.")
     radius: Length = key("Its radius.", above=0.0)
@@ -140,6 +142,7 @@ class PointCloudParams(Record):
     """What a scanner saw: balls around points."""
 
     title: ClassVar[str] = "point_cloud"
+    missing: ClassVar[str] = "KYB108"
 
     file: File = key(
         "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
@@ -165,6 +168,7 @@ class OccupancyParams(Record):
     """The occupied cells of a map, as upright columns."""
 
     title: ClassVar[str] = "occupancy"
+    missing: ClassVar[str] = "KYB108"
 
     file: File = key(
         "A map's YAML file, as ROS's map_server has it, beside its PGM picture.", reads=read_info
@@ -191,7 +195,6 @@ class Corners(Record):
     """The box that no vehicle may leave."""
 
     title: ClassVar[str] = "fence"
-    missing: ClassVar[str] = "KYB102"
 
     low: Position = key("Its lowest corner.", key="from")
     high: Position = key("Its highest corner.", key="to")
@@ -209,7 +212,6 @@ class CylinderParams(Record):
     """An upright cylinder."""
 
     title: ClassVar[str] = "cylinder"
-    missing: ClassVar[str] = "KYB102"
 
     at: Position = key("The centre of its foot.")
     radius: Length = key("Its radius.", above=0.0)
@@ -221,7 +223,6 @@ class SphereParams(Record):
     """A ball."""
 
     title: ClassVar[str] = "sphere"
-    missing: ClassVar[str] = "KYB102"
 
     at: Position = key("Its centre.")
     radius: Length = key("Its radius.", above=0.0)
@@ -232,7 +233,6 @@ class PlaneParams(Record):
     """A wall without end."""
 
     title: ClassVar[str] = "plane"
-    missing: ClassVar[str] = "KYB102"
 
     at: Position = key("A point on it.")
     facing: Annotated[Vec3, NUMBER] = key(

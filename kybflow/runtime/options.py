@@ -15,7 +15,7 @@ from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, UnitError
-from kybflow.core.params import FIXED, Field, fields_of, type_of
+from kybflow.core.params import Field, Numbers, fields_of, type_of
 from kybflow.core.text import nearest
 from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
@@ -176,35 +176,41 @@ def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
 _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _NAME = re.compile(r"\w+")
 _LIST = re.compile(r"\[\s*\]|\[\s*\w+(\s*,\s*\w+)*\s*\]|\w+(\s*,\s*\w+)*")
+_ITEM = re.compile(r"\[[^\]]*\]|[^,\[\]]+")
+"""One item of a list: a list of its own, or what stands between commas."""
 
 
 def _decoded(name: str, value: Any, field: Field) -> Any:
     """Return `value` converted to the field's type and checked against its bounds. Raises
     OptionRefused."""
-    numbers: tuple[float, ...]
-    if field.shape == "scalar":
-        value = _number(name, value, field)
-        numbers = (value,)
+    kind = field.type
+    if isinstance(kind, Numbers) and not kind.fixed:
+        value = _array(name, value, field, kind.size)
     elif field.shape == "integer":
         if isinstance(value, bool) or not _WHOLE.fullmatch(str(value)):
             raise OptionRefused(f"`{name}` is a whole number, not `{value}`")
         value = int(value)
-        numbers = (float(value),)
-    elif field.shape == "vector":
-        parts = value.strip("[] ").split(",") if isinstance(value, str) else tuple(value)
-        if len(parts) != 3:
-            raise OptionRefused(f"`{name}` has three numbers, not {len(parts)}")
-        value = numbers = tuple(_number(name, part, field) for part in parts)
-    elif field.shape == "choice" and value not in field.choices:
+    elif field.choices and value not in field.choices:
         raise OptionRefused(f"`{name}` is one of {', '.join(field.choices)}, not `{value}`")
     elif field.shape in _WORDS:
-        value, numbers = _WORDS[field.shape](name, value), ()
-    elif field.shape in FIXED:
+        return _WORDS[field.shape](name, value)
+    elif kind.fixed:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
-    else:
-        numbers = ()
-    _check_bounds(name, numbers, field)
+    _check_bounds(name, () if field.choices else field.numbers(value), field)
     return value
+
+
+def _array(name: str, value: Any, field: Field, size: tuple[int | None, ...]) -> Any:
+    """Return a number, or lists of them as deep as `size` is long."""
+    if not size:
+        return _number(name, value, field)
+    text = value.strip().removeprefix("[").removesuffix("]") if isinstance(value, str) else ""
+    items = _ITEM.findall(text) if isinstance(value, str) else tuple(value)
+    items = [item for item in items if not isinstance(item, str) or item.strip()]
+    if len(items) != size[0]:
+        needed = "three numbers" if size == (3,) else f"{size[0]} {'numbers' if len(size) == 1 else 'rows'}"
+        raise OptionRefused(f"`{name}` has {needed}, not {len(items)}")
+    return tuple(_array(name, item, field, size[1:]) for item in items)
 
 
 def _number(name: str, value: Any, field: Field) -> float:
@@ -253,18 +259,10 @@ def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
         return None
     if after == "cut":
         return f"`{name}` can't become `cut` in flight"
-    old, new = _numbers(field, before), _numbers(field, after)
+    old, new = field.numbers(before), field.numbers(after)
     if field.tightens == "down":
         old, new = new, old
     if len(old) == len(new) and all(b >= a for a, b in zip(old, new, strict=True)):
         return None
     word = "stricter" if field.choices else "greater" if field.tightens == "up" else "smaller"
     return f"`{name}` is a safety parameter: in flight it only becomes {word}"
-
-
-def _numbers(field: Field, value: Any) -> tuple[float, ...]:
-    if value is None:
-        return ()
-    if field.choices:
-        return (float(field.choices.index(value)),)
-    return tuple(value) if isinstance(value, tuple) else (float(value),)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from kybflow.dsl.shaping.parts import PartDecoder
 
 from kybflow.dsl.diagnostics.diagnostic import collect
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import Scalar
-from kybflow.dsl.shaping.parts import PartDecoder
 from kybflow.parts.catalog import Catalog
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
+from kybflow.dsl.schema.building import params_schema
+from kybflow.dsl.schema.published import schema_text
 
 from kybflow.core.units import DIMENSIONS
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read
-from kybflow.dsl.schema.building import params_schema
-from kybflow.dsl.schema.published import schema_text
 from kybflow.parts.catalog import BASES, load_catalog
 
 REPO = Path(__file__).parents[2]

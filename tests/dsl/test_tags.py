@@ -7,6 +7,8 @@ from math import pi, sqrt
 from pathlib import Path
 
 import pytest
+from kybflow.dsl.schema.world import GridParams, TagParams
+from kybflow.dsl.shaping.tags import tag_of, tags_of
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
@@ -14,8 +16,6 @@ from kybflow.core.geometry import LEVEL, from_euler, from_heading, rotate
 from kybflow.dsl.checks.tags import overlap
 from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.reading.tag_table import read_tags
-from kybflow.dsl.schema.world import GridParams, TagParams
-from kybflow.dsl.shaping.tags import tag_of, tags_of
 from kybflow.parts.catalog import load_catalog
 from kybflow.vision.families import FAMILIES
 from kybflow.world.tags import Tag, TagMap

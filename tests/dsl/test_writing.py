@@ -9,6 +9,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from kybflow.dsl.writing.values import quantity
 
 from kybflow.core.units import (
     ANGLE,
@@ -21,7 +22,6 @@ from kybflow.core.units import (
 )
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import ExpectationPlan, Plan
-from kybflow.dsl.writing.values import quantity
 from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))

@@ -33,7 +33,14 @@ def flier(name="a", **more):
 
 
 def fault(name, on="a", time=3.0, lasts=1.0, **params):
-    return FaultPlan(part("faults", name, **params), on, time, None, lasts, "m.yaml:9")
+    return FaultPlan(
+        part=part("faults", name, **params),
+        vehicle=on,
+        time=time,
+        when=None,
+        duration=lasts,
+        at="m.yaml:9",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +84,7 @@ def test_a_swap_of_two_in_flight_ends_on_the_ground(run):
 
 def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(run):
     estimators = tuple(
-        EstimatorPlan(one, None, 1.0, None)
+        EstimatorPlan(one, recover_after=1.0)
         for one in (part("estimators", "mocap"), part("estimators", "fusion", source="mocap"))
     )
     killed = fault("estimator_killed", estimator="mocap")

@@ -21,7 +21,7 @@ EXAMPLES = examples(
 def command(write_to: Path | None, check: Path | None) -> None:
     """The JSON Schema of a mission, made from the parts that are installed; editors complete from
     it."""
-    from kybflow.dsl.schema.published import schema_text
+    from kybflow.dsl.language.published import schema_text
     from kybflow.parts.catalog import load_catalog
 
     text = schema_text(load_catalog())

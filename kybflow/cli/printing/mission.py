@@ -8,7 +8,6 @@ from typing import Any
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, LENGTH, MASS, format_quantity
-from kybflow.dsl.document import Parameter
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.graph.drawing import cause_of
@@ -23,6 +22,7 @@ from kybflow.dsl.plan import (
     FlowPlan,
     InputPlan,
     LogText,
+    Parameter,
     PartPlan,
     Perform,
     PhasePlan,
@@ -172,14 +172,14 @@ def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> list[str]:
 def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
     """The states, options and vehicles that a phase sets, and its transitions."""
     states: dict[str, list[str]] = {}
-    for vehicle, state in phase.run.items():
-        goal = _goal(phase.chains.get(vehicle, state), phase.values.get(vehicle, ()))
+    for vehicle, request in phase.run.items():
+        goal = _goal(request.chain or request.state, request.values)
         states.setdefault(goal, []).append(vehicle)
     names = {of: name for name, of in groups.items()}
     steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
     steps += [f"arrive {phase.arrive}"] if phase.arrive else []
     steps += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
-    steps += [_action(option) for option in phase.set]
+    steps += [_action(option) for option in phase.options]
     ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in phase.transitions)
     return "; ".join(steps) + (f" ({ways})" if ways else "")
 

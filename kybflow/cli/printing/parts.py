@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Annotated, Any, get_args, get_origin
 
 from kybflow.core import units
-from kybflow.core.params import FIXED, Field, fields_of, type_of
+from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.signals import MeasurementKind, kind_name
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import Vec3
@@ -174,7 +174,7 @@ def _cells(field: Field) -> tuple[str, ...]:
 
 
 def _in_flight(field: Field) -> str:
-    if field.read_only or field.shape in FIXED:
+    if field.read_only or field.type.fixed:
         return "never"
     if field.tightens is None:
         return ""

@@ -22,8 +22,8 @@ from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe
@@ -53,7 +53,7 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
 def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
     """Every angle that is written, rad: where, its name, and its value."""
     for vehicle in case.plan.vehicles:
-        yield vehicle.spans.get("heading", vehicle.span_of("start", "at")), "heading", vehicle.heading
+        yield vehicle.span_of("start", "heading"), "heading", vehicle.heading
     for number in case.cached(_written):
         if number.field.dimension is ANGLE:
             yield number.part.span_of(number.field.name), number.field.name, number.value
@@ -76,23 +76,22 @@ def _written(case: Case) -> Iterator[_Number]:
     """Every angle and every acceleration that is written for a behavior."""
     for vehicle, state in case.states():
         part = state.behavior
-        judged = _judged(part.params.__class__)
-        for part.is_written(name):
-            if name in judged:
-                yield _Number(vehicle, part, judged[name])
+        for field in _judged(part.params.__class__):
+            if part.is_written(field.name):
+                yield _Number(vehicle, part, field)
 
 
 @functools.cache
-def _judged(params: Any) -> dict[str, Field]:
+def _judged(params: Any) -> tuple[Field, ...]:
     kinds = (ANGLE, ACCELERATION)
-    return {f.name: f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar"}
+    return tuple(f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar")
 
 
 def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
     """KYB427: a length that says nothing inside the fence: a tolerance or a distance that is kept
     of more than half of its longest side, or a height above its top (a warning)."""
     fence = case.plan.fence
-    for name, part in _roomy(case) if fence is not None else ():
+    for part in _parts(case) if fence is not None else ():
         for field in fields_in_rooms(part.params.__class__):
             if fence is None or not part.is_written(field.name):
                 continue
@@ -103,7 +102,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             usual = quantity(_usual(field), LENGTH)
             yield Diagnostic(
                 "KYB427",
-                f"`{field.name}` of `{name}` says nothing in this room",
+                f"`{field.name}` of `{part.alias}` says nothing in this room",
                 part.span_of(field.name),
                 label=quantity(value, LENGTH),
                 notes=(f"the fence is {extent} {'high' if field.room == 'up' else 'wide'}",),
@@ -112,13 +111,11 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _roomy(case: Case) -> Iterator[tuple[str, PartPlan]]:
-    """Every behavior and processor, and what reports call it."""
+def _parts(case: Case) -> Iterator[PartPlan]:
+    """Every behavior and processor."""
     for vehicle in case.plan.vehicles:
-        for state in vehicle.states.values():
-            yield state.name, state.behavior
-        for part in vehicle.processors:
-            yield part.label, part
+        yield from (state.behavior for state in vehicle.states.values())
+        yield from vehicle.processors
 
 
 def _room(fence: Box, field: Field) -> float:
@@ -159,18 +156,18 @@ def _most_acceleration(airframe: Airframe) -> float:
 
 def crawls(case: Case) -> Iterator[Diagnostic]:
     """KYB429: a `speed` or `climb` below 2 cm/s, at which nothing gets anywhere (a warning)."""
-    uses = [state.behavior for _, state in case.states()]
-    uses += [part for vehicle in case.plan.vehicles for part in vehicle.processors]
-    for part in uses:
-        for name in LIMITS & part.spans.keys():
-            field = next(f for f in part.fields if f.name == name)
+    for part in _parts(case):
+        for field in part.fields:
+            name = field.name
+            if name not in LIMITS or field.dimension is not SPEED or not part.is_written(name):
+                continue
             value = getattr(part.params, name)
-            if field.dimension is not SPEED or not value or abs(value) >= _CRAWL:
+            if not value or abs(value) >= _CRAWL:
                 continue
             faster = quantity(field.default or 0.5, SPEED)
             yield Diagnostic(
                 "KYB429",
-                f"`{name}` of `{part.label}` gets nowhere",
+                f"`{name}` of `{part.alias}` gets nowhere",
                 part.span_of(name),
                 label=f"a metre takes {quantity(round(1.0 / abs(value), 1), DURATION)}",
                 help=f"write more, such as `{name}: {faster}`",

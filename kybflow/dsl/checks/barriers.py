@@ -22,8 +22,8 @@ from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import FlightNode
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan
 from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
+from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan
 from kybflow.parts.observables import is_in
 
 
@@ -137,9 +137,7 @@ def _known_states(case: Case, flow: FlowPlan) -> dict[str, dict[str, str]]:
     """The state that each vehicle surely is in when a phase is entered, by phase."""
     plan, scope = case.plan, case.scopes.flow()
     first = {
-        name: GROUNDED
-        for name in own_vehicles(plan, flow)
-        if plan.fleet[name].begin == GROUNDED
+        name: GROUNDED for name in own_vehicles(plan, flow) if plan.fleet[name].begin == GROUNDED
     }
     entered = {flow.begin: first} if flow.begin in flow.phases else {}
     waiting = list(entered)

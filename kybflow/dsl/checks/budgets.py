@@ -27,11 +27,6 @@ from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.plan import (
-    StatePlan,
-    TransitionPlan,
-    VehiclePlan,
-)
 from kybflow.dsl.expressions import (
     Eventually,
     Expression,
@@ -42,6 +37,7 @@ from kybflow.dsl.expressions import (
     parse,
 )
 from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
@@ -213,12 +209,12 @@ def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
             own, most = getattr(part.params, field.name), getattr(part.params, field.limited_by)
             if own is None or most is None or own <= most or field.dimension is None:
                 continue
-            written = [part.span_of(n) for n in (field.name, field.limited_by) if part.is_written(n)]
+            written = [n for n in (field.name, field.limited_by) if part.is_written(n)]
             shown = [format_quantity(value, field.dimension) for value in (own, most)]
             yield Diagnostic(
                 "KYB433",
                 f"`{state.name}` ({part.name}) always fails",
-                written[0] if written else part.span,
+                part.span_of(*written[:1]),
                 label=f"its `{field.name}` of {shown[0]} exceeds its `{field.limited_by}`",
                 notes=(f"`{field.limited_by}` is {shown[1]}",),
                 help=f"let `{field.name}` be less than `{field.limited_by}`",

@@ -15,7 +15,6 @@ from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.dsl.expressions import (
     Always,
     Compare,
@@ -25,10 +24,13 @@ from kybflow.dsl.expressions import (
     GroupInState,
     InState,
     Read,
+    Scope,
     Word,
     parse,
 )
 from kybflow.dsl.expressions.tree import Aggregate
+from kybflow.dsl.language.source import Record
+from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts.observables import chains_of
 
 
@@ -37,29 +39,33 @@ def conditions(case: Case) -> Iterator[Diagnostic]:
     for vehicle, state in case.states():
         scope = case.scopes.condition(vehicle.name)
         for transition in state.transitions:
-            if transition.when is not None:
-                yield from parse(transition.when, scope)[1]
+            yield from _misread(transition, "when", scope)
 
 
 def callback_conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every callback."""
     for callback in case.plan.callbacks:
-        if callback.when is not None:
-            yield from parse(callback.when, case.scopes.flow())[1]
+        yield from _misread(callback, "when", case.scopes.flow())
 
 
 def health(case: Case) -> Iterator[Diagnostic]:
     """Every estimator's `healthy`."""
     for vehicle in case.plan.vehicles:
         for estimator in vehicle.estimators:
-            if estimator.healthy is not None:
-                yield from parse(estimator.healthy, case.scopes.health(vehicle.name))[1]
+            yield from _misread(estimator, "healthy", case.scopes.health(vehicle.name))
+
+
+def _misread(owner: Record, key: str, scope: Scope) -> Iterator[Diagnostic]:
+    """What is wrong with the condition under a key of a record."""
+    text = owner.text_of(key)
+    if text is not None:
+        yield from parse(text, scope)[1]
 
 
 def expectations(case: Case) -> Iterator[Diagnostic]:
     """Every line of `expect`."""
     scope = case.scopes.expectation()
-    for expectation in case.plan.expect:
+    for expectation in case.plan.texts_of("expect"):
         yield from parse(expectation, scope)[1]
 
 
@@ -117,40 +123,39 @@ def all_conditions(case: Case) -> Iterator[TypedCondition]:
 def conditions_of(case: Case) -> Iterator[TypedCondition]:
     """Every condition of a transition, a callback, a phase and a fault that parses."""
     plan, scopes = case.plan, case.scopes
-    written = [
-        (transition.when, vehicle.name)
+    asking: list[tuple[Record, str]] = [
+        (transition, vehicle.name)
         for vehicle, state in case.states()
         for transition in state.transitions
     ]
-    written += [(f.when, f.vehicle.text) for f in plan.faults]
-    shared = [callback.when for callback in plan.callbacks]
-    for flow in plan.flows:
-        shared += [
-            transition.when for phase in flow.phases.values() for transition in phase.transitions
-        ]
-    for text, own in written:
-        condition = case.condition(text, scopes.condition(own))
-        if text is not None and condition is not None:
-            yield TypedCondition(text, condition, own)
-    for text in shared:
-        condition = case.condition(text, scopes.flow())
-        if text is not None and condition is not None:
-            yield TypedCondition(text, condition, None)
+    asking += [(fault, fault.vehicle) for fault in plan.faults]
+    for owner, own in asking:
+        yield from _typed(case, owner, "when", scopes.condition(own), own)
+    phases = (phase for flow in plan.flows for phase in flow.phases.values())
+    shared = (transition for phase in phases for transition in phase.transitions)
+    for one in (*plan.callbacks, *shared):
+        yield from _typed(case, one, "when", scopes.flow(), None)
 
 
 def health_conditions(case: Case) -> Iterator[TypedCondition]:
     """Every `healthy` that parses."""
     for vehicle in case.plan.vehicles:
-        own = vehicle.name
-        for text in (estimator.healthy for estimator in vehicle.estimators):
-            condition = case.condition(text, case.scopes.health(own))
-            if text is not None and condition is not None:
-                yield TypedCondition(text, condition, own)
+        scope = case.scopes.health(vehicle.name)
+        for estimator in vehicle.estimators:
+            yield from _typed(case, estimator, "healthy", scope, vehicle.name)
+
+
+def _typed(
+    case: Case, owner: Record, key: str, scope: Scope, own: str | None
+) -> Iterator[TypedCondition]:
+    text, condition = owner.text_of(key), case.condition(owner, key, scope)
+    if text is not None and condition is not None:
+        yield TypedCondition(text, condition, own)
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """The condition of every expectation, without its `always`, `eventually` or `finally`."""
-    for text in case.plan.expect:
+    for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Always(condition) | Eventually(condition) | Finally(condition):
                 yield TypedCondition(text, condition, None, is_expected=True)
@@ -244,7 +249,7 @@ def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.cls.provides:
         return f"`{driver.name}` reports no battery"
-    is_here_alone = "targets" not in case.plan.spans
+    is_here_alone = not case.plan.is_written("targets")
     if name.startswith(_STICKS) and is_here_alone and Sticks not in driver.cls.provides:
         return f"`{driver.name}` reports no pilot"
     if name.startswith(_ESTIMATED) and not vehicle.estimators:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
+from kybflow.dsl.expanding.targets import divides, provided
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.shaping.targets import divides, provided
+from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
@@ -33,7 +33,8 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             *first, last = map(_name, refused)
             kinds = f"{', '.join(first)} and {last}" if first else last
             gap = _gap(driver, f"{kinds} commands", tracker.name, takes)
-            if driver.span == case.plan.target.span:  # nobody wrote it
+            target = case.plan.target_text
+            if target is not None and driver.span == target.span:  # nobody wrote it
                 label = f"`{driver.name}` {gap.label}"
                 gap = replace(gap, span=tracker.span, label=label)
             yield replace(gap, help=_fitting_tracker(case, vehicle, takes))
@@ -155,7 +156,7 @@ def _way_out(case: Case, vehicle: VehiclePlan, use: EstimatorPlan, kind: Measure
     shows = vehicle.driver.cls.shows(vehicle.driver.params)
     for spec in case.parts("sensors"):
         if kind in spec.cls.provides and spec.cls.simulated <= shows:
-            own = f"{vehicle.name}: {{sensors: {{{use.part.label}: {{use: {spec.name}}}}}}}"
+            own = f"{vehicle.name}: {{sensors: {{{use.part.alias}: {{use: {spec.name}}}}}}}"
             return f"write `targets: {{{case.plan.target}: {{{own}}}}}`"
     return "use another estimator, or another driver in `targets`"
 
@@ -167,8 +168,9 @@ def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:
         driver = vehicle.driver
         objection = driver.cls.objection(driver.params, vehicle.start, vehicle.payload)
         if objection is not None:
-            spans = {**vehicle.spans, **driver.spans}
-            span = spans.get(objection.parameter, driver.span)
+            span, key = driver.span_of(objection.parameter), objection.parameter
+            if vehicle.is_written(key) and not driver.is_written(key):
+                span = vehicle.key_span(key)
             yield Diagnostic("KYB306", objection.reason, span, help=objection.hint)
 
 
@@ -201,7 +203,7 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "KYB303",
             f"control at {control} Hz does not divide `{driver.name}` at {rate:g} Hz",
-            case.plan.control_span or driver.span,
+            case.plan.span_of("control") if case.plan.entry("control") else driver.span,
             label=f"{rate:g} / {control} = {rate / control:.4g}",
             help=f"use {_divisor(rate, control)} Hz",
         )

@@ -26,9 +26,9 @@ from kybflow.dsl.checks.reachability import (
     may_end,
 )
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.plan import Action, PartPlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
 from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.plan import PartPlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
@@ -85,22 +85,16 @@ N = TypeVar("N", bound=Hashable)
 _Edge = tuple[FlightNode, float]
 
 
-def disturbances(case: Case) -> Iterator[Action]:
-    """The actions after which a mission goes on elsewhere, or a behavior flies differently."""
+def disturbances(case: Case) -> Iterator[str]:
+    """What actions ask for after which a mission goes on elsewhere, or a behavior flies
+    differently."""
     for callback in case.plan.callbacks:
-        for action in callback.actions:
-            if action.name in _DISTURBING or action.part is not None or _tunes(action):
-                yield action
+        for action in callback.do:
+            is_tuned = action.name == "set" and ".behaviors." in (action.target or "")
+            if action.name in _DISTURBING or action.part is not None or is_tuned:
+                yield action.name
     for _, phase in phases(case.plan):
-        yield from filter(_tunes, phase.set)
-
-
-def _tunes(action: Action) -> bool:
-    return (
-        action.name != "emit"
-        and action.target is not None
-        and ".behaviors." in action.target
-    )
+        yield from (option for option in phase.set if ".behaviors." in option)
 
 
 def exceeds(least: float, limit: float) -> bool:
@@ -253,7 +247,7 @@ def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
     if transition.cause == "then":
         return _least_end(case, vehicle, link.source)
     scope = case.scopes.condition(vehicle.name)
-    when = case.condition(transition.when, scope) if transition.when is not None else None
+    when = case.condition(transition, "when", scope)
     return max(own_wait(transition), _least_elapsed(when, vehicle.name))
 
 
@@ -288,12 +282,12 @@ def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
     quickest = 0.5 * least_time(case, vehicle, state)
     span = part.span
     for field in part.fields:
-        if field.name not in part.spans or field.required:
+        if not part.is_written(field.key) or field.required:
             continue
-        shorter = replace(state, part=_without(part, field.name, field.default))
+        shorter = replace(state, behavior=_without(part, field.name, field.default))
         seconds = min(least_from(case, shorter, entry) for entry in entries)
         if seconds < quickest:
-            span, quickest = part.spans[field.name], seconds
+            span, quickest = part.span_of(field.key), seconds
     return span
 
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.plan import VehiclePlan
 from kybflow.dsl.expressions.reasoning import EVERYWHERE, Bounds, Envelopes, physical_bounds
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import Envelope
 from kybflow.world.shapes import Box
 

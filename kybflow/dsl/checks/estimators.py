@@ -12,10 +12,10 @@ from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import the_cameras
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
 from kybflow.dsl.expressions.tree import Read
+from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.parts import Estimator
 
 
@@ -35,10 +35,10 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
             later = vehicle.estimators[index + 1].part
             yield Diagnostic(
                 "KYB255",
-                f"`{later.label}` is hardly ever used: `{first.part.label}` comes first",
+                f"`{later.alias}` is hardly ever used: `{first.part.alias}` comes first",
                 later.span,
-                label=f"`{first.part.label}` counts as healthy with any estimate",
-                help=f"give `{first.part.label}` a `healthy`, such as `age < 250 ms`",
+                label=f"`{first.part.alias}` counts as healthy with any estimate",
+                help=f"give `{first.part.alias}` a `healthy`, such as `age < 250 ms`",
                 severity=Severity.WARNING,
             )
             break
@@ -53,9 +53,9 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.plan.vehicles:
         for use in vehicle.estimators:
-            condition = case.condition(use.healthy, case.scopes.health(vehicle.name))
-            ages = _ages(vehicle, use)
-            if condition is None or use.healthy is None or ages is None:
+            condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
+            healthy, ages = use.text_of("healthy"), _ages(vehicle, use)
+            if condition is None or healthy is None or ages is None:
                 continue
             least, most = ages
             if not never_holds(condition, _aged(most, most)) or never_holds(
@@ -66,8 +66,8 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
             often = "never" if is_never else "only now and then"
             yield Diagnostic(
                 "KYB419",
-                f"`{use.part.label}` is {often} healthy with `{use.healthy.as_written}`",
-                use.healthy.span,
+                f"`{use.part.alias}` is {often} healthy with `{healthy.as_written}`",
+                healthy.span,
                 label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
                 help=f"allow for some that are missing: `age < {_allowed(most)}`",
                 severity=Severity.ERROR if is_never else Severity.WARNING,
@@ -82,8 +82,8 @@ def _allowed(most: float) -> str:
 def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:
     """The least and the largest age of its estimates in a flight that is in order, s."""
     driver, needs = vehicle.driver, use.part.cls.uses(use.part.params)
-    if Frame in needs and vehicle.cameras:
-        return 0.0, 1.0 / min(use.camera.rate for use in vehicle.cameras)
+    if Frame in needs and vehicle.body.cameras:
+        return 0.0, 1.0 / min(camera.rate for camera in vehicle.body.cameras)
     inner = driver.cls.inner_loop(driver.params, vehicle.airframe)
     if Pose in needs and Pose in driver.cls.provides and inner is not None:
         return inner.pose_latency, inner.pose_latency + inner.pose_period
@@ -105,8 +105,8 @@ def _aged(low: float, high: float) -> Bounds:
 def unknown_first(case: Case) -> Iterator[Diagnostic]:
     """KYB361: a behavior names an estimator to come first that its vehicle does not have."""
     for vehicle, state in case.states():
-        known = [use.part.label for use in vehicle.estimators]
-        for name in state.estimators:
+        known = [use.part.alias for use in vehicle.estimators]
+        for name in state.texts_of("estimators"):
             if name.text not in known:
                 message = f"`{vehicle.name}` has no estimator `{name.text}`"
                 hint = did_you_mean(name.text, known) or "name it under `estimators` of the vehicle"
@@ -116,8 +116,8 @@ def unknown_first(case: Case) -> Iterator[Diagnostic]:
 def first_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB362: a behavior names an estimator twice among those that come first."""
     for _, state in case.states():
-        for index, name in enumerate(state.estimators):
-            if name.text in (other.text for other in state.estimators[:index]):
+        for index, name in enumerate(state.texts_of("estimators")):
+            if name.text in state.estimators[:index]:
                 message = f"`{name.text}` is in this list already"
                 hint = "leave it away here"
                 yield Diagnostic("KYB362", message, name.span, help=hint, severity=Severity.WARNING)
@@ -133,7 +133,7 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
                 "KYB305",
                 f"`{vehicle.name}` never has an estimate",
                 part.span,
-                label=f"`{part.label}` goes on from the estimate of another",
+                label=f"`{part.alias}` goes on from the estimate of another",
                 help="name one that sees where the vehicle is, such as `mocap`, before it",
             )
 
@@ -152,7 +152,7 @@ def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:
             part = vehicle.estimators[0].part
             yield Diagnostic(
                 "KYB256",
-                f"`{vehicle.name}` flies blind after the time of `{part.label}`",
+                f"`{vehicle.name}` flies blind after the time of `{part.alias}`",
                 part.span,
                 label="its only estimator",
                 help="leave `for_at_most` away, or put an estimator before it",
@@ -169,7 +169,7 @@ def never_again(case: Case) -> Iterator[Diagnostic]:
             if use.recover_after >= limit:
                 yield Diagnostic(
                     "KYB439",
-                    f"`{use.part.label}` of `{vehicle.name}` never recovers",
+                    f"`{use.part.alias}` of `{vehicle.name}` never recovers",
                     use.part.span,
                     label=f"must be healthy for {quantity(use.recover_after, DURATION)} first",
                     notes=(f"the mission's `time_limit` is {quantity(limit, DURATION)}",),

@@ -12,9 +12,9 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members
+from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import (
     ALARM_FIELDS,
@@ -46,9 +46,7 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
     for flow in case.plan.flows:
         for phase in flow.phases.values():
             yield from _unheard_by(phase.transitions, known, None)
-    for event in (callback.event for callback in case.plan.callbacks):
-        if event is None:
-            continue
+    for event in _heard(case.plan.callbacks):
         if known.sources(event.text):
             yield from _too_late(event, known)
         else:
@@ -56,13 +54,18 @@ def unknown_events(case: Case) -> Iterator[Diagnostic]:
 
 
 def _unheard_by(
-    transitions: Iterable[TransitionPlan], known: KnownEvents, own: str | None
+    ways: Iterable[Record], known: KnownEvents, own: str | None
 ) -> Iterator[Diagnostic]:
-    for event in (t.event for t in transitions if t.event is not None):
+    for event in _heard(ways):
         if known.hears(event.text, own):
             yield from _too_late(event, known)
         else:
             yield _unheard(event, known, own, ())
+
+
+def _heard(records: Iterable[Record]) -> Iterator[Text]:
+    """The event that each transition or callback waits for, where it does."""
+    return (event for one in records if (event := one.text_of("event")) is not None)
 
 
 def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
@@ -97,21 +100,12 @@ def never_told(case: Case) -> Iterator[Diagnostic]:
     (known,) = case.cached(known_events)
     for vehicle, state in case.states():
         if not state.inherited:
-            yield from _never_told(case, known, state.transitions, vehicle.name)
-    for flow in case.plan.flows:
-        for phase in flow.phases.values():
-            yield from _never_told(case, known, phase.transitions, None)
-    for callback in case.plan.callbacks:
-        if callback.event is not None:
-            yield from _vain(case, known, callback.event, None)
-
-
-def _never_told(
-    case: Case, known: KnownEvents, transitions: Iterable[TransitionPlan], own: str | None
-) -> Iterator[Diagnostic]:
-    for transition in transitions:
-        if transition.event is not None:
-            yield from _vain(case, known, transition.event, own)
+            for event in _heard(state.transitions):
+                yield from _vain(case, known, event, vehicle.name)
+    phases = (phase for flow in case.plan.flows for phase in flow.phases.values())
+    ways = (way for phase in phases for way in phase.transitions)
+    for event in _heard((*ways, *case.plan.callbacks)):
+        yield from _vain(case, known, event, None)
 
 
 def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Iterator[Diagnostic]:
@@ -120,7 +114,7 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
     is_doubt = name in OF_OTHERS
-    if event.text in known.of_the_run or (is_doubt and "targets" in case.plan.spans):
+    if event.text in known.of_the_run or (is_doubt and case.plan.is_written("targets")):
         return
     lacks = [_lacks(case, vehicle, name) for vehicle in vehicles if vehicle]
     if lacks and all(lacks):
@@ -138,7 +132,7 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB449: a behavior that flies from the air into the air waits for its own vehicle to have
     landed, which comes only when another behavior has brought it down."""
     for vehicle, state in case.states():
-        for event in [t.event for t in state.transitions if t.event is not None and not t.since]:
+        for event in _heard(way for way in state.transitions if not way.since):
             own = {LANDED} if state.inherited else {LANDED, f"{vehicle.name}.{LANDED}"}
             if event.text in own and _stays_in_the_air(state):
                 yield Diagnostic(
@@ -151,8 +145,7 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _stays_in_the_air(state: StatePlan) -> bool:
-    legs = state.legs
-    return all(leg.start is not GROUND and leg.end is AIR for leg in legs)
+    return all(leg.start is not GROUND and leg.end is AIR for leg in state.legs)
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
@@ -180,7 +173,7 @@ def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
     context = next(c for v, c in case.cached(contexts) if v is vehicle) if telling else None
     if context is None or any(event in part.cls.can_tell(context) for part in telling):
         return ""
-    return f"`{telling[0].label}` has nothing to watch here"
+    return f"`{telling[0].alias}` has nothing to watch here"
 
 
 def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
@@ -190,16 +183,11 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     what the vehicle notices instead: `estimate_lost`, `battery_low`, `jumped`. A callback may `log`
     it.
     """
-    states = [state.transitions for _, state in case.states()]
-    phases = [p.transitions for f in case.plan.flows for p in f.phases.values()]
-    transitions = (transition for transitions in (*states, *phases) for transition in transitions)
-    acting = [transition.event for transition in transitions if transition.event is not None]
-    acting += [
-        callback.event
-        for callback in case.plan.callbacks
-        if callback.event and any(action.name != "log" for action in callback.actions)
-    ]
-    for event in acting:
+    ways = [way for _, state in case.states() for way in state.transitions]
+    phases = (phase for flow in case.plan.flows for phase in flow.phases.values())
+    ways += [way for phase in phases for way in phase.transitions]
+    acting = [c for c in case.plan.callbacks if any(action.name != "log" for action in c.do)]
+    for event in _heard((*ways, *acting)):
         if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
             message = f"only the simulator knows of `{event.text}`"
             hint = "answer what the vehicle notices, like `estimate_lost`; a callback may `log` it"
@@ -233,13 +221,13 @@ class KnownEvents:
     @cached_property
     def custom(self) -> frozenset[str]:
         plan = self._plan
-        ends = {f"{flow}.finished" for flow in plan.flows}
-        pressed = {f"{n}.{b}" for n, use in plan.inputs_by_name.items() for b in use.buttons.values()}
+        ends = {f"{flow.name}.finished" for flow in plan.flows}
+        pressed = {f"{use.name}.{b}" for use in plan.inputs for b in use.buttons.values()}
         return emitted(plan) | ends | pressed
 
     @property
     def of_the_run(self) -> frozenset[str]:
-        return OF_THE_RUN | self.custom | {f"{flow}.finished" for flow in self._plan.flows}
+        return OF_THE_RUN | self.custom | {f"{flow.name}.finished" for flow in self._plan.flows}
 
     def sources(self, event: str) -> tuple[str, ...]:
         """The vehicles that an event's name speaks of: `("",)` is the run. None tells an unknown
@@ -256,7 +244,7 @@ class KnownEvents:
         """The fields of an event, by its bare name. A mission's own event has none."""
         if event in EVENT_FIELDS:
             return EVENT_FIELDS[event]
-        for vehicle in self._plan.vehicles.values():
+        for vehicle in self._plan.vehicles:
             for state in vehicle.states.values():
                 if event in state.behavior.cls.tells:
                     return ("behavior", *state.behavior.cls.tells[event])
@@ -292,9 +280,9 @@ def emitted(plan: Plan) -> frozenset[str]:
     """The custom events that the actions and transitions of a mission emit."""
     found = {name.text for name in told_by_transitions(plan)}
     for callback in plan.callbacks:
-        for action in callback.actions:
+        for action in callback.do:
             if action.name == "emit":
-                found.add(action.value.text)
+                found.add(action.value)
             elif action.part is not None:
                 found.update(action.part.cls.events)
     return frozenset(found)
@@ -304,7 +292,8 @@ def told_by_transitions(plan: Plan) -> list[Text]:
     """The events that transitions of states and phases emit."""
     ways = [state.transitions for v in plan.vehicles for state in v.states.values()]
     ways += [phase.transitions for f in plan.flows for phase in f.phases.values()]
-    return [t.emit for transitions in ways for t in transitions if t.emit]
+    told = (way.text_of("emit") for several in ways for way in several)
+    return [name for name in told if name is not None and name.text]
 
 
 def _told_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:

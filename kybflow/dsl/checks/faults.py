@@ -14,9 +14,10 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.plan import FaultPlan
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions import parse
+from kybflow.dsl.plan import FaultPlan, PartPlan
+from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import Rig
 
 _LATE: Time = 1000 * NS
@@ -32,7 +33,7 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
                 message, hint = f"no vehicle is called `{name}`", did_you_mean(name, known)
                 group = case.plan.groups.get(name)
                 if group is not None:
-                    members = ", ".join(f"`{member.text}`" for member in group)
+                    members = ", ".join(f"`{member}`" for member in group)
                     message = f"`{name}` is a group, and a fault breaks one vehicle"
                     hint = f"write one fault for each of {members}"
                 yield Diagnostic("KYB330", message, span, help=hint)
@@ -82,8 +83,8 @@ def twice(case: Case) -> Iterator[Diagnostic]:
     """KYB333: one and the same fault stands twice in the list."""
     first: dict[object, Span] = {}
     for fault in case.plan.faults:
-        when = None if fault.when is None else fault.when.text
-        key = (fault.part.name, fault.part.params, fault.vehicle, fault.time, when)
+        when = fault.text_of("when")
+        key = (fault.part.name, fault.part.params, fault.vehicle, fault.time, when and when.text)
         place = first.setdefault(key, fault.span)
         if place is not fault.span:
             message = f"`{fault.part.name}` is injected twice at once"
@@ -94,22 +95,22 @@ def twice(case: Case) -> Iterator[Diagnostic]:
 def itself(case: Case) -> Iterator[Diagnostic]:
     """KYB334: a fault between two vehicles that names one vehicle twice."""
     for fault in case.plan.faults:
-        for name in _named(fault, "vehicle"):
-            if name.text == fault.vehicle:
+        for name, span in _named(fault, "vehicle"):
+            if name == fault.vehicle:
                 message = f"`{fault.part.name}` is between two vehicles, this is one"
-                yield Diagnostic("KYB334", message, name.span, label="named by `on` already")
+                yield Diagnostic("KYB334", message, span, label="named by `on` already")
 
 
 def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
     """KYB335: a fault names an estimator that its vehicle does not have."""
     for fault in case.plan.faults:
         vehicle = case.plan.fleet.get(fault.vehicle)
-        known = [] if vehicle is None else [use.part.label for use in vehicle.estimators]
-        for name in _named(fault, "estimator"):
-            if known and name.text not in known:
-                message = f"`{fault.vehicle}` has no estimator `{name.text}`"
-                hint = did_you_mean(name.text, known) or f"it has {', '.join(known)}"
-                yield Diagnostic("KYB335", message, name.span, help=hint)
+        known = [] if vehicle is None else [use.part.alias for use in vehicle.estimators]
+        for name, span in _named(fault, "estimator"):
+            if known and name not in known:
+                message = f"`{fault.vehicle}` has no estimator `{name}`"
+                hint = did_you_mean(name, known) or f"it has {', '.join(known)}"
+                yield Diagnostic("KYB335", message, span, help=hint)
 
 
 def of_no_effect(case: Case) -> Iterator[Diagnostic]:
@@ -122,7 +123,7 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
         parts = [use.part for use in vehicle.estimators]
         if any(kind in part.cls.uses(part.params) for part in parts):
             continue
-        known = ", ".join(f"`{part.label}`" for part in parts) or "nothing"
+        known = ", ".join(f"`{part.alias}`" for part in parts) or "nothing"
         yield Diagnostic(
             "KYB336",
             f"`{fault.part.name}` can't break `{vehicle.name}`: no estimator of it needs "
@@ -142,7 +143,7 @@ def of_no_size(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB438",
                 f"`{part.name}` changes nothing",
-                next(iter(part.spans.values()), part.span),
+                _first_span(part),
                 label="leaves everything as it is",
                 help="give it a size, or remove the fault",
                 severity=Severity.WARNING,
@@ -174,11 +175,17 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "KYB457",
             f"`{vehicle.name}` can't hold against `{fault.part.name}`",
-            next(iter(fault.part.spans.values()), fault.part.span),
+            _first_span(fault.part),
             label=why,
             help="make the fault smaller, unless that is what the mission is to show",
             severity=Severity.WARNING,
         )
+
+
+def _first_span(part: PartPlan) -> Span:
+    """The place of its first parameter, else of its name."""
+    written = entries_of(part.source.node).values()
+    return next((entry.value.span for entry in written), part.span)
 
 
 def _rig_under(fault: FaultPlan) -> Rig:
@@ -196,17 +203,18 @@ def _rig_under(fault: FaultPlan) -> Rig:
 def conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every fault, as of its vehicle: KYB210 to KYB214."""
     for fault in case.plan.faults:
-        if fault.when is not None and fault.vehicle in case.plan.fleet:
-            yield from parse(fault.when, case.scopes.condition(fault.vehicle))[1]
+        when = fault.text_of("when")
+        if when is not None and fault.vehicle in case.plan.fleet:
+            yield from parse(when, case.scopes.condition(fault.vehicle))[1]
 
 
 def _vehicles(fault: FaultPlan) -> Iterator[tuple[str, Span]]:
-    yield fault.vehicle, fault.vehicle.span
-    for name in _named(fault, "vehicle"):
-        yield name.text, name.span
+    name = fault.text_of("on")
+    yield fault.vehicle, fault.span if name is None else name.span
+    yield from _named(fault, "vehicle")
 
 
-def _named(fault: FaultPlan, what: Named) -> Iterator[Text]:
+def _named(fault: FaultPlan, what: Named) -> Iterator[tuple[str, Span]]:
     """The vehicles, or whatever names are asked for, among its parameters."""
     for parameter, name in named_in(fault.part.params, what).items():
-        yield Text(name, fault.part.span_of(parameter))
+        yield name, fault.part.span_of(parameter)

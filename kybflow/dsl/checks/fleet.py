@@ -12,7 +12,6 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.checks.space import shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.dsl.expressions import (
     And,
     Compare,
@@ -25,6 +24,7 @@ from kybflow.dsl.expressions import (
     Word,
 )
 from kybflow.dsl.names.built_in import BUILT_IN, end_of
+from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, Claim
 from kybflow.parts.observables import is_in
 
@@ -65,10 +65,10 @@ def _claims(case: Case) -> Iterator[tuple[VehiclePlan, PartPlan, Claim]]:
 def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
     """KYB441: two vehicles have their home so close to each other that they touch. Home is where
     `go_home` flies and the failsafe may land; without one it is the start."""
-    vehicles = list(case.plan.vehicles)
+    vehicles = case.plan.vehicles
     for index, b in enumerate(vehicles):
         for a in vehicles[:index]:
-            written = b.home_span or a.home_span
+            written = b.entry("home") or a.entry("home")
             apart = (a.airframe.diameter + b.airframe.diameter) / 2.0
             gap = distance(a.home or a.start, b.home or b.start)
             if written is None or gap >= apart:
@@ -76,7 +76,7 @@ def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB441",
                 f"`{b.name}` has its home where `{a.name}` has",
-                written,
+                written.value.span,
                 label=f"{format_quantity(gap, LENGTH)} away",
                 notes=(f"the home of `{a.name}` is at {shown_point(a.home or a.start)}",),
                 help=f"let them be at least {format_quantity(apart, LENGTH)} apart",
@@ -145,7 +145,7 @@ def _settled(vehicle: VehiclePlan) -> _Settled | None:
     """Where a vehicle comes to by `then` alone; None where anything else may lead elsewhere."""
     if vehicle.requested:
         return None
-    name, passed, endless = vehicle.begin.text, list[StatePlan](), endless_states(vehicle)
+    name, passed, endless = vehicle.begin, list[StatePlan](), endless_states(vehicle)
     while name in vehicle.states and vehicle.states[name] not in passed:
         state = vehicle.states[name]
         passed.append(state)
@@ -181,7 +181,7 @@ def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[
     for transition in own.transitions:
         if transition.cause == "then":
             continue
-        when = case.condition(transition.when, scope)
+        when = case.condition(transition, "when", scope)
         if when is None or not _is_barred(when, settled, waiting):
             return False
     return True
@@ -228,7 +228,7 @@ def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Set
 def _awaited(case: Case, name: str, state: StatePlan) -> set[str]:
     """The vehicles that the ways out of a state ask about."""
     scope = case.scopes.condition(name)
-    conditions = [case.condition(t.when, scope) for t in state.transitions]
+    conditions = [case.condition(t, "when", scope) for t in state.transitions]
     return {v for when in conditions if when is not None for v in _named(when)} - {name}
 
 

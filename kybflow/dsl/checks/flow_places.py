@@ -16,9 +16,9 @@ from kybflow.dsl.checks.durations import disturbances
 from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import endless_states, entries_of, left_at, stays
-from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
-from kybflow.dsl.names.built_in import end_of
 from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
+from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 
 _MOST = 16
 _KEEP = frozenset({"hover", "landed"})
@@ -49,9 +49,7 @@ def entered_by_flows(case: Case) -> Iterator[EnteredByFlow]:
                         yield EnteredByFlow(vehicle, state, point)
 
 
-def _entries(
-    vehicle: VehiclePlan, goal: str, points: Iterable[Vec3]
-) -> Iterator[tuple[str, Vec3]]:
+def _entries(vehicle: VehiclePlan, goal: str, points: Iterable[Vec3]) -> Iterator[tuple[str, Vec3]]:
     known = entries_of(vehicle)
     for point in points:
         for state, entries in _walked(vehicle, goal, point).items():
@@ -62,11 +60,11 @@ def _entries(
 
 def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
     """Where each vehicle may be when a phase is entered, by phase."""
-    vehicles = case.plan.vehicles
+    fleet = case.plan.fleet
     first: _Places = {
-        name: frozenset({vehicles[name].start})
+        name: frozenset({fleet[name].start})
         for name in own_vehicles(case.plan, flow)
-        if vehicles[name].begin == GROUNDED
+        if fleet[name].begin == GROUNDED
     }
     entered = {flow.begin: first} if flow.begin in flow.phases else {}
     waiting = list(entered)

@@ -5,18 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import given_by_a_person
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.plan import Plan, FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members, unknown_vehicle
-from kybflow.dsl.plan import END
+from kybflow.dsl.names.option_names import unknown_vehicle
+from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan
+from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_of
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
@@ -25,7 +25,7 @@ def flow_names(case: Case) -> Iterator[Diagnostic]:
     plan = case.plan
     for flow in plan.flows:
         name = flow.name
-        taken = {**dict.fromkeys(plan.fleet, "a vehicle's name")}
+        taken = dict.fromkeys(plan.fleet, "a vehicle's name")
         taken |= dict.fromkeys(plan.groups, "a group's name")
         taken |= dict.fromkeys(WORDS, "a word of the language")
         if name in taken:
@@ -42,10 +42,10 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
     is none."""
     plan = case.plan
     for flow, phase in phases(plan):
-        for who, _ in (*phase.run, *phase.give):
+        for who, _ in (pair for key in ASKED for pair in goals_of(phase, key)):
             if not plan.members(who.text) and who.text not in plan.groups:
                 yield _nobody(who, plan)
-        for _, goal in phase.give:
+        for _, goal in goals_of(phase, "give"):
             if goal.text not in plan.flows_by_name:
                 message = f"there is no flow `{goal.text}`"
                 hint = did_you_mean(goal.text, [n for n in plan.flows_by_name if n != flow.name])
@@ -74,7 +74,7 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
     `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
     """
     for _, phase in phases(case.plan):
-        for vehicle, _, state in assignments(case.plan, phase.run):
+        for vehicle, _, state in assignments(case.plan, phase, "run"):
             finding = wrong_goal("KYB194", state, case.plan.fleet[vehicle])
             if finding is not None:
                 yield finding
@@ -83,15 +83,15 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
 def phase_transitions(case: Case) -> Iterator[Diagnostic]:
     """KYB195: a transition of a phase, or `begin`, names a phase that the flow does not have."""
     for flow in case.plan.flows:
-        transitions = (
-            transition for phase in flow.phases.values() for transition in phase.transitions
-        )
-        for goal in [flow.begin, *(transition.target for transition in transitions)]:
-            if goal.text in flow.phases or (goal.text == END and goal is not flow.begin):
-                continue
-            message = f"the flow `{flow.name}` has no phase `{goal.text}`"
-            hint = did_you_mean(goal.text, [*flow.phases, END])
-            yield Diagnostic("KYB195", message, goal.span, label="unknown", help=hint)
+        begin = flow.text_of("begin")
+        goals = [(flow.begin, flow.span if begin is None else begin.span)]
+        for phase in flow.phases.values():
+            goals += [(t.target, t.target_span) for t in phase.transitions if t.target != END]
+        for goal, span in goals:
+            if goal not in flow.phases:
+                message = f"the flow `{flow.name}` has no phase `{goal}`"
+                hint = did_you_mean(goal, [*flow.phases, END])
+                yield Diagnostic("KYB195", message, span, label="unknown", help=hint)
 
 
 def tries_for_ever(case: Case) -> Iterator[Diagnostic]:
@@ -99,8 +99,7 @@ def tries_for_ever(case: Case) -> Iterator[Diagnostic]:
     warning)."""
     for _, phase in phases(case.plan):
         for transition in phase.transitions:
-            goal = transition.target
-            if transition.cause == "within" and goal == phase.name and goal != END:
+            if transition.cause == "within" and transition.target == phase.name != END:
                 yield Diagnostic(
                     "KYB454",
                     f"`{phase.name}` tries again for ever",
@@ -157,10 +156,9 @@ def _may_wait(transition: TransitionPlan, flow: FlowPlan, plan: Plan) -> bool:
     """Whether waiting for this alone needs no bound."""
     if transition.event is None or transition.when is not None:
         return False
-    given = {goal.text for phase in flow.phases.values() for _, goal in phase.give}
+    given = {goal for phase in flow.phases.values() for goal in phase.give.values()}
     finished = {f"{name}.finished" for name in given & set(plan.flows_by_name)}
-    event = transition.event.text
-    return event in finished or given_by_a_person(event, plan)
+    return transition.event in finished or given_by_a_person(transition.event, plan)
 
 
 def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
@@ -206,8 +204,9 @@ def phase_conditions(case: Case) -> Iterator[Diagnostic]:
     scope = case.scopes.flow()
     for _, phase in phases(case.plan):
         for transition in phase.transitions:
-            if transition.when is not None:
-                yield from parse(transition.when, scope)[1]
+            when = transition.text_of("when")
+            if when is not None:
+                yield from parse(when, scope)[1]
 
 
 def groups(case: Case) -> Iterator[Diagnostic]:
@@ -217,8 +216,9 @@ def groups(case: Case) -> Iterator[Diagnostic]:
     vehicle of the mission, and named once.
     """
     plan = case.plan
-    for name, own in plan.groups.items():
-        span = plan.group_spans[name]
+    own_groups = plan.entry("groups")
+    for name, entry in entries_of(own_groups and own_groups.value).items():
+        span, own = entry.key.span, items_of(entry.value)
         if name in plan.fleet:
             message, hint = f"`{name}` is a vehicle already", "give the group another name"
             yield Diagnostic("KYB190", message, span, label="a group", help=hint)
@@ -228,10 +228,11 @@ def groups(case: Case) -> Iterator[Diagnostic]:
         if not own:
             message = f"the group `{name}` is empty"
             yield Diagnostic("KYB190", message, span, help="name a vehicle, or remove it")
-        yield from _members(name, own, plan)
+        members = [item.as_text for item in own if isinstance(item, Scalar)]
+        yield from _members(name, members, plan)
 
 
-def _members(group: str, members: tuple[Text, ...], plan: Plan) -> Iterator[Diagnostic]:
+def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic]:
     first: dict[str, Text] = {}
     for member in members:
         if member.text in first:
@@ -246,6 +247,11 @@ def _members(group: str, members: tuple[Text, ...], plan: Plan) -> Iterator[Diag
             label = "a group" if is_group else "unknown"
             yield Diagnostic("KYB190", message, member.span, label=label, help=hint)
         first.setdefault(member.text, member)
+
+
+Asked = Literal["run", "give"]
+ASKED: tuple[Asked, ...] = get_args(Asked)
+"""The keys of a phase that ask something of vehicles."""
 
 
 class Assignment(NamedTuple):
@@ -264,12 +270,26 @@ def phases(plan: Plan) -> Iterator[tuple[FlowPlan, PhasePlan]]:
             yield flow, phase
 
 
-def assignments(plan: Plan, pairs: tuple[tuple[Text, Text], ...]) -> Iterator[Assignment]:
+def goals_of(phase: PhasePlan, key: Asked) -> Iterator[tuple[Text, Text]]:
+    """(vehicle or group, the state or the flow) of each entry of `run` or `give`."""
+    for who, goal in phase.targets(key):
+        if not is_null(goal):
+            yield who, _name(goal)
+
+
+def _name(goal: Node) -> Text:
+    """The name of a goal, which may have values beside it."""
+    keys = [entry.key for entry in entries_of(goal).values()]
+    name = keys[0] if keys else goal
+    assert isinstance(name, Scalar)
+    return name.as_text
+
+
+def assignments(plan: Plan, phase: PhasePlan, key: Asked) -> Iterator[Assignment]:
     """The `run` or the `give` of a phase, vehicle by vehicle; unknown names are left out."""
-    for who, goal in pairs:
+    for who, goal in goals_of(phase, key):
         for vehicle in plan.members(who.text):
-            if vehicle in plan.fleet:
-                yield Assignment(vehicle, who, goal)
+            yield Assignment(vehicle, who, goal)
 
 
 def runs_of(case: Case, phase: PhasePlan) -> Mapping[str, str]:
@@ -280,26 +300,27 @@ def runs_of(case: Case, phase: PhasePlan) -> Mapping[str, str]:
 
 def _runs(case: Case) -> Iterator[dict[int, Mapping[str, str]]]:
     yield {
-        id(phase): {a.vehicle: a.goal.text for a in assignments(case.plan, phase.run)}
+        id(phase): {v: r.state for who, r in phase.run.items() for v in case.plan.members(who)}
         for _, phase in phases(case.plan)
     }
 
 
 def handovers(plan: Plan, phase: PhasePlan) -> Iterator[Assignment]:
     """The `give` of a phase, vehicle by vehicle, to flows that exist."""
-    yield from (w for w in assignments(plan, phase.give) if w.goal.text in plan.flows_by_name)
+    asked = assignments(plan, phase, "give")
+    yield from (a for a in asked if a.goal.text in plan.flows_by_name)
 
 
 def all_known(plan: Plan) -> bool:
     """Whether every vehicle and state that phases ask for exists."""
-    asked = [(who.text, state.text) for _, phase in phases(plan) for who, state in phase.run]
+    asked = [one for _, phase in phases(plan) for one in phase.run.items()]
     return all(
         bool(plan.members(who))
         and all(
-            has_state(plan.fleet[v], state) or state in BUILT_IN
-            for v in plan.members(who)
+            has_state(plan.fleet[name], request.state) or request.state in BUILT_IN
+            for name in plan.members(who)
         )
-        for who, state in asked
+        for who, request in asked
     )
 
 
@@ -326,5 +347,5 @@ def _asked(plan: Plan, flow: FlowPlan) -> Iterator[str]:
     for callback in plan.callbacks:
         for action in callback.do:
             named = action.target is None or action.target == flow.name
-            if action.name == "phase" and named and action.value.text in flow.phases:
-                yield action.value.text
+            if action.name == "phase" and named and action.value in flow.phases:
+                yield action.value

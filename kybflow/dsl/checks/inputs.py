@@ -12,10 +12,11 @@ from kybflow.dsl.checks.case import WORDS, Case
 from kybflow.dsl.checks.conditions import conditions_of, nodes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.plan import StatePlan
 from kybflow.dsl.expressions import Axis
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.names.option_names import no_vehicles
+from kybflow.dsl.plan import InputPlan, StatePlan
+from kybflow.dsl.reading.nodes import Scalar, entries_of
 
 LOST = "input_lost"
 
@@ -36,15 +37,15 @@ def _steered(case: Case) -> Iterator[_Steered]:
 
 def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
     """KYB401: a behavior names an input, or an input a vehicle, that isn't there."""
-    plan = case.plan
+    known = case.plan.inputs_by_name
     for _, name in case.cached(_steered):
-        if name.text not in plan.inputs_by_name:
+        if name.text not in known:
             message = f"the mission has no input `{name.text}`"
-            hint = did_you_mean(name.text, plan.inputs_by_name) if plan.inputs_by_name else ""
+            hint = did_you_mean(name.text, known) if known else ""
             hint = hint or f"declare it: `inputs: {{{name.text}: {{use: gamepad}}}}`"
             yield Diagnostic("KYB401", message, name.span, label="unknown", help=hint)
-    for use in plan.inputs:
-        yield from no_vehicles("KYB401", use.part, plan)
+    for use in case.plan.inputs:
+        yield from no_vehicles("KYB401", use.part, case.plan)
 
 
 def missing_axes(case: Case) -> Iterator[Diagnostic]:
@@ -67,41 +68,46 @@ def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
     """KYB403: `buttons` or `dead_man` names a button that the input doesn't have."""
     for use in case.plan.inputs:
         device = use.part.cls.buttons(use.part.params)
-        wrong = [(name, device) for _, name in use.renamed if name.text not in device]
-        known = use.buttons.values()
-        if use.dead_man is not None and use.dead_man.text not in known:
-            wrong.append((use.dead_man, tuple(known)))
+        wrong = [(name, device) for name in _renamed(use) if name.text not in device]
+        known, dead_man = tuple(use.buttons.values()), use.text_of("dead_man")
+        if dead_man is not None and dead_man.text not in known:
+            wrong.append((dead_man, known))
         for name, choices in wrong:
             message = f"`{use.part.name}` has no button `{name.text}`"
             hint = did_you_mean(name.text, choices) if choices else "it has no buttons"
             yield Diagnostic("KYB403", message, name.span, label="unknown", help=hint)
 
 
+def _renamed(use: InputPlan) -> list[Text]:
+    """The buttons of the device that the mission gives names of its own."""
+    buttons = use.entry("buttons")
+    named = () if buttons is None else entries_of(buttons.value).values()
+    return [one.value.as_text for one in named if isinstance(one.value, Scalar)]
+
+
 def unused_inputs(case: Case) -> Iterator[Diagnostic]:
     """KYB404: nothing is steered by an input, waits for one of its buttons or asks for one of its
     axes (a warning)."""
     used = {name.text for _, name in case.cached(_steered)} | _heard(case)
-    for typed in case.cached(conditions_of) if case.plan.inputs_by_name else ():
+    for typed in case.cached(conditions_of) if case.plan.inputs else ():
         used |= {node.input for node in nodes(typed.condition) if isinstance(node, Axis)}
-    for name, use in case.plan.inputs_by_name.items():
-        if name not in used:
+    for use in case.plan.inputs:
+        if use.name not in used:
             yield Diagnostic(
                 "KYB404",
-                f"nothing uses the input `{name}`",
+                f"nothing uses the input `{use.name}`",
                 use.span,
-                help=f"steer by it (`input: {name}`), hear one of its buttons, or remove it",
+                help=f"steer by it (`input: {use.name}`), hear one of its buttons, or remove it",
                 severity=Severity.WARNING,
             )
 
 
 def _heard(case: Case) -> set[str]:
     """What stands before the dot in every event that a mission waits for."""
-    flows = case.plan.flows
-    transitions = [t for _, state in case.states() for t in state.transitions]
-    transitions += [t for flow in flows for p in flow.phases.values() for t in p.transitions]
-    events = [t.event.text for t in transitions if t.event is not None]
-    events += [one.event.text for one in case.plan.callbacks if one.event is not None]
-    return {event.partition(".")[0] for event in events}
+    ways = [t for _, state in case.states() for t in state.transitions]
+    ways += [t for f in case.plan.flows for p in f.phases.values() for t in p.transitions]
+    events = [way.event for way in ways] + [one.event for one in case.plan.callbacks]
+    return {event.partition(".")[0] for event in events if event}
 
 
 def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
@@ -113,7 +119,7 @@ def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
     """
     for state, name in case.cached(_steered):
         own = state.transitions
-        if any(t.cause == "failed" or (t.event and t.event.text == LOST) for t in own):
+        if any(t.cause == "failed" or t.event == LOST for t in own):
             continue
         yield Diagnostic(
             "KYB405",
@@ -128,14 +134,14 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
     """KYB406: an input is called like a vehicle, a group, a flow or a word of the language, so that
     `NAME.x` could mean either."""
     plan = case.plan
-    for name, use in plan.inputs_by_name.items():
-        taken = dict.fromkeys(plan.fleet, "a vehicle's name")
-        taken |= dict.fromkeys(plan.groups, "a group's name")
-        taken |= dict.fromkeys(plan.flows, "a flow's name")
-        taken |= dict.fromkeys(WORDS, "a word of the language")
-        if name in taken:
-            message, hint = f"an input can't be called `{name}`", "give it another name"
-            yield Diagnostic("KYB406", message, use.span, label=taken[name], help=hint)
+    taken = dict.fromkeys(plan.fleet, "a vehicle's name")
+    taken |= dict.fromkeys(plan.groups, "a group's name")
+    taken |= dict.fromkeys(plan.flows_by_name, "a flow's name")
+    taken |= dict.fromkeys(WORDS, "a word of the language")
+    for use in plan.inputs:
+        if use.name in taken:
+            message, hint = f"an input can't be called `{use.name}`", "give it another name"
+            yield Diagnostic("KYB406", message, use.span, label=taken[use.name], help=hint)
 
 
 def not_as_told(case: Case) -> Iterator[Diagnostic]:
@@ -159,12 +165,12 @@ def silent_for_long(case: Case) -> Iterator[Diagnostic]:
     """KYB447: an input that falls silent steers on with what it said last for more than 5 s (a
     warning)."""
     steering = {name.text for _, name in case.cached(_steered)}
-    for name, use in case.plan.inputs_by_name.items():
-        if name in steering and use.silent_after > _SILENT:
+    for use in case.plan.inputs:
+        if use.name in steering and use.silent_after > _SILENT:
             silent = quantity(use.silent_after, DURATION)
             yield Diagnostic(
                 "KYB447",
-                f"`{name}` steers on for {silent} after it has fallen silent",
+                f"`{use.name}` steers on for {silent} after it has fallen silent",
                 use.span_of("silent_after"),
                 help="write less, such as `silent_after: 300 ms`",
                 severity=Severity.WARNING,

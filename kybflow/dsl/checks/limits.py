@@ -14,8 +14,8 @@ from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import Footprint
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
@@ -32,8 +32,7 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     airframe's."""
     for vehicle in case.plan.vehicles:
         for part in (vehicle.tracker, *vehicle.processors):
-            if not LIMITS.isdisjoint(part.spans):
-                yield from _beyond(vehicle, part)
+            yield from _beyond(vehicle, part)
 
 
 def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
@@ -81,25 +80,29 @@ def _sharpest(footprint: Footprint) -> tuple[str, ...]:
 
 
 class _Frame(NamedTuple):
-    """An airframe, what is called by it, and where its numbers are written."""
+    """An airframe, what is called by it, and where that stands."""
 
-    name: Text
-    airframe: Airframe
-    spans: dict[str, Span]
+    name: str
+    span: Span
+    body: Body
+
+    @property
+    def airframe(self) -> Airframe:
+        return self.body.airframe
 
     def place(self, *keys: str) -> Span:
         """Where the first of `keys` is that is written in the same file."""
-        spans = [self.spans[key] for key in keys if key in self.spans]
+        spans = (self.body.span_of(key) for key in keys if self.body.is_written(key))
         return next((s for s in spans if s.file == self.span.file), self.span)
 
 
 def _airframes(case: Case) -> Iterator[_Frame]:
     """Every airframe that is flown, then those that the mission only describes."""
-    flown = [_Frame(v.name, v.airframe, v.airframe_spans) for v in case.plan.vehicles]
+    flown = [_Frame(v.name, v.span, v.body) for v in case.plan.vehicles]
     yield from flown
-    for use in case.plan.airframes:
-        if all(use.airframe != frame.airframe for frame in flown):
-            yield _Frame(use.name, use.airframe, use.spans)
+    for body in case.plan.airframes:
+        if all(body.airframe != frame.airframe for frame in flown):
+            yield _Frame(body.name, body.span, body)
 
 
 def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
@@ -169,7 +172,7 @@ def _implausible(case: Case) -> Iterator[_Doubt]:
         if not _lifts(frame.airframe) or not _is_rigid(frame.airframe):
             continue
         for found in of_airframe(frame.airframe):
-            if not frame.spans.keys().isdisjoint(found.parameters):
+            if any(map(frame.body.is_written, found.parameters)):
                 yield _Doubt(f"`{frame.name}`", found, frame.place(*found.parameters))
     for vehicle in case.plan.vehicles:
         payload, airframe = vehicle.payload, vehicle.airframe

@@ -107,12 +107,11 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
     if holds(loop.margins, _SWINGS):
         little = "little" if code == "KYB324" else "too little"
         what = f"leaves `{name}` {little} margin"
-    written = (tracker.spans[key] for key in (*GAINS, "observer") if key in tracker.spans)
-    span = next(written, tracker.span)
+    written = (key for key in (*GAINS, "observer") if tracker.is_written(key))
     return Diagnostic(
         code,
         f"`{tracker.name}` {what}",
-        span,
+        tracker.span_of(next(written, "")),
         label=in_words(loop.margins),
         notes=(f"at least {in_words(bound)} are asked for",),
         help=_way_out(loop, bound),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.dsl.bind import tracked_by
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.world import Obstacle
 
 
 def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
@@ -13,8 +15,8 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
     tell where it is: motion capture."""
     if all(vehicle.driver.cls.simulated for vehicle in case.plan.vehicles):
         return
-    for moving in case.plan.moving:
-        if moving.tracked_by(case.plan.vehicles) is None:
+    for moving in _moving(case):
+        if tracked_by(case.plan, moving.name) is None:
             yield Diagnostic(
                 "KYB511",
                 f"nothing sees where `{moving.name}` is",
@@ -22,6 +24,10 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
                 label="motion capture tracks no vehicle",
                 help=f"give one the sensor {_real(case)}, or fly a simulated target",
             )
+
+
+def _moving(case: Case) -> list[Obstacle]:
+    return [one for one in case.plan.world.obstacles if one.moving is not None]
 
 
 def _real(case: Case) -> str:
@@ -39,8 +45,8 @@ def seen_as_another(case: Case) -> Iterator[Diagnostic]:
             claim = sensor.part.cls.claim(sensor.part.params, vehicle.name)
             if claim is not None:
                 taken.setdefault(claim.what, vehicle.name)
-    for moving in case.plan.moving:
-        name, by = moving.name, moving.tracked_by(case.plan.vehicles)
+    for moving in _moving(case):
+        name, by = moving.name, tracked_by(case.plan, moving.name)
         claim = None if by is None else by[1].cls.claim(by[2], name)
         if claim is not None and taken.setdefault(claim.what, name) != name:
             yield Diagnostic(

@@ -14,9 +14,9 @@ from kybflow.dsl.checks.actions import actions_of, sets_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.plan import Obstacle, PartPlan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Footprint
-from kybflow.world.shapes import Box, Cylinder, Plane, Scanned
+from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
@@ -34,16 +34,16 @@ _RATIO = 0.6180339887498949  # of the golden section
 def starts_inside(case: Case) -> Iterator[Diagnostic]:
     """KYB340: a vehicle starts inside an obstacle or touches it. It may stand on one."""
     for vehicle in case.plan.vehicles:
-        for obstacle in case.plan.obstacles:
-            if not _starts_in(obstacle, vehicle):
+        for obstacle, shape in case.plan.obstacles.items():
+            if not _starts_in(shape, vehicle):
                 continue
-            room = obstacle.shape.distance(vehicle.start)
+            room = shape.distance(vehicle.start)
             yield Diagnostic(
                 "KYB340",
-                f"`{vehicle.name}` starts in the obstacle `{obstacle.name}`",
+                f"`{vehicle.name}` starts in the obstacle `{obstacle}`",
                 vehicle.span_of("start", "at"),
                 label=room_needed(vehicle, room),
-                notes=(_stands(obstacle),),
+                notes=(_stands(case, obstacle),),
                 help="start further away",
             )
             break
@@ -53,7 +53,7 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB345: a vehicle starts neither on the ground nor on an obstacle. In the simulator it
     falls until its take-off catches it; a real one can't be put there."""
     for vehicle in case.plan.vehicles:
-        if any(_starts_in(obstacle, vehicle) for obstacle in case.plan.obstacles):
+        if any(_starts_in(shape, vehicle) for shape in case.plan.obstacles.values()):
             continue
         below, what = _support(case, vehicle.start)
         above = vehicle.start[2] - below
@@ -72,10 +72,10 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
 def _support(case: Case, place: Vec3) -> tuple[float, str]:
     """The height of what is under a place, and what that is."""
     below, what = 0.0, "the ground"
-    for obstacle in case.plan.obstacles:
-        top, inside = _top(obstacle, place)
+    for name, shape in case.plan.obstacles.items():
+        top, inside = _top(shape, place)
         if inside >= 0.0 and below < top <= place[2] + _ROUNDING:
-            below, what = top, f"`{obstacle.name}`"
+            below, what = top, f"`{name}`"
     return below, what
 
 
@@ -107,23 +107,23 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
     a landing is none to it, nor is one that it is too close to already. Where a processor leads it
     round obstacles, only the points themselves must be clear.
     """
-    obstacles = list(kept_from(case))
+    obstacles = _kept_from(case)
     for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
         path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
-        for obstacle in obstacles:
-            if entry is not None and obstacle.shape.distance(entry) < arm:
+        for obstacle, shape in obstacles.items():
+            if entry is not None and shape.distance(entry) < arm:
                 continue
-            room, point = nearest(path, obstacle.shape, arm)
+            room, point = nearest(path, shape, arm)
             if room < arm and _goes_round(vehicle, state):
-                room, point = min((obstacle.shape.distance(p), p) for p in path)
-            if room >= arm or (is_vertical(state) and _carries(obstacle, path[0], vehicle)):
+                room, point = min((shape.distance(p), p) for p in path)
+            if room >= arm or (is_vertical(state) and _carries(shape, path[0], vehicle)):
                 continue
             yield Diagnostic(
                 "KYB341",
-                f"`{state.name}` ({state.behavior.name}) flies into `{obstacle.name}`",
+                f"`{state.name}` ({state.behavior.name}) flies into `{obstacle}`",
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
-                notes=(_stands(obstacle), *footprint.line_of(point)),
+                notes=(_stands(case, obstacle), *footprint.line_of(point)),
                 help=_way_round(obstacle, room),
                 related=values_of(state.behavior),
             )
@@ -136,7 +136,7 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
 
     A processor that the mission switches, or gives other values in flight, is not judged.
     """
-    obstacles = list(kept_from(case))
+    obstacles = _kept_from(case)
     keepers = _keepers(case) if obstacles else {}
     for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
         if not footprint.goals or is_vertical(state):
@@ -148,12 +148,12 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
             where = f"{shown_point(found.goal)} is {format_quantity(found.room, LENGTH)}"
             yield Diagnostic(
                 "KYB558",
-                f"`{part.label}` keeps `{vehicle.name}` from where `{state.name}` goes",
+                f"`{part.alias}` keeps `{vehicle.name}` from where `{state.name}` goes",
                 aim_of(state, footprint),
-                label=f"{where} from `{found.obstacle.name}`",
+                label=f"{where} from `{found.obstacle}`",
                 notes=(
-                    f"`{part.label}` keeps its centre {format_quantity(keep, LENGTH)} away",
-                    _stands(found.obstacle),
+                    f"`{part.alias}` keeps its centre {format_quantity(keep, LENGTH)} away",
+                    _stands(case, found.obstacle),
                     *footprint.line_of(found.goal),
                 ),
                 help="stay further from the obstacle, or let the processor keep less",
@@ -167,50 +167,50 @@ class _OutOfReach(NamedTuple):
 
     goal: Vec3
     room: float
-    obstacle: Obstacle
+    obstacle: str
 
 
 def _out_of_reach(
-    footprint: Footprint, keep: float, obstacles: list[Obstacle]
+    footprint: Footprint, keep: float, obstacles: Mapping[str, Shape]
 ) -> _OutOfReach | None:
     """The first goal that nobody reaches who keeps so far away."""
     for goal, near in footprint.goals:
-        for obstacle in obstacles:
-            room = obstacle.shape.distance(goal)
+        for name, shape in obstacles.items():
+            room = shape.distance(goal)
             if keep - room > max(near, _CLAMPED):
-                return _OutOfReach(goal, room, obstacle)
+                return _OutOfReach(goal, room, name)
     return None
 
 
 def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
     """The processors of each vehicle that keep it off obstacles all the time, and how far."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
-    names = [action.value.text for action in switched]
-    names += [action.target for action in sets_of(case) if action.target is not None]
+    names = [action.value for action in switched]
+    names += [name.text for name, _ in sets_of(case)]
     changed = {name.split(".")[2] for name in names if ".processors." in name}
     return {
         vehicle.name: [
             (part, keep)
             for part in vehicle.processors
             if (keep := part.cls.keeps_off(part.params, vehicle.airframe)) > 0.0
-            and part.label not in changed
+            and part.alias not in changed
         ]
         for vehicle in case.plan.vehicles
     }
 
 
-def _way_round(obstacle: Obstacle, room: float) -> str:
+def _way_round(obstacle: str, room: float) -> str:
     """What to do about a way into an obstacle; one that touches and goes no deeper may be meant."""
     meant = ", or say `contact: allowed` where it stands" if room > -_TOUCHES else ""
-    return f"lead it round by points beside `{obstacle.name}`, or further away{meant}"
+    return f"lead it round by points beside `{obstacle}`, or further away{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
     """KYB546: no point of a scan or of a map is in the fence (a warning): it is in another unit, or
     its origin is elsewhere."""
     fence = case.plan.fence
-    for obstacle in case.plan.obstacles:
-        if fence is None or obstacle.scan is None or not isinstance(obstacle.shape, Scanned):
+    for obstacle in case.plan.world.obstacles:
+        if fence is None or not isinstance(obstacle.shape, Scanned):
             continue
         points = obstacle.shape.array
         axes = slice(points.shape[1])
@@ -220,7 +220,7 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB546",
                 f"no point of `{obstacle.name}` is in the fence",
-                obstacle.scan.span,
+                obstacle.span_of("occupancy" if obstacle.occupancy else "point_cloud", "file"),
                 label=f"it reaches from {shown_point(low)} to {shown_point(high)}",
                 notes=(extent(fence),),
                 help="mend where its origin is, or the unit that it is taken in",
@@ -228,29 +228,31 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def kept_from(case: Case) -> Iterator[Obstacle]:
+def _kept_from(case: Case) -> Mapping[str, Shape]:
     """The obstacles that nothing may touch."""
-    return (obstacle for obstacle in case.plan.obstacles if not obstacle.may_touch)
+    plan = case.plan
+    return {name: shape for name, shape in plan.obstacles.items() if name not in plan.touchable}
 
 
 def may_fly_into(case: Case) -> Iterator[Diagnostic]:
     """KYB342: it can't be told whether a behavior stays clear of an obstacle, because only the
     bounds of its path are known and the obstacle stands within."""
-    for vehicle, state, _, footprint in case.cached(footprints):
+    obstacles = _kept_from(case)
+    for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
         if path_of(footprint) or not footprint.points:
             continue
         low, high = (tuple(map(end, zip(*footprint.points, strict=True))) for end in (min, max))
         centre: Vec3 = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
         reach = distance(low, high) / 2 + vehicle.airframe.arm
-        near = (o for o in kept_from(case) if o.shape.distance(centre) < reach)
+        near = (name for name, shape in obstacles.items() if shape.distance(centre) < reach)
         obstacle = next(near, None)
         if obstacle is not None:
             yield Diagnostic(
                 "KYB342",
-                f"can't tell whether `{state.name}` stays clear of `{obstacle.name}`",
+                f"can't tell whether `{state.name}` stays clear of `{obstacle}`",
                 state.behavior.span,
                 label="only the bounds of its path are known",
-                notes=(_stands(obstacle),),
+                notes=(_stands(case, obstacle),),
                 severity=Severity.WARNING,
             )
 
@@ -260,22 +262,27 @@ def homes(case: Case) -> Iterator[Diagnostic]:
     outside the fence or in an obstacle."""
     fence = case.plan.fence
     for vehicle in case.plan.vehicles:
-        home, span = vehicle.home, vehicle.home_span
-        if home is None or span is None:
+        home, label, note = vehicle.home, "", ""
+        if home is None:
             continue
-        name, label, note = vehicle.name, "", ""
         related: tuple[Related, ...] = ()
         if fence is not None and fence.outside_by(home) > _ROUNDING:
             beyond = format_quantity(fence.outside_by(home), LENGTH)
             label, note = f"{shown_point(home)} is {beyond} outside", extent(fence)
             related = the_fence(case)
-        for obstacle in case.plan.obstacles:
-            room = obstacle.shape.distance(home)
-            if room < vehicle.airframe.arm - _ROUNDING and not _carries(obstacle, home, vehicle):
-                label, note = room_needed(vehicle, room), _stands(obstacle)
+        for obstacle, shape in case.plan.obstacles.items():
+            room = shape.distance(home)
+            if room < vehicle.airframe.arm - _ROUNDING and not _carries(shape, home, vehicle):
+                label, note = room_needed(vehicle, room), _stands(case, obstacle)
         if label:
-            message = f"`{name}` can't go home"
-            yield Diagnostic("KYB343", message, span, label=label, notes=(note,), related=related)
+            yield Diagnostic(
+                "KYB343",
+                f"`{vehicle.name}` can't go home",
+                vehicle.span_of("home"),
+                label=label,
+                notes=(note,),
+                related=related,
+            )
 
 
 def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
@@ -338,22 +345,22 @@ def is_vertical(state: StatePlan) -> bool:
     return any(GROUND in leg and leg.start is not leg.end for leg in state.behavior.cls.flight)
 
 
-def _starts_in(obstacle: Obstacle, vehicle: VehiclePlan) -> bool:
-    room = obstacle.shape.distance(vehicle.start)
+def _starts_in(shape: Shape, vehicle: VehiclePlan) -> bool:
+    room = shape.distance(vehicle.start)
     too_close = room < vehicle.airframe.arm - _ROUNDING
-    return too_close and not _carries(obstacle, vehicle.start, vehicle)
+    return too_close and not _carries(shape, vehicle.start, vehicle)
 
 
-def _carries(obstacle: Obstacle, point: Vec3, vehicle: VehiclePlan) -> bool:
+def _carries(shape: Shape, point: Vec3, vehicle: VehiclePlan) -> bool:
     """Whether the vehicle, at or above the top of the obstacle, has all of itself over it."""
-    top, inside = _top(obstacle, point)
+    top, inside = _top(shape, point)
     return point[2] >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
 
 
-def _top(obstacle: Obstacle, point: Vec3) -> tuple[float, float]:
+def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
     """(height of the obstacle's level top, distance of the point inside the top's edge, seen from
     above). An obstacle without a level top gives (inf, -inf)."""
-    (x, y, _), shape = point, obstacle.shape
+    x, y, _ = point
     match shape:
         case Box(low, high):
             top = high[2]
@@ -374,5 +381,6 @@ def room_needed(vehicle: VehiclePlan, room: float) -> str:
     return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
 
 
-def _stands(obstacle: Obstacle) -> str:
-    return f"`{obstacle.name}` stands in the world at {obstacle.span.at}"
+def _stands(case: Case, name: str) -> str:
+    obstacle = next(o for o in case.plan.world.obstacles if o.name == name)
+    return f"`{name}` stands in the world at {obstacle.span.at}"

@@ -16,13 +16,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.flows import Assignment, assignments, handovers, phases
+from kybflow.dsl.checks.flows import ASKED, Assignment, assignments, handovers, phases, runs_of
 from kybflow.dsl.checks.reachability import PHRASES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.plan import Plan, FlowPlan, PhasePlan, TransitionPlan
-from kybflow.dsl.expressions import And, Condition, GroupInState, InState
 from kybflow.dsl.expanding.flows import GROUNDED, named_vehicles, own_vehicles
+from kybflow.dsl.expressions import And, Condition, GroupInState, InState
+from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 
@@ -67,7 +67,7 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
 def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
     """Where a flow names a vehicle first."""
     for phase in flow.phases.values():
-        for assignment in assignments(plan, (*phase.run, *phase.give)):
+        for assignment in (one for key in ASKED for one in assignments(plan, phase, key)):
             if assignment.vehicle == vehicle:
                 return assignment.who.span
     return flow.span
@@ -83,7 +83,7 @@ def not_driven(case: Case) -> Iterator[Diagnostic]:
             for assignment in handovers(case.plan, phase):
                 yield from _taken(assignment, held, flow, phase)
                 held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
-            for assignment in assignments(case.plan, phase.run):
+            for assignment in assignments(case.plan, phase, "run"):
                 yield from _taken(assignment, held, flow, phase)
 
 
@@ -125,7 +125,7 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
         for assignment in handovers(plan, phase):
             held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
         for transition in phase.transitions:
-            event = "" if transition.event is None else transition.event.text
+            event = transition.event or ""
             left = {v: _held_after(holder, own, event) for v, holder in held.items()}
             target = transition.target
             before = entered.get(target)
@@ -143,9 +143,7 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
     givers = [
         (other.name, {w.vehicle for w in given})
         for other, phase in phases(plan)
-        if (
-            given := [w for w in assignments(plan, phase.give) if w.goal.text == flow.name]
-        )
+        if (given := [w for w in assignments(plan, phase, "give") if w.goal.text == flow.name])
     ]
     held: _Holders = {}
     for vehicle in named_vehicles(plan, flow):
@@ -173,9 +171,9 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB242: a phase asks one vehicle for two things, by its name and by a group's, or by two
     groups'."""
     for _, phase in phases(case.plan):
-        for pairs in (phase.run, phase.give):
+        for key in ASKED:
             first: dict[str, Assignment] = {}
-            for assignment in assignments(case.plan, pairs):
+            for assignment in assignments(case.plan, phase, key):
                 before = first.setdefault(assignment.vehicle, assignment)
                 if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
@@ -206,7 +204,7 @@ def can_not_enter(case: Case) -> Iterator[Diagnostic]:
         return
     for flow in case.plan.flows:
         for name, places in _flight_conditions(case, flow).items():
-            for assignment in assignments(case.plan, flow.phases[name].run):
+            for assignment in assignments(case.plan, flow.phases[name], "run"):
                 yield from _impossible(case, assignment, places[assignment.vehicle])
 
 
@@ -238,9 +236,7 @@ def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
     plan = case.plan
     own = own_vehicles(plan, flow)
     first = {
-        name: frozenset({GROUND})
-        if name in own and plan.fleet[name].begin == GROUNDED
-        else _ANY
+        name: frozenset({GROUND}) if name in own and plan.fleet[name].begin == GROUNDED else _ANY
         for name in named_vehicles(plan, flow)
     }
     entered = {flow.begin: first} if flow.begin in flow.phases else {}
@@ -248,11 +244,8 @@ def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
     while waiting:
         phase = flow.phases[waiting.pop()]
         for transition in phase.transitions:
-            target, left = (
-                transition.target,
-                _conditions_after(case, phase, transition, entered[phase.name]),
-            )
-            before = entered.get(target)
+            left = _conditions_after(case, phase, transition, entered[phase.name])
+            target, before = transition.target, entered.get(transition.target)
             merged = left if before is None else {v: left[v] | before[v] for v in left}
             if target in flow.phases and merged != before:
                 entered[target] = merged
@@ -265,7 +258,7 @@ def _conditions_after(
 ) -> _Places:
     """Where each vehicle can be after a way out of a phase."""
     plan = case.plan
-    asked = {assignment.vehicle for assignment in assignments(plan, phase.run)}
+    asked = {*runs_of(case, phase)}
     asked |= {assignment.vehicle for assignment in handovers(plan, phase)}
     still = frozenset({GROUND})
     left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}

@@ -24,8 +24,8 @@ from kybflow.dsl.checks.reachability import (
 )
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.dsl.expressions import Compare, Quantity, Read
+from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 
 
@@ -153,8 +153,7 @@ def _comes_surely(
     if drains(transition):
         return True
     if transition.event is not None:
-        event = transition.event.text
-        return transition.when is None and given_by_a_person(event, case.plan)
+        return transition.when is None and given_by_a_person(transition.event, case.plan)
     if not is_endless:
         return transition.cause == "then"
     return transition.cause == "within" or (transition.cause == "next" and transition.when is None)

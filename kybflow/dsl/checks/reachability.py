@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.checks.case import TARGETS, Case
-from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
-from kybflow.dsl.plan import Cause
+from kybflow.dsl.plan import Cause, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
 

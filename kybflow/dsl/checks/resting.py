@@ -20,10 +20,9 @@ from kybflow.dsl.checks.reachability import (
 from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.plan import FlowPlan, StatePlan, VehiclePlan
-from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import END
 from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles
+from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import END, FlowPlan, StatePlan, VehiclePlan
 from kybflow.parts import GROUND
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
@@ -127,10 +126,8 @@ def _rest(vehicle: VehiclePlan, state: StatePlan, entry: Vec3 | None) -> Resting
         return None
     x, y, z = footprint.exit
     if _is_on_ground(state):
-        is_start = entry == vehicle.start
-        return RestingPlace(
-            footprint.exit, vehicle.start_span if is_start else state.behavior.span
-        )
+        start, own = vehicle.span_of("start", "at"), state.behavior.span
+        return RestingPlace(footprint.exit, start if entry == vehicle.start else own)
     lands = any(leg.end is GROUND for leg in state.legs)
     return RestingPlace(footprint.exit if lands else (x, y, min(z, 0.0)), aim_of(state, footprint))
 

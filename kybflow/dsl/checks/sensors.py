@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
+from kybflow.dsl.bind import cameras_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
-from kybflow.world.cameras import Camera
 
 
 def of_no_use(case: Case) -> Iterator[Diagnostic]:
     """KYB391: a sensor measures nothing of what the estimator that it is named for needs."""
     for vehicle, use in _written(case):
         estimator = next(
-            (e.part for e in vehicle.estimators if e.part.label == use.estimator.text), None
+            (e.part for e in vehicle.estimators if e.part.alias in use.estimators), None
         )
         if estimator is None:
             continue
@@ -24,10 +24,10 @@ def of_no_use(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB391",
-            f"`{use.part.name}` measures nothing that `{use.estimator.text}` needs",
+            f"`{use.part.name}` measures nothing that `{estimator.alias}` needs",
             use.part.span,
             label=f"provides {_kinds(use.part.cls.provides)}",
-            help=f"`{use.estimator.text}` needs {_kinds(uses)}",
+            help=f"`{estimator.alias}` needs {_kinds(uses)}",
         )
 
 
@@ -53,7 +53,7 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
     """KYB393: a sensor can't work as it is told: the airframe carries no such camera, or the
     address of its server is none."""
     for vehicle, use in _written(case):
-        objection = use.part.cls.objection(use.part.params, _cameras(vehicle))
+        objection = use.part.cls.objection(use.part.params, cameras_of(vehicle))
         if objection is not None:
             span = use.part.span_of(objection.parameter)
             yield Diagnostic("KYB393", objection.reason, span, help=objection.hint)
@@ -65,16 +65,16 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     mixed."""
     given: dict[tuple[str, str], SensorPlan] = {}
     for vehicle, use in _written(case):
-        for what in use.part.cls.claims(use.part.params, _cameras(vehicle)):
+        for what in use.part.cls.claims(use.part.params, cameras_of(vehicle)):
             first = given.setdefault((vehicle.name, what), use)
-            if first is use or (_is_same(first, use) and first.estimator != use.estimator):
+            if first is use or (_is_same(first, use) and first.estimators != use.estimators):
                 continue
-            beside = f"for `{use.estimator.text}`, and one for `{first.estimator.text}` as well"
+            beside = f"for `{use.estimators[0]}`, and one for `{first.estimators[0]}` as well"
             yield Diagnostic(
                 "KYB394",
                 f"`{vehicle.name}` gets {what} from two sensors",
                 use.part.span,
-                label="" if first.estimator == use.estimator else beside,
+                label="" if first.estimators == use.estimators else beside,
                 notes=(f"the other is at {first.part.span.at}",),
                 help="leave one out: its measurements are for all estimators of the vehicle",
             )
@@ -85,20 +85,16 @@ def _is_same(one: SensorPlan, other: SensorPlan) -> bool:
     return (one.part.name, one.part.params) == (other.part.name, other.part.params)
 
 
-def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
-    return {camera.name: camera.camera for camera in vehicle.cameras}
-
-
 def _written(case: Case) -> Iterator[tuple[VehiclePlan, SensorPlan]]:
     """Every sensor that the mission names."""
     for vehicle in case.plan.vehicles:
-        yield from ((vehicle, use) for use in vehicle.sensors if use.estimator.text)
+        yield from ((vehicle, use) for use in vehicle.sensors if use.estimators)
 
 
 def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
     """KYB387: an estimator needs the frames of a camera, and the airframe carries none."""
     for vehicle in case.plan.vehicles:
-        for use in () if vehicle.cameras else vehicle.estimators:
+        for use in () if vehicle.body.cameras else vehicle.estimators:
             if Frame not in use.part.cls.uses(use.part.params):
                 continue
             camera = "{down: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 70 deg}}"

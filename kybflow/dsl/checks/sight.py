@@ -9,11 +9,12 @@ from math import hypot
 from kybflow.core.geometry import Vec3, rotate
 from kybflow.core.signals import Frame
 from kybflow.core.units import LENGTH, format_quantity
+from kybflow.dsl.bind import cameras_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import reckons
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, the_cameras
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.plan import CameraPlan, EstimatorPlan, VehiclePlan
+from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
@@ -60,11 +61,11 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
     """KYB445: a vehicle flies on tags alone, which all lie flat, and none of its cameras looks down
     by 30 degrees or more (a warning)."""
     for vehicle in case.plan.vehicles if case.plan.world.tags else ():
-        if not vehicle.cameras or not _knows_tags_alone(vehicle):
+        if not vehicle.body.cameras or not _knows_tags_alone(vehicle):
             continue
         tags = chain.from_iterable(use.tags for use in case.plan.world.tags)
-        if min(map(_axis, vehicle.cameras)) > _LEVEL and all(map(_lies_flat, tags)):
-            camera = vehicle.cameras[0]
+        if min(_axes(vehicle)) > _LEVEL and all(map(_lies_flat, tags)):
+            camera = vehicle.body.cameras[0]
             yield Diagnostic(
                 "KYB445",
                 f"`{camera.name}` of `{vehicle.name}` looks past the tags",
@@ -79,13 +80,13 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
 
 def _tags(case: Case) -> tuple[Related, ...]:
     """Where the mission itself describes the tags."""
-    span = case.plan.world.key_span("tags") if case.plan.world.is_written("tags") else None
-    return () if span is None else (Related(span, "the tags"),)
+    world = case.plan.world
+    return (Related(world.key_span("tags"), "the tags"),) if world.is_written("tags") else ()
 
 
-def _axis(use: CameraPlan) -> float:
-    """The z of a camera's axis, in a level vehicle: -1 where it looks down."""
-    return rotate(use.camera.attitude, (0.0, 0.0, 1.0))[2]
+def _axes(vehicle: VehiclePlan) -> list[float]:
+    """The z of each camera's axis, in a level vehicle: -1 where it looks down."""
+    return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in cameras_of(vehicle).values()]
 
 
 def _lies_flat(tag: Tag) -> bool:
@@ -94,7 +95,7 @@ def _lies_flat(tag: Tag) -> bool:
 
 def _flies_on_tags(vehicle: VehiclePlan) -> bool:
     """Whether nothing but tags and dead reckoning tells where it is, by cameras that look down."""
-    down = [_axis(use) < _DOWNWARD for use in vehicle.cameras]
+    down = [axis < _DOWNWARD for axis in _axes(vehicle)]
     return bool(down) and all(down) and _knows_tags_alone(vehicle)
 
 
@@ -114,7 +115,7 @@ def _sees_tags(use: EstimatorPlan) -> bool:
 
 def _unseen(vehicle: VehiclePlan, place: Vec3, tags: Sequence[Tag]) -> str:
     """Why no tag is seen from a place; empty where one is."""
-    reasons = [_hidden(use.camera, place, tags) for use in vehicle.cameras]
+    reasons = [_hidden(camera, place, tags) for camera in cameras_of(vehicle).values()]
     return reasons[0] if all(reasons) else ""
 
 

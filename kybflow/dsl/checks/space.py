@@ -14,6 +14,7 @@ from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
+from kybflow.dsl.reading import nodes
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box
 
@@ -47,12 +48,13 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
         if a is None:
             continue
         near = format_quantity(distance(a.start, b.start), LENGTH)
+        first = a.span_of("start", "at")
         yield Diagnostic(
             "KYB312",
             f"`{b.name}` starts {near} from `{a.name}`",
             b.span_of("start", "at"),
             label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
-            notes=(f"`{a.name}` starts at {shown_point(a.start)} ({a.span_of("start", "at").at})",),
+            notes=(f"`{a.name}` starts at {shown_point(a.start)} ({first.at})",),
         )
 
 
@@ -94,11 +96,11 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 continue
             yield Diagnostic(
                 "KYB320",
-                f"`{part.label}` keeps `{vehicle.name}` from where `{state.name}` goes",
+                f"`{part.alias}` keeps `{vehicle.name}` from where `{state.name}` goes",
                 aim_of(state, footprint),
                 label=_beyond(room, far),
                 notes=(
-                    f"`{part.label}` lets it go from {shown_point(room.low)} to "
+                    f"`{part.alias}` lets it go from {shown_point(room.low)} to "
                     f"{shown_point(room.high)}",
                     *footprint.line_of(far),
                 ),
@@ -164,7 +166,7 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
     for _, state, entries in _entered(case):
         if entries.known:
             continue
-        if _footprint(state, None) is None and _travels(state, fence):
+        if state.footprint(None) is None and _travels(state, fence):
             yield Diagnostic(
                 "KYB315",
                 f"can't tell whether `{state.name}` {bounds}",
@@ -187,24 +189,20 @@ def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None
     are obstacles, also from those that flows lead to."""
     for vehicle, state, entries in _entered(case):
         for entry in entries.candidates():
-            footprint = _footprint(state, entry)
+            footprint = state.footprint(entry)
             if footprint is not None:
                 yield vehicle, state, entry, footprint
     for vehicle, name, point in entered_by_flows(case) if case.plan.obstacles else ():
-        footprint = _footprint(vehicle.states[name], point)
+        footprint = vehicle.states[name].footprint(point)
         if footprint is not None:
             yield vehicle, vehicle.states[name], point, footprint
-
-
-def _footprint(state: StatePlan, entry: Vec3 | None) -> Footprint | None:
-    return state.footprint(entry)
 
 
 def _travels(state: StatePlan, fence: Box | None) -> bool:
     """Whether the behavior moves sideways from where it is entered."""
     (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
     middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
-    footprint = _footprint(state, middle)
+    footprint = state.footprint(middle)
     return footprint is not None and any(p[:2] != middle[:2] for p in footprint.points)
 
 
@@ -219,33 +217,34 @@ def extent(fence: Box) -> str:
 
 def the_fence(case: Case) -> tuple[Related, ...]:
     """Where the fence is written, beside what leaves it."""
-    span = case.plan.world.key_span("fence") if case.plan.world.is_written("fence") else None
-    return () if span is None else (Related(span, "the fence"),)
+    world = case.plan.world
+    return (Related(world.key_span("fence"), "the fence"),) if world.is_written("fence") else ()
 
 
 def the_time_limit(case: Case) -> tuple[Related, ...]:
     """Where the mission's time is written, beside what is over too late for it."""
-    span = case.plan.spans.get("time_limit")
-    return () if span is None else (Related(span, "the mission's time"),)
+    plan = case.plan
+    is_own = plan.is_written("time_limit")
+    return (Related(plan.key_span("time_limit"), "the mission's time"),) if is_own else ()
 
 
 def the_limit(vehicle: VehiclePlan, name: str) -> tuple[Related, ...]:
     """Where the mission itself writes a limit of the airframe, beside what is beyond it."""
-    span = vehicle.airframe_spans.get(name)
-    is_own = span is not None and span.file == vehicle.span.file
-    return (Related(span, f"the {name} of its airframe"),) if span is not None and is_own else ()
+    span = vehicle.body.span_of(name)
+    is_own = vehicle.body.is_written(name) and span.file == vehicle.span.file
+    return (Related(span, f"the {name} of its airframe"),) if is_own else ()
 
 
 def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
     """Where the mission itself describes the cameras of a vehicle."""
-    own = (use for use in vehicle.cameras if use.span.file == vehicle.span.file)
+    own = (use for use in vehicle.body.cameras if use.span.file == vehicle.span.file)
     return tuple(Related(use.span, f"its camera `{use.name}`") for use in own)
 
 
 def values_of(part: PartPlan) -> tuple[Related, ...]:
     """Where the values of a mission's parameters are written that a part has."""
-    given = {name: span.given for name, part.is_written(span).items() if span.given is not None}
-    return tuple(Related(span, f"its `{name}`") for name, span in given.items())
+    given = {name: e.value.span.given for name, e in nodes.entries_of(part.source.node).items()}
+    return tuple(Related(span, f"its `{name}`") for name, span in given.items() if span)
 
 
 def shown_point(point: Vec3) -> str:

@@ -11,8 +11,7 @@ from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rota
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import Tags
-from kybflow.dsl.schema.world import GridParams
+from kybflow.dsl.world import Tags
 from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
 
@@ -68,7 +67,7 @@ def _renumbered(use: Tags, every: tuple[Tags, ...]) -> str:
     family = use.tags[0].family
     taken = [t.id for other in every if other is not use for t in other.tags if t.family == family]
     free = max(taken) + 1
-    if isinstance(use.params, GridParams):
+    if use.grid is not None:
         return f"number it from {free} on: `first: {free}`"
     return f"the first number that nothing above has is {free}"
 
@@ -101,10 +100,8 @@ def _overlap(pairs: list[tuple[Tag, Tag]], under: Tags, over: Tags) -> Diagnosti
     covered = sorted({tag.id for tag, _ in pairs})
     more = f"; {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
     hint = "move one of them"
-    if isinstance(under.params, GridParams) and under is not over and len(covered) <= _SHOWN:
-        hint = (
-            f"move it, or leave out what it covers of `{under.name}`: `leave_out: {covered}`"
-        )
+    if under.grid is not None and under is not over and len(covered) <= _SHOWN:
+        hint = f"move it, or leave out what it covers of `{under.name}`: `leave_out: {covered}`"
     return Diagnostic(
         "KYB384",
         f"tag {b.id} of `{over.name}` overlaps tag {a.id} of `{under.name}`",
@@ -120,7 +117,7 @@ def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
     themselves. They are looked for cell by cell, because there may be thousands."""
     reach = (under.size + over.size) / sqrt(2.0)
     is_one = under is over
-    if is_one and isinstance(under.use.params, GridParams):
+    if is_one and under.use.grid is not None:
         return
     if any(low - reach > high for low, high in zip(under.low, over.high, strict=True)):
         return

@@ -11,37 +11,37 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.plan import StatePlan, VehiclePlan
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.option_names import no_vehicles
+from kybflow.dsl.plan import StatePlan, VehiclePlan
 
 
 class _Shared(NamedTuple):
-    """A state that a vehicle flies together with a group, and the group as it is written."""
+    """A state that a vehicle flies together with a group, and where the group is named."""
 
     vehicle: VehiclePlan
     state: StatePlan
-    group: Text
+    group: str
+    span: Span
 
 
 def _shared(case: Case) -> Iterator[_Shared]:
     for vehicle, state in case.states():
         for parameter, name in named_in(state.behavior.params, "group").items():
-            span = state.part.spans.get(parameter, state.behavior.span)
-            yield _Shared(vehicle, state, Text(name, span))
+            yield _Shared(vehicle, state, name, state.behavior.span_of(parameter))
 
 
 def unknown_companions(case: Case) -> Iterator[Diagnostic]:
     """KYB520: a behavior names a group or a vehicle that the mission does not have."""
     plan = case.plan
-    for _, _, group in case.cached(_shared):
-        if group.text not in plan.groups:
-            hint = did_you_mean(group.text, plan.groups) if plan.groups else ""
-            hint = hint or f"declare it: `groups: {{{group.text}: [a, b]}}`"
-            message = f"the mission has no group `{group.text}`"
-            yield Diagnostic("KYB520", message, group.span, label="unknown", help=hint)
+    for _, _, group, span in case.cached(_shared):
+        if group not in plan.groups:
+            hint = did_you_mean(group, plan.groups) if plan.groups else ""
+            hint = hint or f"declare it: `groups: {{{group}: [a, b]}}`"
+            message = f"the mission has no group `{group}`"
+            yield Diagnostic("KYB520", message, span, label="unknown", help=hint)
     for _, state in case.states():
-        yield from no_vehicles("KYB520", state.part, plan)
+        yield from no_vehicles("KYB520", state.behavior, plan)
 
 
 def unknown_obstacles(case: Case) -> Iterator[Diagnostic]:
@@ -53,15 +53,15 @@ def unknown_obstacles(case: Case) -> Iterator[Diagnostic]:
 
 def no_member(case: Case) -> Iterator[Diagnostic]:
     """KYB521: a behavior is flown together with a group in which its vehicle is not."""
-    for vehicle, state, group in case.cached(_shared):
-        members = case.plan.groups.get(group.text)
+    for vehicle, state, group, span in case.cached(_shared):
+        members = case.plan.groups.get(group)
         name = vehicle.name
-        if members is not None and name not in {m.text for m in members}:
+        if members is not None and name not in members:
             yield Diagnostic(
                 "KYB521",
-                f"`{name}` is not in `{group.text}`, with which it flies `{state.name}`",
-                group.span,
-                label=f"has {', '.join(f'`{m.text}`' for m in members)}",
+                f"`{name}` is not in `{group}`, with which it flies `{state.name}`",
+                span,
+                label=f"has {', '.join(f'`{member}`' for member in members)}",
                 help=f"add `{name}` to the group, or name one that it is in",
             )
 
@@ -70,19 +70,19 @@ def never_comes(case: Case) -> Iterator[Diagnostic]:
     """KYB522: a behavior is flown together with a group of which a member never flies it: the
     others would wait for it in vain."""
     shared, groups = case.cached(_shared), case.plan.groups
-    fly = {(s.vehicle.name, s.state.behavior.name, s.group.text) for s in shared}
-    lost = {s.vehicle.name for s in shared if s.group.text not in groups}
-    for _, state, group in shared:
+    fly = {(s.vehicle.name, s.state.behavior.name, s.group) for s in shared}
+    lost = {s.vehicle.name for s in shared if s.group not in groups}
+    for _, state, group, span in shared:
         part = state.behavior.name
-        for member in groups.get(group.text, ()):
-            known = member.text in case.plan.vehicles and member.text not in lost
-            if known and (member.text, part, group.text) not in fly:
+        for member in groups.get(group, ()):
+            known = member in case.plan.fleet and member not in lost
+            if known and (member, part, group) not in fly:
                 yield Diagnostic(
                     "KYB522",
-                    f"`{member.text}` never flies `{part}` with `{group.text}`",
-                    group.span,
+                    f"`{member}` never flies `{part}` with `{group}`",
+                    span,
                     label=f"`{state.name}` waits for it",
-                    help=f"give `{member.text}` such a behavior, or name a group without it",
+                    help=f"give `{member}` such a behavior, or name a group without it",
                 )
 
 
@@ -97,7 +97,7 @@ def at_odds(case: Case) -> Iterator[Diagnostic]:
                 yield Diagnostic(
                     "KYB523",
                     f"`{objection.parameter}` of `{state.name}` {objection.reason}",
-                    state.part.spans.get(objection.parameter, state.behavior.span),
+                    state.behavior.span_of(objection.parameter),
                     help=objection.hint,
                     severity=severity,
                 )

@@ -13,11 +13,11 @@ from kybflow.dsl.checks.flows import all_known, phases
 from kybflow.dsl.checks.reachability import PHRASES, FlightEdge, endless_states, flight_graph
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.plan import PhasePlan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.expanding.flows import GROUNDED
+from kybflow.dsl.plan import PhasePlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Leg
 from kybflow.parts.observables import chains_of
 
@@ -30,10 +30,11 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.plan.vehicles:
         if vehicle.begin not in (*vehicle.states, GROUNDED):
-            yield no_state("KYB201", vehicle.begin, vehicle)
+            yield no_state("KYB201", Text(vehicle.begin, _begins_at(vehicle)), vehicle)
         for state in vehicle.states.values():
             for transition in state.transitions:
-                finding = wrong_goal("KYB201", transition.target, vehicle)
+                goal = Text(transition.target, transition.target_span)
+                finding = wrong_goal("KYB201", goal, vehicle)
                 if finding is not None:
                     yield finding
 
@@ -50,11 +51,17 @@ def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "KYB202",
             f"`{state.name}` can't be the first behavior of `{vehicle.name}`",
-            vehicle.begin.span,
+            _begins_at(vehicle),
             label=f"starts {_starts(state.legs)}",
             notes=("a run begins on the ground",),
             help=f"did you mean `begin: {grounded[0]}`?" if grounded else "begin with a take-off",
         )
+
+
+def _begins_at(vehicle: VehiclePlan) -> Span:
+    """The place of its first behavior's name: where it is written as such, else its own."""
+    begin = vehicle.text_of("begin")
+    return vehicle.states[vehicle.begin].span if begin is None else begin.span
 
 
 def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
@@ -164,11 +171,11 @@ def _unreached(
 def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]:
     """A note for each behavior of the vehicle's own that is reached and says not what follows."""
     for state in vehicle.states.values():
-        name, legs = state.name, state.legs
-        is_own = not state.inherited and not any(chains_of(name.text))
+        is_own = not state.inherited and not any(chains_of(state.name))
         is_open = all(t.cause in {"within", "failed"} for t in state.transitions)
-        if name.text in reached and is_own and is_open and any(leg.end is AIR for leg in legs):
-            yield f"`{name.text}` has no `then` ({name.span.at})"
+        flies = any(leg.end is AIR for leg in state.legs)
+        if state.name in reached and is_own and is_open and flies:
+            yield f"`{state.name}` has no `then` ({state.span.at})"
 
 
 def reached_states(vehicle: VehiclePlan, since: tuple[str, ...] = ()) -> set[str]:
@@ -270,7 +277,7 @@ def _covers(first: _Guarded, later: _Guarded) -> bool:
     a, b = first.transition, later.transition
     if not first.understood or not later.understood or _is_empty(a) or _is_empty(b):
         return False
-    if a.event is not None and (b.event is None or a.event.text != b.event.text):
+    if a.event is not None and a.event != b.event:
         return False
     if a.after is not None and (b.after is None or b.after < a.after):
         return False
@@ -316,19 +323,20 @@ def reserved_names(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.plan.vehicles:
         if vehicle.name in WORDS | _MARKS:
-            yield _reserved(vehicle.name, "vehicle", "a word of the language")
+            yield _reserved(vehicle, "vehicle", "a word of the language")
         for state in vehicle.states.values():
             if state.name in BUILT_IN:
-                yield _reserved(state.name, "behavior", "a built-in state")
+                yield _reserved(state, "behavior", "a built-in state")
             elif state.name in WORDS | _MARKS:
-                yield _reserved(state.name, "behavior", "a word of the language")
+                yield _reserved(state, "behavior", "a word of the language")
 
 
-def _reserved(name: Text, what: str, why: str) -> Diagnostic:
+def _reserved(named: VehiclePlan | StatePlan, what: str, why: str) -> Diagnostic:
+    name = named.name
     return Diagnostic(
         "KYB207",
-        f"a {what} can't be called `{name.text}`",
-        name.span,
+        f"a {what} can't be called `{name}`",
+        named.span,
         label=why,
-        help=f"give it another name, such as `my_{name.text}`" if name.text.isalpha() else "",
+        help=f"give it another name, such as `my_{name}`" if name.isalpha() else "",
     )

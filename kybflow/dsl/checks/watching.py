@@ -49,7 +49,7 @@ def _objections(case: Case) -> Iterator[tuple[PartPlan, Objection]]:
 def _finding(code: str, part: PartPlan, objection: Objection, severity: Severity) -> Diagnostic:
     return Diagnostic(
         code,
-        f"`{objection.parameter}` of `{part.label}` {objection.reason}",
+        f"`{objection.parameter}` of `{part.alias}` {objection.reason}",
         part.span_of(objection.parameter),
         help=objection.hint,
         severity=severity,
@@ -62,15 +62,15 @@ def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
     condition asks (a warning)."""
     for vehicle in case.plan.vehicles:
         for part in vehicle.supervisors:
-            alike = (other for other in vehicle.supervisors if other.spec is part.spec)
+            alike = (other for other in vehicle.supervisors if other.name == part.name)
             if not all(map(_only_warns, alike)):
                 continue
             if any(event in part.cls.events for event in case.cached(_answered)):
                 continue
             yield Diagnostic(
                 "KYB446",
-                f"nothing brings `{vehicle.name}` down when `{part.label}` tells",
-                part.spans["reaction"],
+                f"nothing brings `{vehicle.name}` down when `{part.alias}` tells",
+                part.span_of("reaction"),
                 label="only warns",
                 help="leave `reaction` out, or let a transition answer its event",
                 severity=Severity.WARNING,
@@ -79,7 +79,7 @@ def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
 
 def _only_warns(part: PartPlan) -> bool:
     """Whether it would land by default and is told to warn."""
-    if "reaction" not in part.spans or part.params.reaction != "warn":
+    if not part.is_written("reaction") or part.params.reaction != "warn":
         return False
     return Reaction[_usual(part).reaction.upper()] >= Reaction.LAND
 
@@ -91,7 +91,7 @@ def _answered(case: Case) -> Iterator[str]:
     ways = [state.transitions for _, state in case.states()]
     ways += [phase.transitions for _, phase in phases(plan)]
     transitions = [transition for several in ways for transition in several]
-    asked = [t.when for t in transitions] + [callback.when for callback in plan.callbacks]
+    asked = (one.text_of("when") for one in (*transitions, *plan.callbacks))
     if any(text is not None and "battery." in text.text for text in asked):
         yield from (
             event
@@ -101,8 +101,8 @@ def _answered(case: Case) -> Iterator[str]:
             for event in p.cls.events
         )
     heard = [t.event for t in transitions]
-    heard += [c.event for c in plan.callbacks if any(a.name != "log" for a in c.actions)]
-    yield from (event.text.rpartition(".")[2] for event in heard if event is not None)
+    heard += [c.event for c in plan.callbacks if any(a.name != "log" for a in c.do)]
+    yield from (event.rpartition(".")[2] for event in heard if event)
 
 
 def _usual(part: PartPlan) -> Any:
@@ -125,7 +125,7 @@ def falls(case: Case) -> Iterator[Diagnostic]:
             speed = format_quantity(sqrt(2.0 * GRAVITY * height), SPEED)
             yield Diagnostic(
                 "KYB418",
-                f"`{part.label}` lets `{vehicle.name}` fall",
+                f"`{part.alias}` lets `{vehicle.name}` fall",
                 part.span_of("reaction"),
                 label="stops the rotors in the air",
                 notes=(f"from {format_quantity(height, LENGTH)} it hits the ground at {speed}",),

@@ -48,12 +48,21 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan:
     fields = tuple(
         (key, entry.value.text)
         for key, entry in node.entries.items()
-        if key not in _CALLBACK_KEYS and isinstance(entry.value, Scalar) and not is_null(entry.value)
+        if key not in _CALLBACK_KEYS
+        and isinstance(entry.value, Scalar)
+        and not is_null(entry.value)
     )
     actions = tuple(action for item in items for action in _actions(item, decoder))
     name = event.text if isinstance(event, Scalar) else ""
     callback: CallbackPlan = decoder.record(
-        CallbackPlan, node, node.span, event=name, fields=fields, do=actions, vehicles=(), actions=()
+        CallbackPlan,
+        node,
+        node.span,
+        event=name,
+        fields=fields,
+        do=actions,
+        vehicles=(),
+        actions=(),
     )
     return callback
 

@@ -11,7 +11,7 @@ from kybflow.dsl.expanding.states import next_transition
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan, Ways
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.parts import GROUND
 
 CODES = {
@@ -34,13 +34,17 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
             inner = {n: e._replace(inherited=True) for n, e in entries_of(phases.value).items()}
             whole = phases._replace(value=Mapping(inner, phases.value.span))
             body = Mapping({**body.entries, "phases": whole}, body.span)
-        if not any(isinstance(e.value, Mapping) for e in entries_of(phases and phases.value).values()):
+        if not any(
+            isinstance(e.value, Mapping) for e in entries_of(phases and phases.value).values()
+        ):
             message = f"the flow `{name}` needs `phases`"
             hint = "write `phases: {...}`, or start from a flow that has some"
             decoder.found.report("KYB102", message, entry.key.span, help=hint)
             continue
         begin = body.get("begin")
-        first = begin.text if isinstance(begin, Scalar) else next(iter(entries_of(body.get("phases"))))
+        first = (
+            begin.text if isinstance(begin, Scalar) else next(iter(entries_of(body.get("phases"))))
+        )
         flow = decoder.record(FlowPlan, body, entry.key.span, name=name, begin=first, vehicles=())
         if flow is not None:
             flows.append(_with_ways(flow, decoder.found))
@@ -53,7 +57,9 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
     for way in flow.next:
         if way.after is not None:
             hint = "write it in each phase that it bounds"
-            found.report("KYB462", "a flow's `next` has no `after`", way.key_span("after"), help=hint)
+            found.report(
+                "KYB462", "a flow's `next` has no `after`", way.key_span("after"), help=hint
+            )
         shared.append(replace(next_transition(way, found), since=flow.name))
     phases = {}
     for name, phase in flow.phases.items():
@@ -69,7 +75,11 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
     if limit is not None and goal is not None and phase.otherwise is not None:
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
-        return (TransitionPlan(phase.otherwise, cause="within", after=phase.within, at=span.at, source=source),)
+        return (
+            TransitionPlan(
+                phase.otherwise, cause="within", after=phase.within, at=span.at, source=source
+            ),
+        )
     if limit is not None:
         message = "nothing says where the phase goes after `within`"
         found.report("KYB192", message, limit.value.span, help="add `otherwise: PHASE`")

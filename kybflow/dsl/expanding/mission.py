@@ -19,7 +19,6 @@ from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
 from kybflow.dsl.reading.values import decode
 from kybflow.dsl.resolving.resolve import Resolved
 
-
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 

@@ -17,7 +17,7 @@ from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.names.built_in import failure_of
 from kybflow.dsl.plan import Cause, ChainPlan, StatePlan, TransitionPlan, Ways
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, is_null
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, is_null
 from kybflow.parts.observables import chains_of
 
 CODES = {
@@ -65,7 +65,10 @@ def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> Chai
     assert isinstance(body, Mapping)
     for key, inner in body.entries.items():
         if key not in _OF_CHAINS:
-            message, hint = f"`{key}` is no key of a chain's own entry", did_you_mean(key, _OF_CHAINS)
+            message, hint = (
+                f"`{key}` is no key of a chain's own entry",
+                did_you_mean(key, _OF_CHAINS),
+            )
             decoder.found.report("KYB101", message, inner.key.span, help=hint)
     chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)
     own = _written(chain, first, decoder.found)
@@ -134,7 +137,9 @@ def _joined(own: list[TransitionPlan], around: list[Ways], implied: str) -> Ways
             if failed is None:
                 transitions.append(replace(way, target=implied))
             else:
-                transitions.append(replace(way, target=failed.target, enters=failed.enters))
+                place = way.source._replace(node=failed.source.node)
+                target = {"target": failed.target, "enters": failed.enters, "source": place}
+                transitions.append(replace(way, **target))
     return tuple(transitions)
 
 

@@ -57,7 +57,10 @@ class Target:
             self.name = self._targets[name].key.as_text
         elif name != "sim" and name not in (implied := implied_targets(catalog)):
             known = {*self._targets, *implied, "sim"}
-            message, asked = f"the mission has no target `{name}`", Span(FILE, 1, 1, 1, len(name) + 1)
+            message, asked = (
+                f"the mission has no target `{name}`",
+                Span(FILE, 1, 1, 1, len(name) + 1),
+            )
             self._found.report("KYB150", message, asked, help=did_you_mean(name, known))
 
     def drivers(self) -> dict[str, PartPlan]:
@@ -88,9 +91,7 @@ class Target:
         driver, values = implied[name]
         return self._decoder.part("drivers", _node({"use": driver, **values}, span))
 
-    def _decoded_drivers(
-        self, entries: Entries, decoder: Decoder
-    ) -> dict[str, PartPlan | None]:
+    def _decoded_drivers(self, entries: Entries, decoder: Decoder) -> dict[str, PartPlan | None]:
         """The drivers that are written; trackers are looked at as well."""
         decoded: dict[str, PartPlan | None] = {}
         for name, entry in entries.items():
@@ -214,11 +215,16 @@ class Target:
         for entry in self._targets.values():
             for name, other in _inputs(entries_of(entry.value)).items():
                 if name not in own:
-                    hint = did_you_mean(name, own) or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
+                    hint = (
+                        did_you_mean(name, own) or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
+                    )
                     message, span = f"the mission has no input `{name}`", other.key.span
                     self._found.report("KYB400", message, span, "unknown", help=hint)
             if "inputs" in self._vehicles:
-                message, span = "a vehicle can't be called `inputs`", self._vehicles["inputs"].key.span
+                message, span = (
+                    "a vehicle can't be called `inputs`",
+                    self._vehicles["inputs"].key.span,
+                )
                 self._found.report("KYB400", message, span, help="give it another name")
         replaced = _inputs(self._entries)
         inputs: list[InputPlan] = []

@@ -29,7 +29,6 @@ from kybflow.dsl.world import (
     OccupancyParams,
     PlaneParams,
     PointCloudParams,
-    Tags,
     World,
 )
 from kybflow.world.columns import Columns
@@ -94,7 +93,9 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     if obstacle is None or getattr(obstacle, solids[0]) is None:
         return None
     if (ball := obstacle.moving_sphere) is not None:
-        return replace(obstacle, moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body))
+        return replace(
+            obstacle, moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body)
+        )
     if (scan := obstacle.point_cloud) is not None:
         cloud = _cloud(scan, found)
         return cloud and replace(obstacle, shape=cloud, files=(scan.file,))

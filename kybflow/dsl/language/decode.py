@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.params import (
     BOOLEAN,
+    FILE,
+    FILE_PATH,
     INTEGER,
     TEXT,
     Choice,
@@ -29,11 +31,12 @@ from kybflow.core.units import parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.schema import NAMES, PARAMETER, PLACE, TITLE_LENGTH
+from kybflow.dsl.language.schema import NAMES, PARAMETER, PLACE, TITLE_LENGTH, event_fields
 from kybflow.dsl.language.source import Record, Source
 from kybflow.dsl.language.types import (
     CONDITION,
     EVENT,
+    EVENT_FIELD,
     PHASE,
     REQUEST,
     SENSORS,
@@ -52,7 +55,6 @@ from kybflow.dsl.reading.nodes import (
     Scalar,
     Sequence,
     describe,
-    entries_of,
     head_of,
     is_null,
     items_of,
@@ -104,7 +106,9 @@ class Decoder:
         """A decoder that reports elsewhere."""
         return Decoder(self._catalog, found, judging=self._judging)
 
-    def record(self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any) -> Any:
+    def record(
+        self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
+    ) -> Any:
         """The record that `node` says; None where it has errors. `span` is its place for reports,
         `given` are fields that are known already."""
         before = len(self.found.all)
@@ -118,7 +122,9 @@ class Decoder:
             if isinstance(kind, PartOf) and kind.word == field.key:
                 value = self._part(kind, node, keys)
             elif isinstance(kind, RecordOf) and kind.flat:
-                beside = Mapping({k: e for k, e in body.entries.items() if k not in keys}, body.span)
+                beside = Mapping(
+                    {k: e for k, e in body.entries.items() if k not in keys}, body.span
+                )
                 value = self._flat(kind.cls, beside, span)
                 keys |= {own.key for own in fields_of(kind.cls)}
             else:
@@ -126,10 +132,13 @@ class Decoder:
             if value is not None:
                 values[field.name] = value
         if self._judging:
+            if len(body.entries) < getattr(cls, "least", 0):
+                self._refuse(node)
             self._judge_keys(cls, body, keys)
             return None
         lacking = [f.name for f in fields if f.required and f.name not in values]
-        if lacking or (len(self.found.all) > before and not getattr(cls, "is_whole", False)):
+        is_wrong = len(self.found.all) > before
+        if lacking or (is_wrong and getattr(cls, "missing", "") == "KYB108"):
             return None
         if issubclass(cls, Record):
             values["source"] = Source(span, body, inherited)
@@ -182,19 +191,17 @@ class Decoder:
     def _judge_keys(self, cls: Any, body: Mapping, keys: frozenset[str]) -> None:
         """Report a key that the record does not have, and judge those that any name may have."""
         others, fields = getattr(cls, "others", None), fields_of(cls)
-        word = next((f.type.word for f in fields if isinstance(f.type, PartOf)
-                     and f.type.word == f.key), "")  # fmt: skip
+        parts = [f.type for f in fields if isinstance(f.type, PartOf) and f.type.word == f.key]
+        texts = {"like"} if getattr(cls, "like", "") else set()
+        texts |= {"as", "stack"} if parts and parts[0].word == "use" else set()
         for key, entry in body.entries.items():
-            if key in keys or is_null(entry.value):
+            if key in keys or parts and key not in texts:
                 continue
-            if key == "like" and getattr(cls, "like", ""):
-                self.value(entry.value, _TEXT_FIELD)
-            elif key in ("as", "stack") and word == "use":
-                self.value(entry.value, _TEXT_FIELD)
-            elif others is not None:
-                self.value(entry.value, Field(key, others, key=key))
-            elif not word:
-                self.found.report("KYB101", f"`{key}` is no key", entry.key.span)
+            if key not in texts and not _may_be_called(key, others):
+                self._refuse(entry.key)
+            if not is_null(entry.value) and (key in texts or others is not None):
+                kind = TEXT if key in texts else others
+                self.value(entry.value, Field(key, kind, key=key))
 
     def value(self, node: Node, field: Field, entry: MappingEntry | None = None) -> Any:
         """The value of a key."""
@@ -221,7 +228,7 @@ class Decoder:
         if kind == PHASE:
             return self._phase(node, field)
         if kind == VERSION:
-            return 1 if to_json(node) == 1 else self._refuse(node)
+            return 1 if to_json(node) == 1 and node.text[0] in "1+" else self._refuse(node)
         if kind in _TEXTS:
             return self._text(node, kind, field)
         return self._plain(node, field)
@@ -234,10 +241,12 @@ class Decoder:
         if not self._judging:
             return decode(node, field, self.found)
         kind = field.type
-        if isinstance(kind, Sequence):
-            return None
         if _stands_in(node, kind):
             return None
+        if kind in (FILE, FILE_PATH):
+            return self._text(node, TEXT, field)
+        if isinstance(node, Sequence) and len(node.items) < field.least:
+            self._refuse(node)
         if isinstance(kind, Numbers) and kind.size and isinstance(node, Sequence):
             inner = Numbers("scalar" if len(kind.size) == 1 else "vector", False, kind.dimension,
                             kind.size[1:])  # fmt: skip
@@ -298,15 +307,16 @@ class Decoder:
                 self._text(node, TEXT, field)
             return None
         if isinstance(node, Scalar):
-            return Request(node.text, source=Source(node.span))
+            return Request(node.text, source=Source(node.as_text.span))
         if isinstance(node, Mapping) and len(node.entries) == 1:
             [asked] = node.entries.values()
+            place = asked.key.as_text.span
             if isinstance(asked.value, Mapping):
-                return Request(asked.key.text, source=Source(asked.key.span, asked.value))
+                return Request(asked.key.text, source=Source(place, asked.value))
             if is_null(asked.value):
-                return Request(asked.key.text, source=Source(asked.key.span))
+                return Request(asked.key.text, source=Source(place))
         message = f"`{field.key}` is asked for what is no state with its values"
-        hint = "write `STATE`, or `{STATE: {PARAMETER: VALUE}}`"
+        hint = f"write `{field.key}: STATE` or `{field.key}: {{STATE: {{...}}}}`"
         self.found.report("KYB244", message, node.span, help=hint)
         return None
 
@@ -325,16 +335,18 @@ class Decoder:
                 values[name] = value
         return values if kind.as_dict else tuple(values.values())
 
-    def _nested(
-        self, node: Node, kind: RecordOf, field: Field, entry: MappingEntry | None
-    ) -> Any:
+    def _nested(self, node: Node, kind: RecordOf, field: Field, entry: MappingEntry | None) -> Any:
         if not isinstance(node, Mapping):
             if self._judging and kind.or_name:
                 return self._text(node, TEXT, field)
             if not (self._judging and _is_use(kind.cls)):
                 return self._refuse(node) if self._judging else None
         span = node.span if entry is None else entry.key.span
-        own = {} if entry is None or "name" not in kind.cls.__dataclass_fields__ else {"name": field.key}
+        own = (
+            {}
+            if entry is None or "name" not in kind.cls.__dataclass_fields__
+            else {"name": field.key}
+        )
         inherited = entry is not None and entry.inherited
         if self._judging or issubclass(kind.cls, Record):
             return self.record(kind.cls, node, span, inherited, **own)
@@ -413,7 +425,8 @@ class Decoder:
         if isinstance(node, Mapping):
             for word in {kind.word, "as"} if kind.word == "use" else {kind.word}:
                 named = node.entries.get(word)
-                if named is not None and not (is_null(named.value) and word == "as"):
+                may_lack = word == "as" or not kind.is_needed
+                if named is not None and not (is_null(named.value) and may_lack):
                     self._text(named.value, TEXT, _TEXT_FIELD)
             if kind.word not in node.entries and kind.is_needed:
                 self._refuse(node)
@@ -502,6 +515,15 @@ _TEXT_FIELD = Field("", TEXT)
 def _body(node: Node) -> Mapping:
     """`node`, or an empty mapping in its place."""
     return node if isinstance(node, Mapping) else Mapping({}, node.span)
+
+
+def _may_be_called(key: str, others: ValueType | None) -> bool:
+    """Whether a record whose other keys are `others` may have the key."""
+    if others == EVENT_FIELD:
+        return key in event_fields()
+    return others is not None and (
+        not isinstance(others, RecordOf) or NAMES["name"].match(key) is not None
+    )
 
 
 def _is_use(cls: Any) -> bool:

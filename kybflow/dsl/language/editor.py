@@ -14,8 +14,8 @@ from typing import Any
 from kybflow.core.errors import UnitError
 from kybflow.core.params import Field
 from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
-from kybflow.dsl.reading.values import quantity_field, shown_value
 from kybflow.dsl.language.schema import BOUNDS, NAME, Schema, field_schema
+from kybflow.dsl.reading.values import quantity_field, shown_value
 
 _DEFAULT = "x-default"
 Shared = dict[str, Schema]

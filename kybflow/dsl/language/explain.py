@@ -9,6 +9,7 @@ from kybflow.core.params import INTEGER, Choice, Field, numbers
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import DIMENSIONS, article
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.language.schema import BOUNDS
 from kybflow.dsl.reading.nodes import (
     Mapping,
     Node,
@@ -18,7 +19,6 @@ from kybflow.dsl.reading.nodes import (
     head_of,
 )
 from kybflow.dsl.reading.slips import CONDITIONS, missing_colon
-from kybflow.dsl.language.schema import BOUNDS
 from kybflow.dsl.reading.values import TYPES, decode
 
 CODES = {

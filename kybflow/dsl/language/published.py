@@ -6,9 +6,9 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.language.editor import for_editors, parameter
 from kybflow.dsl.language.schema import Schema, params_schema, record_schema
+from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import END, LISTS, Plan
 from kybflow.parts.observables import EVENTS, OF_THE_RUN
 

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import Any
 
 from kybflow.core.params import (
-    INTEGER,
     Choice,
     Field,
     ListOf,
@@ -73,7 +73,9 @@ def record_schema(cls: Any, help: str = "") -> Schema:
                 properties["as"] = text(_ALIAS)
         else:
             properties[field.key] = field_schema(field)
-        if is_needed(cls, field) and (word != "?" or field.key in needed or not isinstance(kind, PartOf)):
+        if is_needed(cls, field) and (
+            word != "?" or field.key in needed or not isinstance(kind, PartOf)
+        ):
             needed.append(field.key)
     whole: Schema = {
         "title": cls.title,
@@ -94,14 +96,19 @@ def record_schema(cls: Any, help: str = "") -> Schema:
     elif not word:
         whole["additionalProperties"] = False
     if needed and properties.get("like"):
-        alone = {"title": cls.title, "properties": dict.fromkeys(properties, True), "required": needed}
+        alone = {
+            "title": cls.title,
+            "properties": dict.fromkeys(properties, True),
+            "required": needed,
+        }
         return {**whole, "if": {"required": ["like"]}, "else": alone}
     return {**whole, "required": needed} if needed else whole
 
 
-def event_fields() -> list[str]:
+@functools.cache
+def event_fields() -> tuple[str, ...]:
     """The names of the fields that an event may have."""
-    return sorted({name for names in EVENT_FIELDS.values() for name in names})
+    return tuple(sorted({name for names in EVENT_FIELDS.values() for name in names}))
 
 
 def _doc(cls: Any) -> str:

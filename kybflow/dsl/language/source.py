@@ -39,7 +39,8 @@ class Record:
     title: what reports call it. like: the help of its key `like`, where it may start from another.
     others: the type of what stands under keys that are none of its own, where there may be such.
     is_whole: a file must have its keys without a default, unless it is `like` another. missing: the
-    finding for one that is missing after that. least: how many keys it has at least. terse: its
+    finding for one that is missing after that, KYB108 for what is like a part's parameters and is
+    left out where one of them is wrong. least: how many keys it has at least. terse: its
     text leaves out what is as by default. block: its text has a line for each key.
     """
 
@@ -47,7 +48,7 @@ class Record:
     like: ClassVar[str] = ""
     others: ClassVar[object] = None
     is_whole: ClassVar[bool] = False
-    missing: ClassVar[str] = "KYB108"
+    missing: ClassVar[str] = "KYB102"
     least: ClassVar[int] = 0
     terse: ClassVar[bool] = False
     block: ClassVar[bool] = False

@@ -66,8 +66,10 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
     elif isinstance(kind, RecordOf) and getattr(kind.cls, "block", False):
         yield head, came_from
         yield from _lines(value, inner, {})
-    elif isinstance(kind, MappingOf) and isinstance(record, Plan | World | Body) or (
-        isinstance(kind, MappingOf) and getattr(record, "block", False)
+    elif (
+        (isinstance(kind, MappingOf)
+        and isinstance(record, Plan | World | Body))
+        or (isinstance(kind, MappingOf) and getattr(record, "block", False))
     ):
         yield head, came_from
         names = value.items() if kind.as_dict else ((item.name, item) for item in value)
@@ -85,9 +87,7 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
         yield f"{head} {_text(value, kind, field)}", came_from
 
 
-def _named(
-    record: Record, field: Field, name: str, item: Any, indent: str
-) -> Iterator[YamlLine]:
+def _named(record: Record, field: Field, name: str, item: Any, indent: str) -> Iterator[YamlLine]:
     """An entry of a mapping of names."""
     assert isinstance(field.type, MappingOf)
     if isinstance(item, Record):
@@ -186,9 +186,7 @@ def _pairs(record: Any, is_terse: bool = False) -> Iterator[str]:
         value, kind = getattr(record, field.name), field.type
         if isinstance(kind, PartOf) and kind.word == field.key:
             yield from _part_pairs(value, kind.word)
-        elif value is None or value == {} or (value == () and not _may_be_empty(field)):
-            continue
-        elif is_terse and not field.required and value == field.default:
+        elif value is None or value == {} or (value == () and not _may_be_empty(field)) or (is_terse and not field.required and value == field.default):
             continue
         else:
             yield f"{field.key}: {_text(value, kind, field)}"

@@ -27,10 +27,10 @@ from kybflow.core.params import (
     numbers,
 )
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
+from kybflow.core.units import DIMENSIONS, NUMBER, Dimension, article, format_quantity, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, to_json
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, items_of, to_json
 
 CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
@@ -117,10 +117,11 @@ def _numbers(
     """A number, or lists of them as deep as `size` is long."""
     if not size:
         return _number(node, field, dimension, found)
-    if not isinstance(node, Sequence) or not node.items or size[0] not in (None, len(node.items)):
-        return _wrong(node, field, found, "vector" if size == (3,) else field.shape)
-    items = [_numbers(item, field, dimension, size[1:], found) for item in node.items]
-    return None if None in items else tuple(items)
+    is_whole = isinstance(node, Sequence) and size[0] in (None, len(node.items)) and node.items
+    if not is_whole:
+        _wrong(node, field, found, "vector" if size == (3,) else field.shape)
+    items = [_numbers(item, field, dimension, size[1:], found) for item in items_of(node)]
+    return tuple(items) if is_whole and None not in items else None
 
 
 def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> float | None:
@@ -208,6 +209,8 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     message = f"`{field.key}` must be {needed}, but this is {describe(node)}{size}{text}"
     hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
+    if field.type is INTEGER:
+        hint = f"write it like `{NUMBER.example}`"
     if shape == "vector":
         hint = _three_numbers(node) or hint
     if field.names == "group" and isinstance(node, Sequence):

@@ -94,8 +94,8 @@ class RunningFlow:
 
     def is_in_its_state(self, vehicle: str, state: str) -> bool:
         """Whether a vehicle in `state` does what the phase asked it for."""
-        phase = self.phase
-        return is_in(state, phase.chains.get(vehicle, phase.run[vehicle]))
+        request = self.phase.run[vehicle]
+        return is_in(state, request.chain or request.state)
 
     def left(self, how: str, now: Time) -> None:
         self.visits[-1] = self.visits[-1]._replace(end_s=rounded(now / NS), ended=how)
@@ -277,7 +277,7 @@ class Flows:
         for other in dict.fromkeys(given):
             if not self._flows[other].active:
                 self._flows[other].machine.begin()
-        for option in phase.set:
+        for option in phase.options:
             try:
                 self._options.set(option.option, option.value, f"flow {name}", phase.at)
             except OptionRefused:
@@ -293,13 +293,13 @@ class Flows:
     def _ask(self, flow: RunningFlow, vehicle: str) -> bool:
         """Ask a vehicle for what the phase runs; return whether the flow drives it."""
         phase, reason = flow.phase, self._not_mine(flow, vehicle)
-        state = phase.run[vehicle]
+        request = phase.run[vehicle]
         if reason is None:
-            requests, values = self._vehicles[vehicle].requests, phase.values.get(vehicle, ())
-            requests.switch(state, Requester.FLOW, phase.at, values=values)
+            requests = self._vehicles[vehicle].requests
+            requests.switch(request.state, Requester.FLOW, phase.at, values=request.values)
         else:
             self._events.tell(
-                "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason
+                "switch_refused", vehicle, phase.at, state=request.state, by="flow", reason=reason
             )
         return reason is None
 

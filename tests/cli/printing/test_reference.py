@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import pytest
 from click.testing import CliRunner
+from kybflow.dsl.schema.mission import library_schema, skeleton
 
 from kybflow.cli.app import app
 from kybflow.cli.printing.parts import page
@@ -16,7 +17,6 @@ from kybflow.core.params import fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.expressions.tree import Function
 from kybflow.dsl.names.built_in import BUILT_IN as STATES
-from kybflow.dsl.schema.mission import library_schema, skeleton
 from kybflow.parts.action import BUILT_IN as ACTIONS
 from kybflow.parts.catalog import load_catalog, own_catalog
 from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OBSERVABLES, OF_THE_RUN

@@ -95,7 +95,7 @@ class Bench:
 
 
 def on(event: str, *actions, vehicles=("a",), **more) -> CallbackPlan:
-    return CallbackPlan(event, vehicles, actions, at="m.yaml:9", **more)
+    return CallbackPlan(event=event, vehicles=vehicles, actions=actions, at="m.yaml:9", **more)
 
 
 def call(cls: type[Action], params: object = None) -> Call:
@@ -251,7 +251,7 @@ def test_a_vehicle_that_rests_is_waited_for_when_it_is_asked_for_more(run):
 
 
 def test_arrows_hear_what_is_emitted_one_tick_later(run):
-    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan("next", "down", event="now"))
+    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan("down", event="now"))
     callbacks = (on("behavior_started", Emit("now"), fields=(("behavior", "hold"),)),)
     _, told = run(vehicle("a", [up("hold"), waits, down()]), callbacks=callbacks)
     emitted = named(told, "now")[0].time
@@ -293,7 +293,7 @@ class Mumbling(Humming, flight=AIR >> AIR, emits=SetpointKind.POSITION):
 
 def test_what_a_behavior_tells_is_answered_by_next_and_by_callbacks(run):
     callbacks = (on("hummed", LogText("{behavior} {second}")),)
-    heard = TransitionPlan("next", "down", event="hummed")
+    heard = TransitionPlan("down", event="hummed")
     _, told = run(
         vehicle("a", [up("hum"), state("hum", Humming, heard), down()]), callbacks=callbacks
     )
@@ -310,7 +310,9 @@ def test_a_behavior_that_tells_what_it_does_not_declare_has_failed(run):
 
 def when(*actions, hold: float = 0.0) -> CallbackPlan:
     """A callback on the condition of the bench."""
-    return CallbackPlan("", (), actions, when=InState("a", "down"), at="m.yaml:9", hold=hold)
+    return CallbackPlan(
+        event="", vehicles=(), actions=actions, when=InState("a", "down"), at="m.yaml:9", hold=hold
+    )
 
 
 def watched(bench: Bench, *holds: bool) -> int:
@@ -345,7 +347,12 @@ def test_a_condition_that_raises_is_told_once_and_not_answered():
 
 def test_a_condition_switches_a_vehicle_in_flight_without_an_event(run):
     high = CallbackPlan(
-        "", (), (Switch("a", "down"),), when=InState("a", "hold"), hold=1.0, at="m.yaml:9"
+        event="",
+        vehicles=(),
+        actions=(Switch("a", "down"),),
+        when=InState("a", "hold"),
+        hold=1.0,
+        at="m.yaml:9",
     )
     _, told = run(vehicle("a", [up("hold"), hold(60.0, "down"), down()]), callbacks=(high,))
     [asked] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]

@@ -21,6 +21,7 @@ from kybflow.dsl.plan import (
     FlowPlan,
     PartPlan,
     PhasePlan,
+    Request,
     SetOption,
     Switch,
     TransitionPlan,
@@ -69,11 +70,11 @@ class Settings:
 
 
 def go(target: str, **when: Any) -> TransitionPlan:
-    return TransitionPlan("next", target, **when)
+    return TransitionPlan(target, **when)
 
 
 def limit(target: str, seconds: float) -> TransitionPlan:
-    return TransitionPlan("within", target, after=seconds)
+    return TransitionPlan(target, cause="within", after=seconds)
 
 
 def phase(
@@ -83,12 +84,20 @@ def phase(
     give: dict[str, str] | None = None,
     options: tuple[SetOption, ...] = (),
 ) -> PhasePlan:
-    return PhasePlan(name, run or {}, give or {}, options, arrows)
+    return PhasePlan(
+        name=name,
+        run={v: Request(state) for v, state in (run or {}).items()},
+        give=give or {},
+        options=options,
+        transitions=arrows,
+    )
 
 
 def flow(name: str, *phases: PhasePlan, vehicles: str = "", waits: bool = False) -> FlowPlan:
     members = {p.name: p for p in phases}
-    return FlowPlan(name, phases[0].name, tuple(vehicles), members, waits)
+    return FlowPlan(
+        name=name, begin=phases[0].name, vehicles=tuple(vehicles), phases=members, waits=waits
+    )
 
 
 class Stage:
@@ -534,8 +543,8 @@ def test_a_way_out_of_a_phase_tells_its_event():
 
 
 def test_a_way_out_of_a_state_tells_its_event_to_everybody(run):
-    tells = state("hold", hover(), TransitionPlan("next", "down", after=1.0, emit="a_is_done"))
-    hears = state("hold", hover(), TransitionPlan("next", "down", event="a_is_done"))
+    tells = state("hold", hover(), TransitionPlan("down", after=1.0, emit="a_is_done"))
+    hears = state("hold", hover(), TransitionPlan("down", event="a_is_done"))
     a = vehicle("a", [up("hold"), tells, down()], start=(-1.0, 0.0, 0.0))
     b = vehicle("b", [up("hold", 0.3), hears, down()])
     _, told = run(a, b)

@@ -51,7 +51,7 @@ class Bench:
         self.noted: list[tuple[Time, InputReading | None, str]] = []
         part = PartPlan("script", Script, None, "inputs.stick")
         facts: dict[str, Any] = {"buttons": {"a": "leave", "r": "hold"}, "silent_after": 0.3}
-        plan = InputPlan("stick", part, **{**facts, **more})
+        plan = InputPlan(name="stick", part=part, **{**facts, **more})
         events = Events((self.told.append,))
         self._events = events
         self.inputs = Inputs(
