@@ -4,7 +4,6 @@ words: as in a mission whose vehicle begins there in that state, with those valu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from kybflow.core.errors import Refused
@@ -47,14 +46,12 @@ class PlanEntryJudge:
     ) -> str | None:
         own = self._plan.fleet[vehicle]
         entered = own.states[state]
-        entered = replace(entered, behavior=replace(entered.behavior, params=params))
+        entered = entered.but(behavior=entered.behavior.but(params=params))
         for point in points:
-            begins = replace(
-                own, start=point, begin=state, states={state: replace(entered, transitions=())},
+            begins = own.but(start=point, begin=state, states={state: entered.but(transitions=())},
                 estimators=(), supervisors=(), sensors=(),
             )  # fmt: skip
-            alone = replace(
-                self._plan, vehicles=(begins,), flows=(), callbacks=(), faults=(), inputs=(),
+            alone = self._plan.but(vehicles=(begins,), flows=(), callbacks=(), faults=(), inputs=(),
                 groups={}, moving={},
             )  # fmt: skip
             case = Case(alone, Catalog({}))

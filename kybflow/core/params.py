@@ -51,7 +51,7 @@ Reads = Callable[[File], object]
 """A part's reader for a file; raises FileError when the part can't use it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ValueType:
     """What may stand as the value of a key. `shape` is its word in docs; a value that is `fixed`
     can't change during a run."""
@@ -60,7 +60,7 @@ class ValueType:
     fixed: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Numbers(ValueType):
     """Numbers of one dimension: `size` is () for one, (3,) for a vector, (None, 3) for a path and
     (rows, columns) for a matrix. The value is a float, or tuples of them."""
@@ -69,21 +69,21 @@ class Numbers(ValueType):
     size: tuple[int | None, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Choice(ValueType):
     """One of several words."""
 
     words: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ListOf(ValueType):
     """A list of values of one type; the value is a tuple."""
 
     item: ValueType = ValueType("")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MappingOf(ValueType):
     """Values of one type by names that the author gives. The value is a dict, or a tuple of records
     that know their names."""
@@ -92,7 +92,7 @@ class MappingOf(ValueType):
     as_dict: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RecordOf(ValueType):
     """The mapping of another record. One that is `flat` has its keys beside those of the record
     that holds it. `or_name`: the name of one may stand in its place."""
@@ -163,18 +163,18 @@ class Field:
     needed: bool | None = None
     names_like: NamesLike = "name"
 
-    @property
+    @functools.cached_property
     def shape(self) -> str:
         """scalar, vector, path, matrix, integer, integers (a list), boolean, text, names (a list),
         file, file path, choice, or that of a type of the language."""
         return self.type.shape
 
-    @property
+    @functools.cached_property
     def dimension(self) -> Dimension | None:
         """The dimension of its numbers; None for anything else."""
         return self.type.dimension if isinstance(self.type, Numbers) else None
 
-    @property
+    @functools.cached_property
     def choices(self) -> tuple[str, ...]:
         """The words of a choice; none for anything else."""
         return self.type.words if isinstance(self.type, Choice) else ()
@@ -373,11 +373,11 @@ def _type(where: str, hint: Any) -> tuple[ValueType, bool]:
     """(what may stand where `hint` is annotated, whether it may be None)."""
     if get_origin(hint) is Annotated:
         base, *marks = get_args(hint)
-        if marks[0] == FLAT:
+        if marks[0] is FLAT:
             return RecordOf("keys", False, base, True), False
-        if marks[0] == NAMED:
+        if marks[0] is NAMED:
             return MappingOf("mapping", False, _type(where, get_args(base)[0])[0], False), False
-        if marks[0] == OR_NAME:
+        if marks[0] is OR_NAME:
             return RecordOf("mapping", False, base, False, True), False
         if isinstance(marks[0], ValueType):
             return marks[0], _is_optional(base)

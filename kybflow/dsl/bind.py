@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.files import File
@@ -57,8 +56,7 @@ def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved
     """The plan, ready to fly."""
     scopes = Scopes(plan)
     built_in = _built_in(plan.hover_limit, catalog)
-    return replace(
-        plan,
+    return plan.but(
         vehicles=tuple(_vehicle(v, scopes, built_in, plan.hover_limit) for v in plan.vehicles),
         expectations=tuple(
             ExpectationPlan(text.as_written, _parsed(text, scopes.expectation()), text.span.at)
@@ -71,12 +69,10 @@ def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved
         flows=tuple(_flow(flow, plan, scopes.flow(), catalog) for flow in plan.flows),
         callbacks=tuple(_callback(one, plan, scopes.flow(), catalog) for one in plan.callbacks),
         faults=tuple(
-            replace(fault, when=_when(fault.when, scopes.condition(fault.vehicle)))
+            fault.but(when=_when(fault.when, scopes.condition(fault.vehicle)))
             for fault in plan.faults
         ),
-        inputs=tuple(
-            replace(use, part=replace(use.part, label=f"inputs.{use.name}")) for use in plan.inputs
-        ),
+        inputs=tuple(use.but(part=use.part.but(label=f"inputs.{use.name}")) for use in plan.inputs),
         files=tuple(dict.fromkeys(file for file, _ in _named(plan))),
     )
 
@@ -98,7 +94,7 @@ def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
         seen = tracked_by(plan, name)
         if seen is not None:
             vehicle, part, params = seen
-            yield name, (vehicle.name, replace(part, params=params, label=f"obstacles.{name}"))
+            yield name, (vehicle.name, part.but(params=params, label=f"obstacles.{name}"))
 
 
 def tracked_by(plan: Plan, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
@@ -118,9 +114,8 @@ def _vehicle(
 ) -> VehiclePlan:
     scope, health = scopes.condition(vehicle.name), scopes.health(vehicle.name)
     own = {name: _state(state, scope) for name, state in vehicle.states.items()}
-    return replace(
-        vehicle,
-        estimators=tuple(replace(e, healthy=_when(e.healthy, health)) for e in vehicle.estimators),
+    return vehicle.but(
+        estimators=tuple(e.but(healthy=_when(e.healthy, health)) for e in vehicle.estimators),
         states={**own, **built_in},
         hover_limit=hover_limit,
         cameras=_cameras(vehicle),
@@ -148,8 +143,8 @@ def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
         _, names = named.setdefault((use.part.name, use.part.params), (use, []))
         names += use.estimators
     for first, names in named.values():
-        part = replace(first.part, label=f"sensors.{first.label}")
-        yield replace(first, part=part, estimators=tuple(names))
+        part = first.part.but(label=f"sensors.{first.label}")
+        yield first.but(part=part, estimators=tuple(names))
 
 
 def _state(state: StatePlan, scope: Scope) -> StatePlan:
@@ -159,11 +154,11 @@ def _state(state: StatePlan, scope: Scope) -> StatePlan:
         if cause not in causes:
             transitions.append(_implied(cause, target, state.at))
     transitions.sort(key=lambda transition: _ORDER.index(transition.cause))
-    return replace(state, transitions=tuple(transitions))
+    return state.but(transitions=tuple(transitions))
 
 
 def _transition(transition: TransitionPlan, scope: Scope) -> TransitionPlan:
-    return replace(transition, when=_when(transition.when, scope))
+    return transition.but(when=_when(transition.when, scope))
 
 
 def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
@@ -191,12 +186,11 @@ def _flow(flow: FlowPlan, plan: Plan, scope: Scope, catalog: Catalog) -> FlowPla
     own = own_vehicles(plan, flow)
     phases = {name: _phase(phase, plan, scope, catalog) for name, phase in flow.phases.items()}
     waits = not own and bool(given_vehicles(plan, flow))
-    return replace(flow, vehicles=own, phases=phases, waits=waits)
+    return flow.but(vehicles=own, phases=phases, waits=waits)
 
 
 def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> PhasePlan:
-    return replace(
-        phase,
+    return phase.but(
         run={
             name: _request(plan.fleet[name], request)
             for who, request in phase.run.items()
@@ -217,14 +211,14 @@ def _request(vehicle: VehiclePlan, request: Request) -> Request:
     """A request as one vehicle understands it."""
     state = vehicle.goal(request.state)
     chain = request.state if state != request.state else ""
-    return replace(request, state=state, values=values_for(vehicle, request), chain=chain)
+    return request.but(state=state, values=values_for(vehicle, request), chain=chain)
 
 
 def _callback(callback: CallbackPlan, plan: Plan, scope: Scope, catalog: Catalog) -> CallbackPlan:
     event, vehicles = _awaited(callback.event, plan)
     actions = (own for action in callback.do for own in _actions(action, plan, catalog))
     when = _when(callback.when, scope)
-    return replace(callback, event=event, vehicles=vehicles, actions=tuple(actions), when=when)
+    return callback.but(event=event, vehicles=vehicles, actions=tuple(actions), when=when)
 
 
 def _awaited(event: str, plan: Plan) -> tuple[str, tuple[str, ...]]:

@@ -148,9 +148,11 @@ class StatePlan(Record):
     then: Goal = key(_THEN, default=None)
     failed: Goal = key(_FAILED, default=None)
     within: Duration | None = key(_WITHIN, default=None, above=0.0)
-    footprints: dict[Vec3 | None, Footprint | None] = field(
-        default_factory=dict, init=False, compare=False, repr=False
-    )
+
+    @functools.cached_property
+    def footprints(self) -> dict[Vec3 | None, Footprint | None]:
+        """Where the behavior goes, by the place of entry."""
+        return {}
 
     def footprint(self, entry: Vec3 | None) -> Footprint | None:
         """Where the behavior goes from `entry`; several checks ask for the same."""
@@ -294,8 +296,11 @@ class VehiclePlan(Record):
     own_tracker: PartPlan | None = None
     requested: frozenset[str] = frozenset()
     requested_first: frozenset[str] = frozenset()
-    known: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
-    """What checks have worked out of it, for those that ask again."""
+
+    @functools.cached_property
+    def known(self) -> dict[str, Any]:
+        """What checks have worked out of it, for those that ask again."""
+        return {}
 
     def goal(self, name: str) -> str:
         """The state that `name` means as a goal: a chain's name means its first state."""

@@ -208,7 +208,11 @@ def _array(name: str, value: Any, field: Field, size: tuple[int | None, ...]) ->
     items = _ITEM.findall(text) if isinstance(value, str) else tuple(value)
     items = [item for item in items if not isinstance(item, str) or item.strip()]
     if len(items) != size[0]:
-        needed = "three numbers" if size == (3,) else f"{size[0]} {'numbers' if len(size) == 1 else 'rows'}"
+        needed = (
+            "three numbers"
+            if size == (3,)
+            else f"{size[0]} {'numbers' if len(size) == 1 else 'rows'}"
+        )
         raise OptionRefused(f"`{name}` has {needed}, not {len(items)}")
     return tuple(_array(name, item, field, size[1:]) for item in items)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
-from kybflow.dsl.schema.building import params_schema
-from kybflow.dsl.schema.published import schema_text
 
 from kybflow.core.units import DIMENSIONS
+from kybflow.dsl.language.published import schema_text
+from kybflow.dsl.language.schema import params_schema
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import hypothesis
 import pytest
-from kybflow.dsl.writing.values import quantity
 
 from kybflow.core.units import (
     ANGLE,
@@ -21,6 +20,7 @@ from kybflow.core.units import (
     parse_quantity,
 )
 from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.language.text import quantity
 from kybflow.dsl.plan import ExpectationPlan, Plan
 from kybflow.parts.catalog import load_catalog
 

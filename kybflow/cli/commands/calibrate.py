@@ -198,9 +198,9 @@ def _write(folder: Path, plan: Plan, found: WalkCalibration, mission: Path) -> N
 
 def _files(plan: Plan, found: WalkCalibration, place: str) -> Iterator[tuple[str, str]]:
     """The files to write, each with its text. place: their folder, as the mission names it."""
+    from kybflow.dsl.expanding.vehicles import written_camera
     from kybflow.dsl.reading.calibration import write_calibration
     from kybflow.dsl.reading.tag_table import write_tags
-    from kybflow.dsl.expanding.vehicles import written_camera
 
     lens = f"{found.camera.name}.yaml"
     corrected = {tag.key: tag for tag in found.tags}

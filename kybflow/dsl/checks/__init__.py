@@ -36,12 +36,7 @@ _NAMED = re.compile(r"`([^`]*)`")
 def checks() -> tuple[CheckFunction, ...]:
     """Every check, by module and in the order in which each module has them."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    modules = []
-    for name in names:  # TEMPORARY while checks are converted
-        try:
-            modules.append(importlib.import_module(f"{__name__}.{name}"))
-        except ImportError:
-            pass
+    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
     return tuple(one for module in modules for one in checks_in(module))
 
 
@@ -72,14 +67,16 @@ def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
         if not entered:
             continue
         vehicles = tuple(
-            replace(vehicle, states={**vehicle.states, entered[vehicle.name].name: entered[vehicle.name]})
+            vehicle.but(
+                states={**vehicle.states, entered[vehicle.name].name: entered[vehicle.name]}
+            )
             if vehicle.name in entered
             else vehicle
             for vehicle in plan.vehicles
         )
         source = asked.request.source
         note = f"with the values at {source.span.at}"
-        for finding in _found(Case(replace(plan, vehicles=vehicles), catalog)):
+        for finding in _found(Case(plan.but(vehicles=vehicles), catalog)):
             is_there = finding.span.is_in(source.node.span)
             yield finding if is_there else replace(finding, notes=(*finding.notes, note))
 

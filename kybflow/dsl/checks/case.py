@@ -12,8 +12,8 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions import Condition, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
-from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.language.source import Record
+from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.scopes import Scopes
 from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
 from kybflow.parts import Behavior, Flight, Leg
@@ -108,9 +108,7 @@ def wrong_goal(code: str, name: Text, vehicle: VehiclePlan) -> Diagnostic | None
     )
 
 
-def no_state(
-    code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] = ()
-) -> Diagnostic:
+def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] = ()) -> Diagnostic:
     """The finding for a name that is no state or chain of the vehicle, nor one of `more`."""
     key = "inner goals" if "." in name.text else "goals"
     if key not in vehicle.known:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.checks.case import Case
 from kybflow.dsl.bind import cameras_of
+from kybflow.dsl.checks.case import Case
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.world.vehicle_context import VehicleContext
 

@@ -4,7 +4,6 @@ callback, one for each target."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from kybflow.core.text import did_you_mean
@@ -167,4 +166,4 @@ def _fault(node: Mapping, decoder: Decoder) -> FaultPlan | None:
     if fault is None:
         return None
     span = fault.part.span
-    return replace(fault, at=span.at, source=fault.source._replace(span=span))
+    return fault.but(at=span.at, source=fault.source._replace(span=span))

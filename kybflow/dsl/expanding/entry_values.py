@@ -68,8 +68,8 @@ def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
     part = state.behavior
     entries = {**entries_of(part.source.node), **entries_of(source.node)}
     place = part.source._replace(node=Mapping(entries, part.source.node.span))
-    part = replace(part, params=replace(part.params, **dict(values)), source=place)
-    return replace(state, behavior=part)
+    part = part.but(params=replace(part.params, **dict(values)), source=place)
+    return state.but(behavior=part)
 
 
 def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:

@@ -65,8 +65,8 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
     for name, phase in flow.phases.items():
         own = tuple(next_transition(way, found) for way in phase.next)
         of_all = (way for way in shared if way.target != name)
-        phases[name] = replace(phase, transitions=(*of_all, *own, *_limit(phase, found)))
-    return replace(flow, phases=phases)
+        phases[name] = phase.but(transitions=(*of_all, *own, *_limit(phase, found)))
+    return flow.but(phases=phases)
 
 
 def _limit(phase: PhasePlan, found: Findings) -> Ways:
@@ -97,14 +97,14 @@ def with_waiting(plan: Plan) -> Plan:
         _waiting(vehicle) if vehicle.name in driven and not vehicle.is_written("begin") else vehicle
         for vehicle in plan.vehicles
     )
-    return replace(plan, vehicles=vehicles) if driven else plan
+    return plan.but(vehicles=vehicles) if driven else plan
 
 
 def _waiting(vehicle: VehiclePlan) -> VehiclePlan:
     first = vehicle.states.get(vehicle.begin)
     if first is not None and all(leg.start is leg.end is GROUND for leg in first.legs):
         return vehicle
-    return replace(vehicle, begin=GROUNDED)
+    return vehicle.but(begin=GROUNDED)
 
 
 def named_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
@@ -138,14 +138,13 @@ def with_requests(plan: Plan) -> Plan:
         return plan
     first = set(_first_requests(plan))
     vehicles = tuple(
-        replace(
-            vehicle,
+        vehicle.but(
             requested=frozenset(state for who, state in asked if who == vehicle.name),
             requested_first=frozenset(state for who, state in first if who == vehicle.name),
         )
         for vehicle in plan.vehicles
     )
-    return replace(plan, vehicles=vehicles)
+    return plan.but(vehicles=vehicles)
 
 
 def _requests(plan: Plan) -> Iterator[tuple[str, str]]:

@@ -30,7 +30,7 @@ def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
         world_of(entry.value, decoder)
     airframes_of(library, decoder)
     left, own = set[Span](), Findings()
-    decoder = decoder.apart(own)
+    decoder = Decoder(catalog, own)
     for section in ("vehicles", "stacks", "chains"):
         for entry in entries_of(library.get(section)).values():
             if isinstance(entry.value, Mapping):

@@ -43,7 +43,7 @@ def mission_of(
     entries = entries_of(root.get("vehicles")).items()
     written = [vehicle_of(entry, drivers.get(name), decoder) for name, entry in entries]
     whole = [vehicle for vehicle in written if vehicle is not None]
-    vehicles = tuple(chosen.with_trackers(chosen.with_sensors(whole)))
+    vehicles = tuple(chosen.equipped(whole))
     plan: Plan | None = decoder.record(
         Plan, root, root.span, imports={}, parameters={}, chains={}, stacks={},
         airframes=airframes_of(root, decoder), world=world, vehicles=vehicles,
@@ -90,7 +90,7 @@ def airframes_of(root: Mapping, decoder: Decoder) -> tuple[Body, ...]:
     for name, entry in entries_of(root.get("airframes")).items():
         assert isinstance(entry.value, Mapping)
         found = Findings()
-        own = body_of(name, entry.key.span, entry.value, decoder.apart(found))
+        own = body_of(name, entry.key.span, entry.value, Decoder(decoder.catalog, found))
         decoder.found.add(finding for finding in found.all if finding.code not in _LACKING)
         if own is not None:
             airframes.append(own)

@@ -8,7 +8,6 @@ their times count from the entry of the chain.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import NamedTuple
 
 from kybflow.core.text import did_you_mean
@@ -16,7 +15,7 @@ from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.names.built_in import failure_of
-from kybflow.dsl.plan import Cause, ChainPlan, StatePlan, TransitionPlan, Ways
+from kybflow.dsl.plan import Cause, ChainPlan, PartPlan, StatePlan, TransitionPlan, Ways
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, is_null
 from kybflow.parts.observables import chains_of
 
@@ -72,24 +71,25 @@ def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> Chai
             decoder.found.report("KYB101", message, inner.key.span, help=hint)
     chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)
     own = _written(chain, first, decoder.found)
-    return replace(chain, transitions=tuple(replace(way, since=name) for way in own))
+    return chain.but(transitions=tuple(way.but(since=name) for way in own))
 
 
 def _state(
     entry: MappingEntry, first: dict[str, str], chains: dict[str, ChainPlan], decoder: Decoder
 ) -> StatePlan | None:
     name = entry.key.text
-    given = {"name": name, "legs": (), "transitions": ()}
-    state: StatePlan | None = decoder.record(
-        StatePlan, entry.value, entry.key.span, entry.inherited, **given
+    values = decoder.values(
+        StatePlan, entry.value, entry.key.span, entry.inherited, name=name, legs=(), transitions=()
     )
-    if state is None:
+    if values is None:
         return None
-    behavior = replace(state.behavior, label=f"behaviors.{name}")
-    legs = behavior.cls.flight
+    part: PartPlan = values["behavior"]
+    label = f"behaviors.{name}"
+    behavior = PartPlan(part.name, part.cls, part.params, label, part.at, source=part.source)
+    state = StatePlan(**{**values, "behavior": behavior, "legs": part.cls.flight})
     around = [chains[c].transitions for c in chains_of(name) if c in chains]
-    ways = _joined(_written(state, first, decoder.found), around, failure_of(legs))
-    return replace(state, behavior=behavior, legs=legs, transitions=ways)
+    ways = _joined(_written(state, first, decoder.found), around, failure_of(state.legs))
+    return state.but(transitions=ways)
 
 
 def _written(
@@ -103,20 +103,26 @@ def _written(
         if target is not None:
             ways.append(_following(entry, cause, target))
     if entry.within is not None:
-        ways.append(replace(_following(entry, "within", ""), after=entry.within))
+        ways.append(_following(entry, "within", "", entry.within))
     return [
-        replace(way, target=first[way.target], enters=way.target) if way.target in first else way
+        way.but(target=first[way.target], enters=way.target) if way.target in first else way
         for way in ways
     ]
 
 
-def _following(entry: StatePlan | ChainPlan, cause: Cause, target: str) -> TransitionPlan:
+def _following(
+    entry: StatePlan | ChainPlan, cause: Cause, target: str, after: float | None = None
+) -> TransitionPlan:
     span = entry.span_of(cause)
     node = entry.source.node
     goal = node.entries[cause] if isinstance(node, Mapping) else None
     body = {} if goal is None or cause == "within" else {"go": goal}
     return TransitionPlan(
-        cause=cause, target=target, at=span.at, source=Source(span, Mapping(body, span))
+        cause=cause,
+        target=target,
+        after=after,
+        at=span.at,
+        source=Source(span, Mapping(body, span)),
     )
 
 
@@ -135,11 +141,11 @@ def _joined(own: list[TransitionPlan], around: list[Ways], implied: str) -> Ways
             if way.cause != "within":
                 continue
             if failed is None:
-                transitions.append(replace(way, target=implied))
+                transitions.append(way.but(target=implied))
             else:
                 place = way.source._replace(node=failed.source.node)
                 target = {"target": failed.target, "enters": failed.enters, "source": place}
-                transitions.append(replace(way, **target))
+                transitions.append(way.but(**target))
     return tuple(transitions)
 
 

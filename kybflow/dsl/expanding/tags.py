@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from math import pi
 
 from kybflow.core.geometry import (
@@ -65,11 +64,11 @@ def tags_of_entry(entry: MappingEntry, decoder: Decoder) -> Tags | None:
         lines = tuple(row.line for row in rows)
         span = tags.span_of("file")
         source = tags.source._replace(span=span)
-        return replace(tags, tags=tuple(r.tag for r in rows), lines=lines, source=source)
+        return tags.but(tags=tuple(r.tag for r in rows), lines=lines, source=source)
     if (grid := tags.grid) is not None and _is_grid(grid, found):
-        return replace(tags, tags=tuple(tags_of(grid)))
+        return tags.but(tags=tuple(tags_of(grid)))
     if (one := tags.tag) is not None and _has(one.family, one.id, one.span_of("id"), found):
-        return replace(tags, tags=(tag_of(one),))
+        return tags.but(tags=(tag_of(one),))
     return None
 
 

@@ -127,30 +127,37 @@ class Target:
                 for d in found.all
             )
 
-    def with_trackers(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
-        """The vehicles with their trackers: that of the vehicle's own entry, else that of `all`,
-        else the one that the driver asks for, else the mission's."""
-        for vehicle in vehicles:
-            node = _tracker(self._entries.get(vehicle.name)) or _tracker(self._entries.get("all"))
-            driver = vehicle.driver
-            asked = driver.cls.tracker(driver.params) if node is None else None
-            if asked is not None:
-                node = _node(asked, driver.span)
-            use = None if node is None else self._decoder.part("trackers", node)
-            own = vehicle.tracker
-            yield vehicle if use is None else replace(vehicle, tracker=use, own_tracker=own)
+    def equipped(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
+        """The vehicles with their sensors and trackers.
 
-    def with_sensors(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
-        """The vehicles with their sensors: for each estimator the vehicle's own, else that of
-        `all`; then those that the driver brings."""
+        Sensors are for each estimator the vehicle's own, else that of `all`; then those that the
+        driver brings. The tracker is that of the vehicle's own entry, else that of `all`, else the
+        one that the driver asks for, else the mission's.
+        """
         decoded = self._sensors_of(self._entries, self._decoder)
         for vehicle in vehicles:
             labels = set(_estimators(self._vehicles[vehicle.name].value))
             named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
             lists = {**named, **decoded.get(vehicle.name, {})}.values()
-            sensors = tuple(use for several in lists for use in several)
-            equipped = replace(vehicle, sensors=sensors)
-            yield replace(equipped, sensors=(*sensors, *self._brought(equipped)))
+            sensors = [use for several in lists for use in several]
+            sensors += self._brought(vehicle, sensors)
+            tracker = self._tracker(vehicle)
+            own = None if tracker is None else vehicle.tracker
+            if sensors or tracker is not None:
+                yield vehicle.but(sensors=tuple(sensors), tracker=tracker or vehicle.tracker,
+                    own_tracker=own,
+                )  # fmt: skip
+            else:
+                yield vehicle
+
+    def _tracker(self, vehicle: VehiclePlan) -> PartPlan | None:
+        """The tracker in place of the mission's."""
+        node = _tracker(self._entries.get(vehicle.name)) or _tracker(self._entries.get("all"))
+        driver = vehicle.driver
+        asked = driver.cls.tracker(driver.params) if node is None else None
+        if asked is not None:
+            node = _node(asked, driver.span)
+        return None if node is None else self._decoder.part("trackers", node)
 
     def _sensors_of(
         self, target: Entries, decoder: Decoder
@@ -192,10 +199,10 @@ class Target:
                 ]
         return decoded
 
-    def _brought(self, vehicle: VehiclePlan) -> list[SensorPlan]:
+    def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
         """The sensors that the driver brings for what nothing else gives an estimator; they stand
         where the first of those does."""
-        given, driver = provided(vehicle), vehicle.driver
+        given, driver = _provided(vehicle.driver, own), vehicle.driver
         shows = driver.cls.shows(driver.params)
         parts = [use.part for use in vehicle.estimators]
         lacking = [(p, kinds) for p in parts if (kinds := p.cls.uses(p.params) - given)]
@@ -251,7 +258,7 @@ class Target:
             b: taken.get(b, b) for b in cls.buttons(params) if b in taken or b not in one.renamed
         }
         at = one.part.span.at
-        return replace(one, stuck_after=stuck, buttons=buttons, at=at)
+        return one.but(stuck_after=stuck, buttons=buttons, at=at)
 
 
 def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
@@ -295,7 +302,11 @@ def _estimators(vehicle: Node) -> Iterator[str]:
 
 def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
     """The kinds of measurement that the vehicle's driver and sensors provide."""
-    sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
+    return _provided(vehicle.driver, vehicle.sensors)
+
+
+def _provided(driver: PartPlan, sensors: Iterable[SensorPlan]) -> frozenset[MeasurementKind]:
+    sources = (driver, *(use.part for use in sensors))
     return frozenset(kind for part in sources for kind in part.cls.provides)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from math import degrees, tan
 
 from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
@@ -10,7 +10,7 @@ from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expanding.states import States, states_of
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.plan import Body, PartPlan, VehiclePlan
+from kybflow.dsl.plan import Body, PartPlan, Start, VehiclePlan
 from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, entries_of
 from kybflow.dsl.world import CameraPlan
@@ -42,12 +42,12 @@ def vehicle_of(
     assert isinstance(body, Mapping)
     states = _states(name, body, decoder)
     is_whole = driver is not None
-    for key, help in (
+    for key, hint in (
         ("airframe", "name one: `airframe: std.mk_quadro`"),
         ("tracker", "name one: `tracker: cascade`"),
     ):
         if body.get(key) is None or (key == "airframe" and isinstance(body.get(key), Scalar)):
-            _missing(name, key, help, found)
+            _missing(name, key, hint, found)
             is_whole = False
     begin = body.get("begin")
     named = begin.text if isinstance(begin, Scalar) else next(iter(states.states), "")
@@ -57,17 +57,17 @@ def vehicle_of(
     whole = None
     if airframe is not None and isinstance(airframe.value, Mapping):
         whole = body_of(name.text, airframe.key.span, airframe.value, decoder)
-    vehicle: VehiclePlan | None = decoder.record(
-        VehiclePlan, body, name.span, name=name.text, body=whole or Body(airframe=None),
-        airframe=whole and whole.airframe, begin=first, behaviors=states.written,
-        states=states.states, chains=states.chains, driver=driver, start=(0.0, 0.0, 0.0),
-        heading=0.0,
+    values = decoder.values(
+        VehiclePlan, body, name.span, name=name.text, body=whole, airframe=whole and whole.airframe,
+        begin=first, behaviors=states.written, states=states.states, chains=states.chains,
+        driver=driver,
     )  # fmt: skip
-    if vehicle is None or not is_whole or whole is None or not first:
+    if values is None or not is_whole or whole is None or not first:
         return None
-    place = vehicle.place
-    supervisors = (*vehicle.supervisors, *_always(vehicle, decoder))
-    return replace(vehicle, start=place.at, heading=place.heading, supervisors=supervisors)
+    place = values.setdefault("place", Start())
+    written = values.get("supervisors", ())
+    values["supervisors"] = (*written, *_always(name.span, written, decoder))
+    return VehiclePlan(**values, start=place.at, heading=place.heading)
 
 
 def _missing(name: Scalar, key: str, help: str, found: Findings) -> None:
@@ -75,12 +75,13 @@ def _missing(name: Scalar, key: str, help: str, found: Findings) -> None:
     found.report("KYB102", message, name.span, help=help)
 
 
-def _always(vehicle: VehiclePlan, decoder: Decoder) -> tuple[PartPlan, ...]:
+def _always(span: Span, written: Iterable[PartPlan], decoder: Decoder) -> Iterator[PartPlan]:
     """The supervisors that every vehicle has, but for those that are written."""
-    written = {use.name for use in vehicle.supervisors}
-    specs = (s for s in decoder.catalog.always("supervisors") if s.name not in written)
-    always = [decoder.part("supervisors", Scalar(s.name, vehicle.span)) for s in specs]
-    return tuple(use for use in always if use is not None)
+    names = {use.name for use in written}
+    for spec in decoder.catalog.always("supervisors"):
+        use = None if spec.name in names else decoder.part("supervisors", Scalar(spec.name, span))
+        if use is not None:
+            yield use
 
 
 def _states(name: Scalar, body: Mapping, decoder: Decoder) -> States:
@@ -112,7 +113,7 @@ def _camera(entry: MappingEntry, decoder: Decoder) -> CameraPlan | None:
         return None
     attitude = multiply(from_euler(camera.roll, camera.pitch, camera.yaw), FACING[camera.facing])
     made = Camera(name.text, lens, camera.at, attitude, camera.rate, camera.row_time)
-    return replace(camera, camera=made)
+    return camera.but(camera=made)
 
 
 def _with_nearest_lens(body: Mapping) -> Mapping:

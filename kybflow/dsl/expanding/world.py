@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping as MappingOf
-from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -63,7 +62,7 @@ def world_of(node: Node | None, decoder: Decoder) -> World:
     box = None if world.fence is None else _box(world.fence)
     if box is not None and not _has_inside(box):
         decoder.found.report("KYB153", "the fence has no inside", world.fence.span, help=_ORDER)
-    whole: World = replace(world, box=box, points={**world.points, **lost})
+    whole: World = world.but(box=box, points={**world.points, **lost})
     return whole
 
 
@@ -93,18 +92,16 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     if obstacle is None or getattr(obstacle, solids[0]) is None:
         return None
     if (ball := obstacle.moving_sphere) is not None:
-        return replace(
-            obstacle, moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body)
-        )
+        return obstacle.but(moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body))
     if (scan := obstacle.point_cloud) is not None:
         cloud = _cloud(scan, found)
-        return cloud and replace(obstacle, shape=cloud, files=(scan.file,))
-    if (map := obstacle.occupancy) is not None:
-        image = _image(map, found)
-        columns = image and _columns(map, image, found)
-        return columns and image and replace(obstacle, shape=columns, files=(map.file, image))
+        return cloud and obstacle.but(shape=cloud, files=(scan.file,))
+    if (chart := obstacle.occupancy) is not None:
+        image = _image(chart, found)
+        columns = image and _columns(chart, image, found)
+        return columns and image and obstacle.but(shape=columns, files=(chart.file, image))
     shape = _solid(obstacle, found)
-    return None if shape is None else replace(obstacle, shape=shape)
+    return None if shape is None else obstacle.but(shape=shape)
 
 
 def _solid(obstacle: Obstacle, found: Findings) -> Shape | None:
@@ -150,24 +147,24 @@ def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
     return PointCloud.of(points, scan.radius)
 
 
-def _image(map: OccupancyParams, found: Findings) -> File | None:
+def _image(chart: OccupancyParams, found: Findings) -> File | None:
     """The picture of a map, beside its file."""
-    beside = os.path.join(os.path.dirname(map.file.name), read_info(map.file).image)
-    node = Scalar(beside, map.span_of("file"))
+    beside = os.path.join(os.path.dirname(chart.file.name), read_info(chart.file).image)
+    node = Scalar(beside, chart.span_of("file"))
     image: File | None = decode(node, fields_of(MapImage)[0], found)
     return image
 
 
-def _columns(map: OccupancyParams, image: File, found: Findings) -> Columns | None:
-    info = read_info(map.file)
+def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | None:
+    info = read_info(chart.file)
     places = occupied_places(info, read_image(image))
     if 0 < len(places) <= MOST:
-        return Columns.over(places, info.resolution, map.foot, map.foot + map.height)
+        return Columns.over(places, info.resolution, chart.foot, chart.foot + chart.height)
     wrong = f"{len(places)} of its cells are occupied, and {MOST} can be kept away from"
     hint = "cut it to where the vehicles fly, or make its cells larger"
     if not len(places):
         wrong, hint = "none of its cells is occupied", "look at `occupied_thresh` and `negate`"
-    found.report("KYB545", f"`{map.file}`: {wrong}", map.span_of("file"), help=hint)
+    found.report("KYB545", f"`{chart.file}`: {wrong}", chart.span_of("file"), help=hint)
     return None
 
 

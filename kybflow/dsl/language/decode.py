@@ -1,22 +1,15 @@
-"""Nodes to records: one decoder for every declaration.
-
-It judges a file before anything is resolved (`judging`: a `$name` may stand for a value, `like` may
-bring what is missing, no part is looked up), and afterwards decodes values, parts and records.
-"""
+"""Nodes to records: one decoder for every declaration. What it decodes was judged by its shape
+before (`kybflow.dsl.language.shape`); imports, `like` and parameters are gone."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+import functools
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.params import (
-    BOOLEAN,
-    FILE,
-    FILE_PATH,
-    INTEGER,
     TEXT,
-    Choice,
     Field,
     ListOf,
     MappingOf,
@@ -24,19 +17,16 @@ from kybflow.core.params import (
     RecordOf,
     ValueType,
     fields_of,
-    is_needed,
 )
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.schema import NAMES, PARAMETER, PLACE, TITLE_LENGTH, event_fields
 from kybflow.dsl.language.source import Record, Source
 from kybflow.dsl.language.types import (
     CONDITION,
     EVENT,
-    EVENT_FIELD,
     PHASE,
     REQUEST,
     SENSORS,
@@ -58,7 +48,6 @@ from kybflow.dsl.reading.nodes import (
     head_of,
     is_null,
     items_of,
-    to_json,
 )
 from kybflow.dsl.reading.values import decode
 
@@ -73,112 +62,90 @@ CODES = {
     "KYB142": "Two parts under one name in one list.",
     "KYB244": "Values for no state, or for several.",
 }
-_TEXTS = (CONDITION, EVENT, STATE, TITLE, TEXT)
 _LABELS = {"trackers": "tracker", "drivers": "driver"}
-_JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 _SURE = 0.75
 
 
+class _Layout(NamedTuple):
+    """How a record is decoded: its keys, those that it can't do without, the part that it names,
+    the record that stands flat in it, and which of the fields it has that every decoded one may."""
+
+    keys: dict[str, Field]
+    required: tuple[Field, ...]
+    part: Field | None
+    flat: Field | None
+    has_name: bool
+    has_at: bool
+    is_record: bool
+
+
+@functools.cache
+def _layout_of(cls: Any) -> _Layout:
+    fields = fields_of(cls)
+    part = next((f for f in fields if isinstance(f.type, PartOf) and f.type.word == f.key), None)
+    flat = next((f for f in fields if isinstance(f.type, RecordOf) and f.type.flat), None)
+    keys = {field.key: field for field in fields if field not in (part, flat)}
+    own = cls.__dataclass_fields__
+    has_at = "at" in own and not any(field.name == "at" for field in fields)
+    required = tuple(field for field in fields if field.required)
+    return _Layout(keys, required, part, flat, "name" in own, has_at, issubclass(cls, Record))
+
+
 class Decoder:
-    """Decodes the nodes of one mission or file. A part that several vehicles share is decoded once.
+    """Decodes the nodes of one mission. A part that several vehicles share is decoded once.
     `chains` are those that could be meant by the name of a behavior."""
 
-    def __init__(
-        self,
-        catalog: Catalog | None,
-        found: Findings,
-        chains: Iterable[str] = (),
-        judging: bool = False,
-    ) -> None:
-        self._catalog = catalog
+    def __init__(self, catalog: Catalog, found: Findings, chains: Iterable[str] = ()) -> None:
+        self.catalog = catalog
         self.found = found
         self._chains = tuple(f"chain.{name}" for name in chains)
-        self._judging = judging
         self._done: dict[tuple[str, int], tuple[Node, PartPlan | None]] = {}
-
-    @property
-    def catalog(self) -> Catalog:
-        """The parts at hand; there are none while a file is judged."""
-        assert self._catalog is not None
-        return self._catalog
-
-    def apart(self, found: Findings) -> Decoder:
-        """A decoder that reports elsewhere."""
-        return Decoder(self._catalog, found, judging=self._judging)
 
     def record(
         self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
     ) -> Any:
         """The record that `node` says; None where it has errors. `span` is its place for reports,
         `given` are fields that are known already."""
-        before = len(self.found.all)
-        body = _body(node)
-        values, fields = dict(given), fields_of(cls)
-        keys = frozenset(field.key for field in fields)
-        for field in fields:
-            if field.name in given:
-                continue
-            kind = field.type
-            if isinstance(kind, PartOf) and kind.word == field.key:
-                value = self._part(kind, node, keys)
-            elif isinstance(kind, RecordOf) and kind.flat:
-                beside = Mapping(
-                    {k: e for k, e in body.entries.items() if k not in keys}, body.span
-                )
-                value = self._flat(kind.cls, beside, span)
-                keys |= {own.key for own in fields_of(kind.cls)}
-            else:
-                value = self._entry(cls, field, body, keys, span)
-            if value is not None:
-                values[field.name] = value
-        if self._judging:
-            if len(body.entries) < getattr(cls, "least", 0):
-                self._refuse(node)
-            self._judge_keys(cls, body, keys)
-            return None
-        lacking = [f.name for f in fields if f.required and f.name not in values]
-        is_wrong = len(self.found.all) > before
-        if lacking or (is_wrong and getattr(cls, "missing", "") == "KYB108"):
-            return None
-        if issubclass(cls, Record):
-            values["source"] = Source(span, body, inherited)
-            if "at" in cls.__dataclass_fields__ and not any(f.name == "at" for f in fields):
-                values.setdefault("at", span.at)
-        return cls(**values)
+        values = self.values(cls, node, span, inherited, **given)
+        return None if values is None else cls(**values)
 
-    def _flat(self, cls: Any, body: Mapping, span: Span) -> Any:
-        """A record whose keys stand beside those of another."""
-        if self._judging:
-            for field in fields_of(cls):
-                entry = body.entries.get(field.key)
-                if entry is not None and not is_null(entry.value):
-                    self.value(entry.value, field)
+    def values(
+        self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
+    ) -> dict[str, Any] | None:
+        """The fields of a record that `node` says; None where it has errors."""
+        layout, before = _layout_of(cls), len(self.found.all)
+        body = node if isinstance(node, Mapping) else Mapping({}, node.span)
+        entries = body.entries
+        if layout.part is not None and layout.part.name not in given:
+            given[layout.part.name] = self._part(layout.part.type, node, layout.keys.keys())
+        if layout.flat is not None and isinstance(kind := layout.flat.type, RecordOf):
+            beside = {k: e for k, e in entries.items() if k not in layout.keys}
+            title = kind.cls.__name__.lower()
+            whole = self.parameters(kind.cls, Mapping(beside, body.span), title, span)
+            given[layout.flat.name] = whole
+        for key, entry in entries.items():
+            field = layout.keys.get(key)
+            if field is not None and field.name not in given and not is_null(entry.value):
+                value = self.value(entry.value, field, entry)
+                if value is not None:
+                    given[field.name] = value
+        for field in layout.required:
+            if field.name not in given and body.get(field.key) is None and field.needed is None:
+                self._missing(cls, field, body, span)
+        is_wrong = len(self.found.all) > before and getattr(cls, "missing", "") == "KYB108"
+        if is_wrong or any(given.get(f.name) is None for f in layout.required):
             return None
-        return self.parameters(cls, body, getattr(cls, "title", "") or cls.__name__.lower(), span)
+        if layout.is_record:
+            given["source"] = Source(span, body, inherited)
+            if layout.has_at:
+                given.setdefault("at", span.at)
+        return given
 
-    def _entry(
-        self, cls: Any, field: Field, body: Mapping, keys: frozenset[str], span: Span
-    ) -> Any:
-        """The value of one key; None where it is not written or has errors."""
-        entry = body.entries.get(field.key)
-        if entry is not None and not is_null(entry.value):
-            return self.value(entry.value, field, entry)
-        if self._judging:
-            is_free = hasattr(cls, "like") and cls.like and "like" in body.entries
-            if is_needed(cls, field) and not is_free:
-                self.found.report("KYB102", f"`{field.key}` is missing", body.span)
-        elif field.required and field.needed is None:
-            self._missing(cls, field, body, keys, span)
-        return None
-
-    def _missing(
-        self, cls: Any, field: Field, body: Mapping, keys: frozenset[str], span: Span
-    ) -> None:
-        title = getattr(cls, "title", "")
-        if getattr(cls, "missing", "") == "KYB102":
-            self.found.report("KYB102", f"a {title} needs `{field.key}`", head_of(body))
+    def _missing(self, cls: Any, field: Field, body: Mapping, span: Span) -> None:
+        if cls.missing == "KYB108":
+            self._missing_parameter(cls.title, field, body, _layout_of(cls).keys, span)
         else:
-            self._missing_parameter(title, field, body, keys, span)
+            self.found.report("KYB102", f"a {cls.title} needs `{field.key}`", head_of(body))
 
     def _missing_parameter(
         self, part: str, field: Field, body: Mapping, known: Iterable[str], span: Span
@@ -188,124 +155,47 @@ class Decoder:
         message = f"`{part}` needs `{field.key}`"
         self.found.report("KYB108", message, span, help=how_to_write(field))
 
-    def _judge_keys(self, cls: Any, body: Mapping, keys: frozenset[str]) -> None:
-        """Report a key that the record does not have, and judge those that any name may have."""
-        others, fields = getattr(cls, "others", None), fields_of(cls)
-        parts = [f.type for f in fields if isinstance(f.type, PartOf) and f.type.word == f.key]
-        texts = {"like"} if getattr(cls, "like", "") else set()
-        texts |= {"as", "stack"} if parts and parts[0].word == "use" else set()
-        for key, entry in body.entries.items():
-            if key in keys or parts and key not in texts:
-                continue
-            if key not in texts and not _may_be_called(key, others):
-                self._refuse(entry.key)
-            if not is_null(entry.value) and (key in texts or others is not None):
-                kind = TEXT if key in texts else others
-                self.value(entry.value, Field(key, kind, key=key))
-
     def value(self, node: Node, field: Field, entry: MappingEntry | None = None) -> Any:
         """The value of a key."""
         return self._of(node, field.type, field, entry)
 
     def _of(self, node: Node, kind: ValueType, field: Field, entry: MappingEntry | None) -> Any:
-        if isinstance(kind, UsesOf):
-            return self._uses(node, kind, field)
-        if kind == SENSORS:
-            items = items_of(node) or (node,)
-            return tuple(self.part("sensors", item) for item in items)
-        if isinstance(kind, PartOf):
-            return self._part(kind, node, frozenset())
-        if isinstance(kind, MappingOf):
-            return self._mapping(node, kind, field)
-        if isinstance(kind, RecordOf):
-            return self._nested(node, kind, field, entry)
-        if isinstance(kind, ListOf) and isinstance(kind.item, RecordOf):
-            return self._records(node, kind.item, field)
-        if isinstance(kind, AnyOf):
-            return self._any(node, kind, field)
-        if kind == REQUEST:
-            return self._request(node, field)
-        if kind == PHASE:
-            return self._phase(node, field)
-        if kind == VERSION:
-            return 1 if to_json(node) == 1 and node.text[0] in "1+" else self._refuse(node)
-        if kind in _TEXTS:
-            return self._text(node, kind, field)
-        return self._plain(node, field)
+        reader = _ALONE.get(kind) or _READERS.get(type(kind), Decoder._plain)
+        return reader(self, node, kind, field, entry)
 
-    def _refuse(self, node: Node) -> None:
-        """What judging reports of a wrong shape; `jsonschema` says what is wrong."""
-        self.found.report("KYB103", "another value is needed", node.span)
+    def _plain(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
+        if isinstance(kind, ListOf) and kind.item is TEXT:
+            for item in items_of(node):
+                self._misplaced(item, field)
+        return decode(node, field, self.found)
 
-    def _plain(self, node: Node, field: Field) -> Any:
-        if not self._judging:
-            return decode(node, field, self.found)
-        kind = field.type
-        if _stands_in(node, kind):
-            return None
-        if kind in (FILE, FILE_PATH):
-            return self._text(node, TEXT, field)
-        if isinstance(node, Sequence) and len(node.items) < field.least:
-            self._refuse(node)
-        if isinstance(kind, Numbers) and kind.size and isinstance(node, Sequence):
-            inner = Numbers("scalar" if len(kind.size) == 1 else "vector", False, kind.dimension,
-                            kind.size[1:])  # fmt: skip
-            one = Field(field.name, inner, key=field.key, above=field.above, below=field.below,
-                        at_least=field.at_least, at_most=field.at_most)  # fmt: skip
-            if not node.items or kind.size[0] not in (None, len(node.items)):
-                self._refuse(node)
-            for item in node.items:
-                self._plain(item, one)
-            return None
-        own = Findings()
-        decode(node, field, own)
-        is_text = isinstance(node, Scalar) and isinstance(to_json(node), str)
-        self.found.add(f for f in own.all if f.code != "KYB105" or not is_text)
+    def _text(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
+        if isinstance(node, Scalar):
+            return Unparsed(node.as_text) if kind is CONDITION else node.text
+        self._misplaced(node, field)
         return None
 
-    def _text(self, node: Node, kind: ValueType, field: Field) -> Any:
-        if self._judging:
-            value = to_json(node) if isinstance(node, Scalar) else None
-            is_title = kind != TITLE or (
-                isinstance(value, str) and len(value) <= TITLE_LENGTH and NAMES["name"].match(value)
-            )
-            if not isinstance(value, str) or not is_title:
-                self._refuse(node)
-            return None
-        if not isinstance(node, Scalar):
-            return None
-        return Unparsed(node.as_text) if kind == CONDITION else node.text
+    def _misplaced(self, node: Node, field: Field) -> None:
+        """KYB103 for a point where a name is needed: a parameter or a point of the world brought it
+        there after the shape of the file was judged."""
+        if isinstance(node, Sequence):
+            message = f"`{field.key}` must be a name, but this is a point"
+            self.found.report("KYB103", message, node.span)
 
-    def _any(self, node: Node, kind: AnyOf, field: Field) -> Any:
-        name = "object" if isinstance(node, Mapping) else "array"
-        if isinstance(node, Scalar):
-            name = _JSON[type(to_json(node))]
-        if self._judging and name not in kind.kinds:
-            self._refuse(node)
+    def _as_written(self, node: Node, *_: Any) -> Any:
         return node
 
-    def _phase(self, node: Node, field: Field) -> Any:
-        if self._judging:
-            if isinstance(node, Mapping) and node.entries:
-                for entry in node.entries.values():
-                    if not is_null(entry.value):
-                        self._text(entry.value, TEXT, field)
-            else:
-                self._text(node, TEXT, field)
-        return node
+    def _version(self, *_: Any) -> Any:
+        return 1
 
     def request(self, entry: MappingEntry) -> Request | None:
         """The state that the value of a vehicle asks for; None, and a finding, for something
         else."""
-        request: Request | None = self._request(entry.value, Field(key=entry.key.text))
+        request: Request | None = self._request(entry.value, None, Field(key=entry.key.text))
         return request
 
-    def _request(self, node: Node, field: Field) -> Any:
+    def _request(self, node: Node, _: Any, field: Field, *__: Any) -> Any:
         """The state that is asked for, with the mapping of its values as its source."""
-        if self._judging:
-            if not (isinstance(node, Mapping) and node.entries):
-                self._text(node, TEXT, field)
-            return None
         if isinstance(node, Scalar):
             return Request(node.text, source=Source(node.as_text.span))
         if isinstance(node, Mapping) and len(node.entries) == 1:
@@ -320,78 +210,58 @@ class Decoder:
         self.found.report("KYB244", message, node.span, help=hint)
         return None
 
-    def _mapping(self, node: Node, kind: MappingOf, field: Field) -> Any:
-        if not isinstance(node, Mapping) or len(node.entries) < field.least:
-            return self._refuse(node) if self._judging else None
+    def _mapping(self, node: Node, kind: Any, *_: Any) -> Any:
+        if not isinstance(node, Mapping):
+            return None
         values: dict[str, Any] = {}
         for name, entry in node.entries.items():
-            if self._judging and not NAMES[field.names_like].match(name):
-                self._refuse(node)
-            if is_null(entry.value):
-                continue
-            one = Field(name, kind.item, key=name, names_like=field.names_like)
-            value = self.value(entry.value, one, entry)
-            if value is not None:
-                values[name] = value
+            if not is_null(entry.value):
+                value = self._of(entry.value, kind.item, Field(name, kind.item, key=name), entry)
+                if value is not None:
+                    values[name] = value
         return values if kind.as_dict else tuple(values.values())
 
-    def _nested(self, node: Node, kind: RecordOf, field: Field, entry: MappingEntry | None) -> Any:
-        if not isinstance(node, Mapping):
-            if self._judging and kind.or_name:
-                return self._text(node, TEXT, field)
-            if not (self._judging and _is_use(kind.cls)):
-                return self._refuse(node) if self._judging else None
+    def _nested(
+        self, node: Node, kind: Any, field: Field, entry: MappingEntry | None = None
+    ) -> Any:
+        if not isinstance(node, Mapping) and entry is None:
+            return None
+        if not issubclass(kind.cls, Record):
+            assert isinstance(node, Mapping)
+            head = node.span if entry is None else entry.key.span
+            return self.parameters(kind.cls, node, kind.cls.title, head)
+        own = {"name": field.key} if entry is not None and _layout_of(kind.cls).has_name else {}
         span = node.span if entry is None else entry.key.span
-        own = (
-            {}
-            if entry is None or "name" not in kind.cls.__dataclass_fields__
-            else {"name": field.key}
-        )
-        inherited = entry is not None and entry.inherited
-        if self._judging or issubclass(kind.cls, Record):
-            return self.record(kind.cls, node, span, inherited, **own)
-        return self.parameters(kind.cls, _body(node), kind.cls.title, span)
+        return self.record(kind.cls, node, span, entry is not None and entry.inherited, **own)
 
-    def _records(self, node: Node, kind: RecordOf, field: Field) -> Any:
-        """A list of records; one with errors is left out."""
-        if not isinstance(node, Sequence) or len(node.items) < field.least:
-            return self._refuse(node) if self._judging else ()
-        found = []
-        for item in node.items:
-            if isinstance(item, Mapping):
-                found.append(self.record(kind.cls, item, item.span))
-            elif self._judging:
-                self._refuse(item)
-        return tuple(one for one in found if one is not None)
+    def _list(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
+        """A list; a record with errors is left out."""
+        if not isinstance(kind.item, RecordOf):
+            return self._plain(node, kind, field)
+        items = (item for item in items_of(node) if isinstance(item, Mapping))
+        records = [self.record(kind.item.cls, item, item.span) for item in items]
+        return tuple(one for one in records if one is not None)
 
-    def _uses(self, node: Node, kind: UsesOf, field: Field) -> Any:
+    def _sensors(self, node: Node, *_: Any) -> Any:
+        return tuple(self.part("sensors", item) for item in items_of(node) or (node,))
+
+    def _uses(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
         """A list of parts, or of records of parts, whose names differ."""
-        if not isinstance(node, Sequence):
-            return self._refuse(node) if self._judging else ()
         uses: list[Any] = []
-        for item in node.items:
-            if self._judging and isinstance(item, Mapping) and "stack" in item.entries:
-                self._judge_stack(item)
-                continue
+        for item in items_of(node):
             if isinstance(kind.item, RecordOf):
                 use = self.record(kind.item.cls, item, item.span)
             else:
                 use = self._of(item, kind.item, field, None)
             if use is None:
                 continue
-            twin = next((u for u in uses if _part_in(u).alias == _part_in(use).alias), None)
+            alias = _part_in(use).alias
+            twin = next((u for u in uses if _part_in(u).alias == alias), None)
             if twin is None:
                 uses.append(use)
             else:
                 self._twice(_part_in(twin), _part_in(use), node.span)
         return tuple(uses)
-
-    def _judge_stack(self, item: Mapping) -> None:
-        for key, entry in item.entries.items():
-            if key != "stack":
-                self._refuse(item)
-            elif not is_null(entry.value):
-                self._text(entry.value, TEXT, _TEXT_FIELD)
 
     def _twice(self, first: PartPlan, second: PartPlan, written: Span) -> None:
         """KYB142 for two parts of the list `written`; at the one of the list where the other is
@@ -408,43 +278,30 @@ class Decoder:
         hint = "leave out yours: the stack has it"
         self.found.report("KYB142", message, own.span, notes=notes, help=hint)
 
-    def part(self, kind: str, node: Node, own: frozenset[str] = frozenset(), word: str = "use"):
+    def part(self, kind: str, node: Node) -> PartPlan | None:
+        """The part that `node` names with `use`, or alone."""
+        return self._part(PartOf("part", False, kind), node)
+
+    def _part(self, kind: Any, node: Node, own: Iterable[str] = (), *_: Any) -> PartPlan | None:
         """The part that `node` names; `own` are the keys beside the part's parameters. A node that
         several vehicles share is decoded once."""
-        return self._part(PartOf("part", False, kind, word), node, own)
-
-    def _part(self, kind: PartOf, node: Node, own: frozenset[str]) -> PartPlan | None:
-        if self._judging:
-            return self._judge_part(kind, node)
         key = (kind.kind, id(node))
         if key not in self._done:
-            self._done[key] = (node, self._decoded_part(kind, node, own))
+            self._done[key] = (node, self._decoded_part(kind, node, frozenset(own)))
         return self._done[key][1]
 
-    def _judge_part(self, kind: PartOf, node: Node) -> None:
-        if isinstance(node, Mapping):
-            for word in {kind.word, "as"} if kind.word == "use" else {kind.word}:
-                named = node.entries.get(word)
-                may_lack = word == "as" or not kind.is_needed
-                if named is not None and not (is_null(named.value) and may_lack):
-                    self._text(named.value, TEXT, _TEXT_FIELD)
-            if kind.word not in node.entries and kind.is_needed:
-                self._refuse(node)
-        elif kind.word == "use":
-            self._text(node, TEXT, _TEXT_FIELD)
-        else:
-            self._refuse(node)
+    def _use(self, node: Node, kind: Any, *_: Any) -> PartPlan | None:
+        return self._part(kind, node)
 
     def _decoded_part(self, kind: PartOf, node: Node, own: frozenset[str]) -> PartPlan | None:
         word, name, label = kind.word, node, None
         body = Mapping({}, node.span)
-        beside = own - {word}
         if isinstance(node, Mapping):
             named = node.get(word)
             name = named if isinstance(named, Scalar) else node
-            not_its = beside | ({word, "as"} if word == "use" else {word})
-            kept = {k: e for k, e in node.entries.items() if k not in not_its}
-            body = Mapping(kept, node.span)
+            beside = own | ({word, "as"} if word == "use" else {word})
+            entries = {k: e for k, e in node.entries.items() if k not in beside}
+            body = Mapping(entries, node.span)
             label = node.get("as") if word == "use" else None
         if not isinstance(name, Scalar):
             message = f"a part is needed, but this is {describe(node)}"
@@ -455,7 +312,7 @@ class Decoder:
         spec = self.spec(kind.kind, name)
         if spec is None:
             return None
-        params = self.parameters(spec.params, body, spec.name, name.span, beside)
+        params = self.parameters(spec.params, body, spec.name, name.span, own)
         if params is None:
             return None
         alias = label.text if isinstance(label, Scalar) else name.text
@@ -493,57 +350,47 @@ class Decoder:
     ) -> Any:
         """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
         what is missing, `beside` are keys that could be meant too."""
-        fields, values, before = fields_of(cls), dict[str, Any](), len(self.found.all)
-        known = {field.key: field for field in fields}
-        for field in fields:
-            entry = body.entries.get(field.key)
-            if entry is not None and (field.required or not is_null(entry.value)):
-                values[field.name] = decode(entry.value, field, self.found)
-            elif field.required:
-                self._missing_parameter(part, field, body, known, head)
+        keys, values, before = _keys_of(cls), dict[str, Any](), len(self.found.all)
         for key, entry in body.entries.items():
-            if key not in known:
+            field = keys.get(key)
+            if field is None:
                 message = f"`{key}` is no parameter of `{part}`"
-                hint = meant(part, key, body, known, beside)
+                hint = meant(part, key, body, keys, beside)
                 self.found.report("KYB107", message, entry.key.span, help=hint)
+            elif field.required or not is_null(entry.value):
+                values[field.name] = decode(entry.value, field, self.found)
+        for field in _required(cls):
+            if field.key not in body.entries:
+                self._missing_parameter(part, field, body, keys, head)
         return None if len(self.found.all) > before else cls(**values)
 
 
-_TEXT_FIELD = Field("", TEXT)
+@functools.cache
+def _keys_of(cls: Any) -> dict[str, Field]:
+    return {field.key: field for field in fields_of(cls)}
 
 
-def _body(node: Node) -> Mapping:
-    """`node`, or an empty mapping in its place."""
-    return node if isinstance(node, Mapping) else Mapping({}, node.span)
+@functools.cache
+def _required(cls: Any) -> tuple[Field, ...]:
+    return tuple(field for field in fields_of(cls) if field.required)
 
 
-def _may_be_called(key: str, others: ValueType | None) -> bool:
-    """Whether a record whose other keys are `others` may have the key."""
-    if others == EVENT_FIELD:
-        return key in event_fields()
-    return others is not None and (
-        not isinstance(others, RecordOf) or NAMES["name"].match(key) is not None
-    )
-
-
-def _is_use(cls: Any) -> bool:
-    """Whether the bare name of a part may stand for the record."""
-    return any(isinstance(f.type, PartOf) and f.type.word == f.key == "use" for f in fields_of(cls))
+_Reader = Callable[..., Any]
+_ALONE: dict[ValueType, _Reader] = {
+    CONDITION: Decoder._text, EVENT: Decoder._text, STATE: Decoder._text, TITLE: Decoder._text,
+    TEXT: Decoder._text, REQUEST: Decoder._request, PHASE: Decoder._as_written,
+    VERSION: Decoder._version, SENSORS: Decoder._sensors,
+}  # fmt: skip
+_READERS: dict[type[ValueType], _Reader] = {
+    UsesOf: Decoder._uses, PartOf: Decoder._use, MappingOf: Decoder._mapping,
+    RecordOf: Decoder._nested, ListOf: Decoder._list, AnyOf: Decoder._as_written,
+}  # fmt: skip
+"""What reads a value, by its type; `decode` reads all others."""
 
 
 def _part_in(use: Any) -> PartPlan:
     part: PartPlan = use if isinstance(use, PartPlan) else use.part
     return part
-
-
-def _stands_in(node: Node, kind: ValueType) -> bool:
-    """Whether `node` names what takes its place later: a parameter, or a point of the world."""
-    if not isinstance(node, Scalar):
-        return False
-    if isinstance(kind, Numbers | Choice) or kind in (INTEGER, BOOLEAN):
-        is_vector = isinstance(kind, Numbers) and kind.size == (3,)
-        return bool((PLACE if is_vector else PARAMETER).match(node.text))
-    return False
 
 
 def meant(

@@ -8,9 +8,9 @@ import functools
 from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.explain import SchemaViolation, explain
 from kybflow.dsl.language.schema import nullable, record_schema
+from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
 
@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 
 def judge_file(root: Node, kind: type[Plan] | type[Library]) -> list[Diagnostic]:
     """What is wrong with the shape of a whole file."""
-    found = Findings()
-    Decoder(None, found, judging=True).record(kind, root, root.span)
-    if not found.all:
-        return []
-    return explained(root, _validator(kind)) or found.all
+    return [] if has_shape(root, kind) else explained(root, _validator(kind))
 
 
 @functools.cache

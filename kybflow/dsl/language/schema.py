@@ -85,7 +85,7 @@ def record_schema(cls: Any, help: str = "") -> Schema:
         **least,
     }
     others = getattr(cls, "others", None)
-    if others == EVENT_FIELD:
+    if others is EVENT_FIELD:
         for name in event_fields():
             help = f"Only when the event's `{name}` is this."
             properties.setdefault(name, {"description": help, "type": list(SCALARS)})
@@ -148,7 +148,7 @@ def _value(kind: ValueType, field: Field) -> Schema:
         return {"description": help, "type": "string", "anyOf": choices}
     if isinstance(kind, UsesOf):
         return {"description": help, "type": "array", "items": _use_or_stack(kind.item)}
-    if kind == SENSORS:
+    if kind is SENSORS:
         one = use_schema("sensors", help)
         return {**one, "type": ["string", "object", "array"], "items": one, "minItems": 1}
     if isinstance(kind, ListOf):
@@ -177,18 +177,18 @@ def _other(kind: ValueType, field: Field, help: str) -> Schema:
         kinds = list(kind.kinds)
         what = {"description": help} if field.help else {}
         return {**what, "type": kinds if len(kinds) > 1 else kinds[0]}
-    if kind == REQUEST:
+    if kind is REQUEST:
         values = {"description": "Values of its parameters in place of its own.",
                   "type": ["object", *SCALARS, "array"]}  # fmt: skip
         help = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
         return {"description": help, "type": ["string", "object"], "minProperties": 1,
                 "additionalProperties": values}  # fmt: skip
-    if kind == PHASE:
+    if kind is PHASE:
         return {"description": help, "type": ["string", "object"], "minProperties": 1,
                 "additionalProperties": text(field.each)}  # fmt: skip
-    if kind == VERSION:
+    if kind is VERSION:
         return {"description": help, "const": 1}
-    if kind == TITLE:
+    if kind is TITLE:
         return {**text(help), "pattern": NAME, "maxLength": TITLE_LENGTH}
     if kind.shape in ("integer", "boolean"):
         bounds = _bounds(field)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.reading.nodes import (
@@ -25,11 +26,22 @@ class Source(NamedTuple):
     `like`."""
 
     span: Span = NOBODY
-    node: Node = Mapping({}, NOBODY)
+    node: Mapping = Mapping({}, NOBODY)
     inherited: bool = False
 
 
 NOWHERE = Source()
+
+
+@functools.cache
+def _worked_out(cls: type) -> tuple[str, ...]:
+    """The cached properties of a class."""
+    return tuple(
+        name
+        for base in cls.__mro__
+        for name, value in vars(base).items()
+        if isinstance(value, functools.cached_property)
+    )
 
 
 @dataclass(frozen=True)
@@ -56,6 +68,16 @@ class Record:
 
     source: Source = field(default=NOWHERE, kw_only=True, compare=False, repr=False)
 
+    def but(self, **changes: Any) -> Self:
+        """A copy with other values. What was worked out of the old ones is forgotten."""
+        copy: Self = object.__new__(self.__class__)
+        values = copy.__dict__
+        values.update(self.__dict__)
+        for name in _worked_out(self.__class__):
+            values.pop(name, None)
+        values.update(changes)
+        return copy
+
     @property
     def span(self) -> Span:
         """The place to report."""
@@ -68,16 +90,17 @@ class Record:
 
     def entry(self, key: str) -> MappingEntry | None:
         """A key as it is written; None for one that is not, or is null."""
-        found = entries_of(self.source.node).get(key)
+        found = self.source.node.entries.get(key)
         return None if found is None or is_null(found.value) else found
 
     def is_written(self, key: str) -> bool:
-        return key in entries_of(self.source.node)
+        return key in self.source.node.entries
 
     def span_of(self, *keys: str) -> Span:
         """The place of a key's value, `span_of("start", "at")` inside of it; the record's where it
         is not written."""
-        span, node = self.span, self.source.node
+        node: Node = self.source.node
+        span = self.source.span
         for key in keys:
             found = entries_of(node).get(key)
             if found is None:
@@ -88,14 +111,15 @@ class Record:
 
     def key_span(self, key: str) -> Span:
         """The place of a key; the record's where it is not written."""
-        found = entries_of(self.source.node).get(key)
-        return self.span if found is None else found.key.span
+        found = self.source.node.entries.get(key)
+        return self.source.span if found is None else found.key.span
 
     def text_of(self, key: str) -> Text | None:
         """The text of a key's value with its place; None where there is none."""
-        found = self.entry(key)
-        value = None if found is None else found.value
-        return value.as_text if isinstance(value, Scalar) else None
+        found = self.source.node.entries.get(key)
+        if found is None or not isinstance(value := found.value, Scalar) or value.is_null:
+            return None
+        return value.as_text
 
     def texts_of(self, key: str) -> tuple[Text, ...]:
         """The texts of a list, each with its place."""

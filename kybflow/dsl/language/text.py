@@ -66,10 +66,8 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
     elif isinstance(kind, RecordOf) and getattr(kind.cls, "block", False):
         yield head, came_from
         yield from _lines(value, inner, {})
-    elif (
-        (isinstance(kind, MappingOf)
-        and isinstance(record, Plan | World | Body))
-        or (isinstance(kind, MappingOf) and getattr(record, "block", False))
+    elif (isinstance(kind, MappingOf) and isinstance(record, Plan | World | Body)) or (
+        isinstance(kind, MappingOf) and getattr(record, "block", False)
     ):
         yield head, came_from
         names = value.items() if kind.as_dict else ((item.name, item) for item in value)
@@ -186,11 +184,16 @@ def _pairs(record: Any, is_terse: bool = False) -> Iterator[str]:
         value, kind = getattr(record, field.name), field.type
         if isinstance(kind, PartOf) and kind.word == field.key:
             yield from _part_pairs(value, kind.word)
-        elif value is None or value == {} or (value == () and not _may_be_empty(field)) or (is_terse and not field.required and value == field.default):
+        elif (
+            value is None
+            or value == {}
+            or (value == () and not _may_be_empty(field))
+            or (is_terse and not field.required and value == field.default)
+        ):
             continue
         else:
             yield f"{field.key}: {_text(value, kind, field)}"
-        if field.name == "event" and getattr(record, "others", None) == EVENT_FIELD:
+        if field.name == "event" and getattr(record, "others", None) is EVENT_FIELD:
             yield from (f"{name}: {quoted(text)}" for name, text in record.fields)
 
 
@@ -253,7 +256,7 @@ def _text(value: Any, kind: ValueType, field: Field) -> str:
         return as_written(value)
     if isinstance(kind, RecordOf):
         return _flow(value)
-    if kind == STATE and NAMES["dotted"].match(value) and value not in _RESERVED:
+    if kind is STATE and NAMES["dotted"].match(value) and value not in _RESERVED:
         return str(value)
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -9,7 +9,7 @@ from typing import Any
 from kybflow.core.params import ListOf, RecordOf, ValueType
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PartOf(ValueType):
     """A part of a kind, whose parameters are keys beside its name. `word` is the key that names it:
     `use`, which may stand alone as a text and has `as` beside it, `do` or `inject`."""
@@ -19,14 +19,14 @@ class PartOf(ValueType):
     is_needed: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AnyOf(ValueType):
     """A value that is kept as it is written, of one of these types of JSON."""
 
     kinds: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UsesOf(ListOf):
     """A list of parts, or of records of parts, in which `{stack: NAME}` stands for several."""
 

@@ -73,9 +73,7 @@ def option_values(
     return () if own.all else tuple(zip(options, values, strict=True))
 
 
-def options_named(
-    name: Text, plan: Plan, catalog: Catalog, found: Findings
-) -> tuple[Option, ...]:
+def options_named(name: Text, plan: Plan, catalog: Catalog, found: Findings) -> tuple[Option, ...]:
     """The options that `name` means, of a vehicle or of each of a group; empty where it has
     errors."""
     first, _, rest = name.text.partition(".")

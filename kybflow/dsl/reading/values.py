@@ -27,7 +27,14 @@ from kybflow.core.params import (
     numbers,
 )
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import DIMENSIONS, NUMBER, Dimension, article, format_quantity, parse_quantity
+from kybflow.core.units import (
+    DIMENSIONS,
+    NUMBER,
+    Dimension,
+    article,
+    format_quantity,
+    parse_quantity,
+)
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, items_of, to_json
@@ -257,7 +264,11 @@ def _decimal_commas(node: Sequence) -> str:
 
 
 def _example(field: Field, dimension: Dimension) -> str:
-    shape = {"vector": "[{0}, {0}, {0}]", "path": "[[{0}, {0}, {0}], ...]", "matrix": "[[{0}, ...], ...]"}
+    shape = {
+        "vector": "[{0}, {0}, {0}]",
+        "path": "[[{0}, {0}, {0}], ...]",
+        "matrix": "[[{0}, ...], ...]",
+    }
     return f"write it like `{shape.get(field.shape, '{0}').format(dimension.example)}`"
 
 

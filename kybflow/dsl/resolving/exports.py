@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
@@ -21,7 +22,6 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.resolving.imports import LibraryPath, installed, read_library
 from kybflow.dsl.resolving.like import merge
 from kybflow.dsl.resolving.parameters import ParameterTable
-from kybflow.dsl.plan import LISTS
 
 CODES = {
     "KYB157": "A stack that has nothing for the list in which it stands.",

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import kybflow
 from kybflow.core.text import nearest
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.reading.nodes import Mapping, Scalar
-from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 from kybflow.dsl.language.judge import judge_file
 from kybflow.dsl.plan import Library as LibraryRecord
+from kybflow.dsl.reading.nodes import Mapping, Scalar
+from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 
 CODES = {
     "KYB120": "An import that names no file.",

@@ -9,14 +9,15 @@ from typing import Any, get_args
 
 import pytest
 from click.testing import CliRunner
-from kybflow.dsl.schema.mission import library_schema, skeleton
 
 from kybflow.cli.app import app
 from kybflow.cli.printing.parts import page
 from kybflow.core.params import fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.expressions.tree import Function
+from kybflow.dsl.language.schema import record_schema
 from kybflow.dsl.names.built_in import BUILT_IN as STATES
+from kybflow.dsl.plan import Library, Plan
 from kybflow.parts.action import BUILT_IN as ACTIONS
 from kybflow.parts.catalog import load_catalog, own_catalog
 from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OBSERVABLES, OF_THE_RUN
@@ -105,13 +106,13 @@ def test_the_page_is_written_and_checked(tmp_path: Path) -> None:
 
 
 def test_the_language_page_has_every_key() -> None:
-    keys = {*keys_of(skeleton()), *keys_of(library_schema())}
+    keys = {*keys_of(record_schema(Plan)), *keys_of(record_schema(Library))}
     airframe = {field.name for field in fields_of(Airframe)}  # docs/parts.md has them
     assert sorted(keys - airframe - words_of_code(LANGUAGE)) == []
 
 
 def test_the_tables_of_the_language_page_have_their_keys() -> None:
-    mission = skeleton()["properties"]
+    mission = record_schema(Plan)["properties"]
     assert rows_of("Keys") == mission.keys()
     assert rows_of("A vehicle") == mission["vehicles"]["additionalProperties"]["properties"].keys()
 

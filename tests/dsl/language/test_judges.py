@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.judge import is_library
 from kybflow.dsl.language.schema import nullable, record_schema
+from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, to_json
@@ -84,12 +83,6 @@ def values() -> tuple[Node, ...]:
     return root.items
 
 
-def takes(root: Node, kind: type[Plan] | type[Library]) -> bool:
-    found = Findings()
-    Decoder(None, found, judging=True).record(kind, root, root.span)
-    return not found.all
-
-
 def places(node: Node, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
     """Every place in a tree."""
     yield path
@@ -153,7 +146,7 @@ def test_the_decoder_and_the_schema_agree(seed: int, trees: int) -> None:
     for _ in range(trees):
         root = drawn(generator, generator.choice(roots), strange, roots)
         kind = Library if is_library(root) else Plan
-        taken = takes(root, kind)
+        taken = has_shape(root, kind)
         assert taken is KINDS[kind].is_valid(to_json(root)), to_json(root)
         valid += taken
     assert trees / 20 < valid < trees / 2, "trees that say nothing"
@@ -163,5 +156,5 @@ def test_the_decoder_and_the_schema_agree(seed: int, trees: int) -> None:
 def test_every_file_is_taken(path: Path) -> None:
     root = read(path.read_text(encoding="utf-8"))
     kind = Library if is_library(root) else Plan
-    assert takes(root, kind)
+    assert has_shape(root, kind)
     assert KINDS[kind].is_valid(to_json(root))
