@@ -8,7 +8,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.checks.limits import LIMITS
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry
 from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
@@ -48,7 +48,9 @@ def options(case: Case) -> Iterator[Diagnostic]:
     """
     for action in sets_of(case):
         assert action.target is not None
-        values = yield from option_values(action, case.document, case.catalog)
+        own = Findings()
+        values = option_values(action, case.document, case.catalog, own)
+        yield from own.all
         fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
         if fixed is not None:
             yield Diagnostic(
@@ -68,7 +70,7 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
     """
     for action in sets_of(case):
         assert action.target is not None
-        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+        for option, value in option_values(action, case.document, case.catalog, Findings()):
             if option.field.loosens(option.declared, value):
                 declared = shown_value(option.declared, option.field)
                 yield Diagnostic(
@@ -86,7 +88,7 @@ def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     airframe."""
     for action in sets_of(case):
         assert action.target is not None
-        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+        for option, value in option_values(action, case.document, case.catalog, Findings()):
             name, vehicle = option.field.name, option.name.partition(".")[0]
             limit = getattr(case.document.vehicles[vehicle].airframe, name, None)
             dimension = option.field.dimension

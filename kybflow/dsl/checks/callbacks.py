@@ -12,7 +12,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
 from kybflow.dsl.names.built_in import BUILT_IN
@@ -256,7 +256,7 @@ def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
     elif name == "log":
         yield _Said("", "logged", {})
     elif name == "set" and target is not None:
-        for option in collect(options_named(target, case.document, case.catalog)).value:
+        for option in options_named(target, case.document, case.catalog, Findings()):
             vehicle = option.name.partition(".")[0]
             yield _Said(vehicle, "option_changed", {"option": option.name, "by": "callback"})
     elif name == "switch" and target is not None:

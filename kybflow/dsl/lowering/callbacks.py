@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.document import ActionEntry, CallbackEntry, Document
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.names.option_names import members, option_values
@@ -68,7 +68,7 @@ def _action(action: ActionEntry, document: Document, catalog: Catalog) -> Iterat
         for vehicle in members(document, target.text):
             yield _asked(action, vehicle, document)
     elif name == "set":
-        for option, value in collect(option_values(action, document, catalog)).value:
+        for option, value in option_values(action, document, catalog, Findings()):
             yield SetOption(option.name, value)
     elif name in ("enable", "disable"):
         who, _, label = action.value.text.partition(".")

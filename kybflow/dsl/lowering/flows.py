@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry
 from kybflow.dsl.expressions import Scope, parse
@@ -38,7 +38,7 @@ def _phase(phase: PhaseEntry, document: Document, scope: Scope, catalog: Catalog
     options = (
         SetOption(option.name, value)
         for action in phase.set
-        for option, value in collect(option_values(action, document, catalog)).value
+        for option, value in option_values(action, document, catalog, Findings())
     )
     named = _spread(phase.run, document)
     run = {name: document.vehicles[name].goal(state) for name, state in named.items()}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, every
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import ActionEntry, Document, PartUse, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
@@ -66,75 +66,66 @@ def no_vehicles(code: str, use: PartUse, document: Document) -> Iterator[Diagnos
 
 
 def option_values(
-    action: ActionEntry, document: Document, catalog: Catalog
-) -> Diagnosed[tuple[tuple[Option, Any], ...]]:
+    action: ActionEntry, document: Document, catalog: Catalog, found: Findings
+) -> tuple[tuple[Option, Any], ...]:
     """The options that `{OPTION: VALUE}` sets, each with its value (SI); empty, with findings,
     where it has errors."""
     assert action.target is not None
-    options = yield from options_named(action.target, document, catalog)
-    decoded = every(decode(action.value, option.field) for option in options)
-    values, findings = collect(decoded)
-    for option, value in zip(options, values, strict=False):
-        findings.extend(_unknown_vehicles(option, value, action, document))
-    yield from dict.fromkeys(findings)
-    return () if findings else tuple(zip(options, values, strict=True))
-
-
-def _unknown_vehicles(
-    option: Option, value: Any, action: ActionEntry, document: Document
-) -> Iterator[Diagnostic]:
-    """KYB510 of each vehicle that a value names and that isn't there."""
-    for name in option.field.named(value, "vehicle"):
-        if name not in document.vehicles:
-            yield no_vehicle("KYB510", name, action.value.span, document)
+    own, values = Findings(), []
+    for option in options_named(action.target, document, catalog, found):
+        value = own.take(decode(action.value, option.field))
+        values.append((option, value))
+        for name in option.field.named(value, "vehicle"):
+            if name not in document.vehicles:
+                own.add(no_vehicle("KYB510", name, action.value.span, document))
+    found.add(dict.fromkeys(own.all))
+    return () if own.all else tuple(values)
 
 
 def options_named(
-    name: Text, document: Document, catalog: Catalog
-) -> Diagnosed[tuple[Option, ...]]:
+    name: Text, document: Document, catalog: Catalog, found: Findings
+) -> tuple[Option, ...]:
     """The options that `name` means, of a vehicle or of each of a group; empty where it has
     errors."""
     first, _, rest = name.text.partition(".")
     vehicles = members(document, first)
     if not vehicles:
-        yield unknown_vehicle("KYB233", name, document, end=len(first))
+        found.add(unknown_vehicle("KYB233", name, document, end=len(first)))
     options: list[Option] = []
     for vehicle in vehicles:
-        found = _option(name, rest, document.vehicles[vehicle], catalog)
-        if isinstance(found, Diagnostic):
-            yield found
+        option = _option(name, rest, document.vehicles[vehicle], catalog, found)
+        if option is None:
             return ()
-        options.append(found)
+        options.append(option)
     return tuple(options)
 
 
-def _option(name: Text, rest: str, vehicle: VehicleEntry, catalog: Catalog) -> Option | Diagnostic:
-    parts = _parts(vehicle, catalog)
+def _option(
+    name: Text, rest: str, vehicle: VehicleEntry, catalog: Catalog, found: Findings
+) -> Option | None:
+    parts, owner, end = _parts(vehicle, catalog), vehicle.name.text, len(name.text)
     label, _, word = rest.rpartition(".")
-    start, end = len(name.text) - len(rest), len(name.text)
+    start = end - len(rest)
+    field = next((f for f in parts[label][0] if f.name == word), None) if label in parts else None
     if rest in parts:
-        known = [f"{rest}.{field.name}" for field in parts[rest][0]]
         message = f"`{name.text}` is a part, and not one of its parameters"
-        return Diagnostic("KYB233", message, name.part(start, end), help=did_you_mean("", known))
-    if not rest:
+        hint = did_you_mean("", [f"{rest}.{field.name}" for field in parts[rest][0]])
+        found.report("KYB233", message, name.part(start, end), help=hint)
+    elif not rest:
         hint = "an option is `VEHICLE.PART.PARAMETER`, like `a.processors.limit_speed.speed`"
-        return Diagnostic("KYB233", f"`{name.text}` is no option", name.span, help=hint)
-    if label not in parts:
+        found.report("KYB233", f"`{name.text}` is no option", name.span, help=hint)
+    elif label not in parts:
         part = label or rest
-        message, hint = f"`{vehicle.name.text}` has no part `{part}`", did_you_mean(part, parts)
-        place = name.part(start, start + len(part))
-        return Diagnostic("KYB233", message, place, label="unknown", help=hint)
-    fields, params = parts[label]
-    field = next((field for field in fields if field.name == word), None)
-    if field is None:
-        return Diagnostic(
-            "KYB233",
-            f"`{label}` of `{vehicle.name.text}` has no parameter `{word}`",
-            name.part(end - len(word), end),
-            label="unknown",
-            help=did_you_mean(word, [field.name for field in fields]),
-        )
-    return Option(f"{vehicle.name.text}.{rest}", field, getattr(params, word))
+        message, hint = f"`{owner}` has no part `{part}`", did_you_mean(part, parts)
+        span = name.part(start, start + len(part))
+        found.report("KYB233", message, span, "unknown", help=hint)
+    elif field is None:
+        message = f"`{label}` of `{owner}` has no parameter `{word}`"
+        hint = did_you_mean(word, [field.name for field in parts[label][0]])
+        found.report("KYB233", message, name.part(end - len(word), end), "unknown", help=hint)
+    else:
+        return Option(f"{owner}.{rest}", field, getattr(parts[label][1], word))
+    return None
 
 
 def _parts(vehicle: VehicleEntry, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
