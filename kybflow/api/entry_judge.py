@@ -11,7 +11,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entry_values import OF_ENTRIES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.document import Document, ObstacleEntry, PartUse, StateEntry, VehicleEntry
 from kybflow.dsl.plan import PartPlan, Plan, Values, VehiclePlan
@@ -36,9 +36,10 @@ class PlanEntryJudge:
         if plan.built_in:
             raise Refused(f"`{state}` is built in and takes no values")
         asked = Mapping({name: self._entry(name, text) for name, text in written}, _HERE)
-        values, found = collect(entry_values(asked, _use(plan.behavior, plan.behavior.params)))
-        if found:
-            raise Refused(_said(found[0]))
+        own, use = Findings(), _use(plan.behavior, plan.behavior.params)
+        values = own.take(entry_values(asked, use))
+        if own.all:
+            raise Refused(_said(own.all[0]))
         return values
 
     def objection(
@@ -56,12 +57,12 @@ class PlanEntryJudge:
 
     def _entry(self, name: str, text: str) -> MappingEntry:
         """One value, as a mission would have it. Raises Refused for what is no YAML."""
-        node, found = compose(text, _HERE.file)
+        own = Findings()
+        node = compose(text, _HERE.file, own)
         if node is not None:
-            node, more = collect(Points(self._plan.points).apply(node))
-            found = [*found, *more]
-        if node is None or found:
-            raise Refused(f"`{name}`: {_said(found[0])}")
+            node = own.take(Points(self._plan.points).apply(node))
+        if node is None or own.all:
+            raise Refused(f"`{name}`: {_said(own.all[0])}")
         return MappingEntry(Scalar(name, _HERE), node)
 
     def _document(self, vehicle: str, state: str, params: Any, point: Vec3) -> Document:

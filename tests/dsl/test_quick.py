@@ -12,6 +12,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from kybflow.core.params import fields_of
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Sequence, to_json
 from kybflow.dsl.schema.building import nullable, params_schema
@@ -74,9 +75,10 @@ VALUES = """
 
 
 def read(text: str) -> Node:
-    root, found = compose(text, "test.yaml")
+    found = Findings()
+    root = compose(text, "test.yaml", found)
     assert root is not None
-    assert not found
+    assert not found.all
     return root
 
 
