@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.document import Document
 from kybflow.dsl.shaping.entry_values import entered_states, valued_requests
@@ -49,10 +49,10 @@ def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
             yield value
 
 
-def check(document: Document, catalog: Catalog) -> Diagnosed[None]:
+def check(document: Document, catalog: Catalog) -> list[Diagnostic]:
     """Everything that the checks find in `document`, in no order."""
     found = chain(_found(Case(document, catalog)), _found_with_values(document, catalog))
-    yield from _deduplicated(found, document.vehicles)
+    return _deduplicated(found, document.vehicles)
 
 
 def _found(case: Case) -> Iterator[Diagnostic]:
