@@ -12,6 +12,7 @@ from jsonschema import Draft202012Validator
 from kybflow.core.units import DIMENSIONS
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.language.schema import params_schema
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read
@@ -130,9 +131,10 @@ def test_what_an_editor_inserts_is_right() -> None:
     for path, schema in schemas_in(SCHEMA):
         judged = schema.get("else")
         for snippet in schema.get("defaultSnippets", ()) if isinstance(judged, dict) else ():
-            node, findings = compose(snippet["body"], "editor")
+            found = Findings()
+            node = compose(snippet["body"], "editor", found)
             assert node is not None
-            assert not findings
+            assert not found.all
             whole = {**judged, "$defs": SCHEMA["$defs"]}
             assert list(Draft202012Validator(whole).iter_errors(to_json(node))) == [], path
             name = str(judged.get("$ref")).rpartition("/")[2]

@@ -26,17 +26,17 @@ PASSES = (
 )
 BUDGET = {
     "figure_eight": {
-        "check": 83343,
+        "check": 78787,
         "shape": 42634,
         "expressions": 36672,
-        "resolve": 26943,
+        "resolve": 26105,
         "read": 25851,
         "judge": 13271,
         "compiler": 811,
     },
     "survey": {
-        "check": 120305,
-        "resolve": 81445,
+        "check": 116889,
+        "resolve": 79433,
         "shape": 70937,
         "expressions": 37826,
         "read": 29525,

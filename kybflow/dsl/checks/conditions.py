@@ -1,5 +1,5 @@
 """Conditions, health and expectations: read and typed (KYB210 to KYB214,
-`kybflow.dsl.expressions.errors`), times that never come (KYB259), and what no flight can answer
+`kybflow.dsl.expressions.parse`), times that never come (KYB259), and what no flight can answer
 (KYB257, KYB258)."""
 
 from __future__ import annotations

@@ -3,16 +3,13 @@ lives elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.parts.observables import chains_of
-
-T = TypeVar("T")
-
 
 class Severity(Enum):
     ERROR = "error"
@@ -48,11 +45,6 @@ class Diagnostic:
 
 class Stopped(Exception):
     """Ends the compilation after a pass with errors."""
-
-
-Diagnosed = Generator[Diagnostic, None, T]
-"""What a step is that does not report to a sink yet: it yields its findings and returns its
-value."""
 
 
 class Findings:
@@ -95,15 +87,6 @@ class Findings:
         """Report what was found elsewhere: by a check, in a file that was read before."""
         self.all += [findings] if isinstance(findings, Diagnostic) else findings
 
-    def take(self, step: Diagnosed[T]) -> T:
-        """The value of a step that yields its findings, which are reported here."""
-        try:
-            while True:
-                self.all.append(next(step))
-        except StopIteration as end:
-            value: T = end.value
-            return value
-
     @property
     def has_errors(self) -> bool:
         return has_errors(self.all)
@@ -112,42 +95,6 @@ class Findings:
         """End the compilation here where there are errors. Raises Stopped."""
         if self.has_errors:
             raise Stopped
-
-
-class Collected(NamedTuple, Generic[T]):
-    """The value of a step that has run to its end, and what it found, in order."""
-
-    value: T
-    diagnostics: list[Diagnostic]
-
-
-def collect(step: Diagnosed[T]) -> Collected[T]:
-    """Run a step to its end."""
-    found = Findings()
-    return Collected(found.take(step), found.all)
-
-
-def every(steps: Iterable[Diagnosed[T]]) -> Diagnosed[list[T]]:
-    """The values of several steps, one after the other."""
-    values: list[T] = []
-    for step in steps:
-        values.append((yield from step))
-    return values
-
-
-def passed(step: Diagnosed[T]) -> Diagnosed[T]:
-    """The value of a step without errors. Raises Stopped behind the findings of one with errors."""
-    has_error = False
-    try:
-        while True:
-            finding = next(step)
-            has_error = has_error or finding.severity is Severity.ERROR
-            yield finding
-    except StopIteration as end:
-        if has_error:
-            raise Stopped from None
-        value: T = end.value
-        return value
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

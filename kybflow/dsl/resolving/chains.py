@@ -152,16 +152,13 @@ class Chains:
             self._report_unknown(begin, behaviors)
         states: list[tuple[str, MappingEntry]] = []
         for inner in sorted(behaviors, key=lambda inner: inner != first):
-            key, value = (
-                behaviors[inner].key,
-                _used_at(behaviors[inner].value, use.places),
-            )
-            full = f"{use.state}.{inner}"
+            value = _used_at(behaviors[inner].value, use.places)
             assert isinstance(value, Mapping)
+            full = f"{use.state}.{inner}"
             body = self._state(value, use, behaviors)
             do = chain_of(body)
             if do is None:
-                span = key.span._replace(used=use.places)
+                span = behaviors[inner].key.span._replace(used=use.places)
                 states.append((full, MappingEntry(Scalar(full, span), body, use.inherited)))
             else:
                 around = (*use.around, use)

@@ -82,8 +82,9 @@ def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
             hint = "write `--set name=value`"
             found.report("KYB135", f"`{text}` is no setting", span, help=hint)
             continue
-        node, findings = compose(value, SET)
-        if node is None or findings or isinstance(node, Mapping):
+        own = Findings()
+        node = compose(value, SET, own)
+        if node is None or own.all or isinstance(node, Mapping):
             found.report("KYB135", f"`{value}` is no value of a parameter", span)
             continue
         place = span._replace(end_column=len(before) + 1)
