@@ -7,22 +7,24 @@ from collections.abc import Iterator
 from string import Formatter
 from typing import NamedTuple, get_args
 
+from kybflow.core.events import AlarmRaised
 from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.document import ActionEntry, CallbackEntry
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members, options_named
-from kybflow.parts.observables import ALARM_FIELDS, EVENTS
+from kybflow.parts.events import AWAITED_EVENTS
 
 _CUSTOM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z", re.ASCII)
 _PLACEHOLDER = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
 _ALWAYS = ("event", "time")
 _NUMBERS = frozenset({"bound", "offset"})
+_OF_ALARMS = tuple(AlarmRaised.fields)
 _REACTIONS = get_args(ReactionName)
 
 
@@ -44,7 +46,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
                 message = f"`{callback.event.text}` has no field `{field.text}`"
                 hint = did_you_mean(field.text, known) or "it carries nothing"
                 yield Diagnostic("KYB231", message, field.span, label="unknown", help=hint)
-            elif field.text in _NUMBERS or (field.text == "value" and known == ALARM_FIELDS):
+            elif field.text in _NUMBERS or (field.text == "value" and known == _OF_ALARMS):
                 message = f"`{field.text}` is a number, and a filter compares names"
                 yield Diagnostic("KYB231", message, field.span, help="compare it in a `when`")
             else:
@@ -76,11 +78,11 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
     names = [action.value for action in actions_of(case, "emit")]
-    names += told_by_transitions(case.document)
+    names += emitted_by_transitions(case.document)
     if not names:
         return
     (events,) = case.cached(known_events)
-    taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
+    taken = {event for own in events.of.values() for event in own} | AWAITED_EVENTS.keys()
     owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
     owners.update(case.document.flows, case.document.inputs)
     for name in names:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 
+from kybflow.core.events import AlarmRaised, BaseEvent
 from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
@@ -16,19 +17,7 @@ from kybflow.dsl.document import Document, StateEntry, TransitionEntry, VehicleE
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import members
 from kybflow.parts import AIR, GROUND
-from kybflow.parts.observables import (
-    ALARM_FIELDS,
-    EVENT_FIELDS,
-    EVENTS,
-    OF_A_PAYLOAD,
-    OF_BODIES,
-    OF_CAMERAS,
-    OF_FLOWS,
-    OF_OTHERS,
-    OF_THE_RUN,
-    OF_THE_SIMULATOR,
-    TOO_LATE,
-)
+from kybflow.parts.events import AWAITED_EVENTS, RUN_EVENTS, VEHICLE_EVENTS, Landed
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:
@@ -82,12 +71,13 @@ def _of_a_person(name: str) -> str:
 
 
 def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
-    if event.text.rpartition(".")[2] in TOO_LATE and event.text not in known.custom:
+    kind = AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent)
+    if kind.awaited == "too late" and event.text not in known.custom:
         message = f"nothing can follow the event `{event.text}`"
         yield Diagnostic("KYB208", message, event.span, label="the run is over then")
 
 
-def never_told(case: Case) -> Iterator[Diagnostic]:
+def never_emitted(case: Case) -> Iterator[Diagnostic]:
     """KYB415: a transition or a callback waits for an event that its vehicle can't have.
 
     It flies on no camera, or has no payload, or there is no fence to leave. That nobody else
@@ -97,16 +87,16 @@ def never_told(case: Case) -> Iterator[Diagnostic]:
     (known,) = case.cached(known_events)
     for vehicle, state in case.states():
         if not state.inherited:
-            yield from _never_told(case, known, state.transitions, vehicle.name.text)
+            yield from _never_emitted(case, known, state.transitions, vehicle.name.text)
     for flow in case.document.flows.values():
         for phase in flow.phases.values():
-            yield from _never_told(case, known, phase.transitions, None)
+            yield from _never_emitted(case, known, phase.transitions, None)
     for callback in case.document.callbacks:
         if callback.event is not None:
             yield from _vain(case, known, callback.event, None)
 
 
-def _never_told(
+def _never_emitted(
     case: Case, known: KnownEvents, transitions: Iterable[TransitionEntry], own: str | None
 ) -> Iterator[Diagnostic]:
     for transition in transitions:
@@ -119,7 +109,7 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
     name, vehicles = event.text.rpartition(".")[2], known.sources(event.text)
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
-    is_doubt = name in OF_OTHERS
+    is_doubt = AWAITED_EVENTS.get(name, BaseEvent).needs == "others"
     if event.text in known.of_the_run or (is_doubt and "targets" in case.document.spans):
         return
     lacks = [_lacks(case, vehicle, name) for vehicle in vehicles if vehicle]
@@ -158,19 +148,20 @@ def _stays_in_the_air(state: StateEntry) -> bool:
 def _lacks(case: Case, name: str, event: str) -> str:
     """What a vehicle lacks to have an event; empty when it lacks nothing."""
     vehicle = case.document.vehicles[name]
-    if event not in EVENTS:
+    if event not in AWAITED_EVENTS:
         return _silent(case, vehicle, event)
-    used = {kind for e in vehicle.estimators for kind in e.part.spec.cls.uses(e.part.params)}
-    if event in OF_CAMERAS and Frame not in used:
-        return f"no estimator of `{name}` uses a camera"
-    if event in OF_BODIES and Pose not in used:
-        return f"no estimator of `{name}` uses motion capture"
-    if event in OF_A_PAYLOAD and vehicle.payload is None:
-        return f"`{name}` carries no payload"
-    if event in OF_FLOWS and not case.document.flows:
-        return "the mission has no flows"
-    if event in OF_OTHERS and not vehicle.driver.spec.cls.shared:
-        return f"nobody else commands `{name}` on `{vehicle.driver.name.text}`"
+    match AWAITED_EVENTS[event].needs:
+        case "a camera" | "motion capture" as what:
+            parts = [estimator.part for estimator in vehicle.estimators]
+            kind = Frame if what == "a camera" else Pose
+            if not any(kind in part.spec.cls.uses(part.params) for part in parts):
+                return f"no estimator of `{name}` uses {what}"
+        case "a payload" if vehicle.payload is None:
+            return f"`{name}` carries no payload"
+        case "flows" if not case.document.flows:
+            return "the mission has no flows"
+        case "others" if not vehicle.driver.spec.cls.shared:
+            return f"nobody else commands `{name}` on `{vehicle.driver.name.text}`"
     return ""
 
 
@@ -200,16 +191,15 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
         if callback.event and any(action.name.text != "log" for action in callback.actions)
     ]
     for event in acting:
-        if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
+        if AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent).awaited == "to log it":
             message = f"only the simulator knows of `{event.text}`"
             hint = "answer what the vehicle notices, like `estimate_lost`; a callback may `log` it"
             yield Diagnostic("KYB209", message, event.span, help=hint)
 
 
 ANY = "any"
-LANDED = "landed"
+LANDED = Landed.name
 """The event of a vehicle whose landing has ended."""
-_OF_VEHICLES = frozenset(EVENTS.keys() - OF_THE_RUN)
 OPERATOR = "operator."
 """How the name of an event begins that a person gives."""
 
@@ -228,7 +218,7 @@ class KnownEvents:
 
     def __init__(self, case: Case) -> None:
         self._document = case.document
-        self.of = {v.name.text: _told_by(v, case) for v in case.vehicles()}
+        self.of = {v.name.text: _emitted_by(v, case) for v in case.vehicles()}
 
     @cached_property
     def custom(self) -> frozenset[str]:
@@ -239,7 +229,7 @@ class KnownEvents:
 
     @property
     def of_the_run(self) -> frozenset[str]:
-        return OF_THE_RUN | self.custom | {f"{flow}.finished" for flow in self._document.flows}
+        return RUN_EVENTS | self.custom | {f"{flow}.finished" for flow in self._document.flows}
 
     def sources(self, event: str) -> tuple[str, ...]:
         """The vehicles that an event's name speaks of: `("",)` is the run. None tells an unknown
@@ -254,16 +244,15 @@ class KnownEvents:
 
     def fields_of(self, event: str) -> tuple[str, ...]:
         """The fields of an event, by its bare name. A mission's own event has none."""
-        if event in EVENT_FIELDS:
-            return EVENT_FIELDS[event]
+        if event in AWAITED_EVENTS:
+            return tuple(AWAITED_EVENTS[event].fields)
         for vehicle in self._document.vehicles.values():
-            for state in vehicle.states.values():
-                if event in state.part.spec.cls.tells:
-                    return ("behavior", *state.part.spec.cls.tells[event])
-            for processor in vehicle.processors:
-                if event in processor.spec.cls.tells:
-                    return ("processor", *processor.spec.cls.tells[event])
-        return ALARM_FIELDS
+            states = (state.part for state in vehicle.states.values())
+            for part in (*states, *vehicle.processors):
+                for own in part.spec.cls.own_events:
+                    if own.name == event:
+                        return tuple(own.fields)
+        return tuple(AlarmRaised.fields)
 
     def hears(self, event: str, own: str | None) -> bool:
         """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
@@ -290,7 +279,7 @@ def known_events(case: Case) -> Iterator[KnownEvents]:
 
 def emitted(document: Document) -> frozenset[str]:
     """The custom events that the actions and transitions of a mission emit."""
-    found = {name.text for name in told_by_transitions(document)}
+    found = {name.text for name in emitted_by_transitions(document)}
     for callback in document.callbacks:
         for action in callback.actions:
             if action.name.text == "emit":
@@ -300,18 +289,18 @@ def emitted(document: Document) -> frozenset[str]:
     return frozenset(found)
 
 
-def told_by_transitions(document: Document) -> list[Text]:
+def emitted_by_transitions(document: Document) -> list[Text]:
     """The events that transitions of states and phases emit."""
     ways = [state.transitions for v in document.vehicles.values() for state in v.states.values()]
     ways += [phase.transitions for f in document.flows.values() for phase in f.phases.values()]
     return [t.emit for transitions in ways for t in transitions if t.emit]
 
 
-def _told_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:
+def _emitted_by(vehicle: VehicleEntry, case: Case) -> frozenset[str]:
     """The events that belong to the vehicle, by their bare names."""
     parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
     parts += [estimator.part for estimator in vehicle.estimators]
     parts += [state.part for state in vehicle.states.values()]
     classes = [part.spec.cls for part in parts]
     classes += [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
-    return _OF_VEHICLES.union(*(cls.events for cls in classes))
+    return VEHICLE_EVENTS.union(*(cls.events for cls in classes))

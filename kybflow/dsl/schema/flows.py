@@ -7,7 +7,7 @@ from kybflow.core.params import declared, fields_of, param
 from kybflow.core.units import DURATION
 from kybflow.dsl.plan import Arrive
 from kybflow.dsl.schema.building import NEXT, Schema, field_schema, mapping, named, quantity, text
-from kybflow.parts.observables import EVENT_FIELDS
+from kybflow.parts.events import AWAITED_EVENTS
 
 _SCALAR = ["string", "number", "boolean"]
 
@@ -150,7 +150,7 @@ def action_schema() -> Schema:
 
 def on_schema() -> Schema:
     """The list of callbacks. A callback's other keys are fields of its event."""
-    fields = sorted({name for names in EVENT_FIELDS.values() for name in names})
+    fields = sorted({name for event in AWAITED_EVENTS.values() for name in event.fields})
     return {
         "description": "What is done when something happens, at any time.",
         "type": "array",

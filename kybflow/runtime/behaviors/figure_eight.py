@@ -17,12 +17,13 @@ from __future__ import annotations
 
 from math import cos, hypot, pi, sin, sqrt
 
-from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, Told, made
+from kybflow.core.events import Emitting
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, made
 from kybflow.core.units import Angle, Duration, Length, Number, Vec3
 from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.behaviors._laps import LAP_EVENTS, Laps
+from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 
 _POSITION = SetpointKind.POSITION
 _CHORDS = 96
@@ -59,7 +60,7 @@ class FigureEightParams:
 
 
 class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
-    tells = LAP_EVENTS
+    own_events = (LapCompleted,)
 
     def __init__(self, params: FigureEightParams, entry: Entry) -> None:
         super().__init__(params, entry)
@@ -72,14 +73,14 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         self._laps = Laps(2.0 * pi)
         self._sides = long * c, long * s, -short * s, short * c
 
-    def update(self, tick: Tick) -> Setpoint | Done | Told:
+    def update(self, tick: Tick) -> Setpoint | Done | Emitting:
         time, coast = tick.elapsed, self._coast
         pace = self._phase.at(time)
         setpoint = self._eight(*pace)
         if time < coast.duration:
             setpoint = coast.added(setpoint, time)
         output = Done(setpoint) if time >= self._end else setpoint
-        return output if pace[0] < self._laps.next else self._laps.told(output)
+        return output if pace[0] < self._laps.next else self._laps.completed(output)
 
     def _eight(self, phase: float, rate: float, pull: float, jolt: float) -> Setpoint:
         """The setpoint at a phase, and its derivatives by time."""

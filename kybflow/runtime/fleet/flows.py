@@ -17,11 +17,22 @@ from collections.abc import Set as AbstractSet
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, described
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, FlowMachine
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
 from kybflow.flight.profiles import Pace
+from kybflow.parts.events import (
+    DriverChanged,
+    FlowEnded,
+    FlowFailed,
+    GiveRefused,
+    PhaseEnded,
+    PhaseRefused,
+    PhaseStarted,
+    SwitchRefused,
+)
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import rounded
@@ -153,8 +164,7 @@ class Flows:
         if reason is None:
             self._flows[flow].machine.switch(phase, at)
         else:
-            tell = self._events.tell
-            tell("phase_refused", at=at, flow=flow, phase=phase, by=by, reason=reason)
+            self._events.emit(PhaseRefused(flow=flow, phase=phase, by=by, reason=reason), at=at)
         return reason
 
     def objection(self, flow: str) -> str | None:
@@ -215,7 +225,7 @@ class Flows:
         try:
             self._step(flow, now, dt)
         except Exception as error:  # a lab's own link may show anything
-            self._events.tell("flow_failed", flow=flow.plan.name, reason=described(error))
+            self._events.emit(FlowFailed(flow=flow.plan.name, reason=described(error)))
             flow.machine.end("failed")
 
     def _step(self, flow: RunningFlow, now: Time, dt: float) -> None:
@@ -272,7 +282,7 @@ class Flows:
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
         flow.arrived(self._events.now)
-        self._events.tell("phase_started", at=phase.at, flow=name, phase=phase.name)
+        self._events.emit(PhaseStarted(flow=name, phase=phase.name), at=phase.at)
         given = [to for vehicle, to in phase.give.items() if self._give(flow, vehicle, to)]
         for other in dict.fromkeys(given):
             if not self._flows[other].active:
@@ -298,9 +308,8 @@ class Flows:
             requests, values = self._vehicles[vehicle].requests, phase.values.get(vehicle, ())
             requests.switch(state, Requester.FLOW, phase.at, values=values)
         else:
-            self._events.tell(
-                "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason
-            )
+            refused = SwitchRefused(state=state, by="flow", reason=reason)
+            self._events.emit(refused, vehicle, phase.at)
         return reason is None
 
     def _give(self, flow: RunningFlow, vehicle: str, to: str) -> bool:
@@ -308,10 +317,10 @@ class Flows:
         name, at = flow.plan.name, flow.phase.at
         reason = self._not_mine(flow, vehicle)
         if reason is not None:
-            self._events.tell("give_refused", vehicle, at, flow=name, to=to, reason=reason)
+            self._events.emit(GiveRefused(flow=name, to=to, reason=reason), vehicle, at)
             return False
         self._drivers[vehicle].append(to)
-        self._events.tell("driver_changed", vehicle, at, flow=to)
+        self._events.emit(DriverChanged(flow=to), vehicle, at)
         return True
 
     def _not_mine(self, flow: RunningFlow, vehicle: str) -> str | None:
@@ -324,9 +333,9 @@ class Flows:
     def _leave(self, flow: RunningFlow, reason: Exit) -> None:
         name, phase = flow.plan.name, flow.phase.name
         flow.left(reason.how, self._events.now)
-        self._events.tell("phase_ended", at=reason.at, flow=name, phase=phase, how=reason.how)
+        self._events.emit(PhaseEnded(flow=name, phase=phase, how=reason.how), at=reason.at)
         if reason.transition is not None and reason.transition.emit is not None:
-            self._events.tell(reason.transition.emit, at=reason.at)
+            self._events.emit(Custom(reason.transition.emit), at=reason.at)
 
     def _end(self, flow: RunningFlow) -> None:
         """The flow is over; vehicles that it was given go back to who gave them."""
@@ -335,6 +344,6 @@ class Flows:
             if vehicle in flow.plan.vehicles or name not in drivers:
                 continue
             drivers.remove(name)
-            self._events.tell("driver_changed", vehicle, flow=drivers[-1])
-        self._events.tell("flow_ended", flow=name, phase=flow.visits[-1].name)
-        self._events.tell(f"{name}.finished")
+            self._events.emit(DriverChanged(flow=drivers[-1]), vehicle)
+        self._events.emit(FlowEnded(flow=name, phase=flow.visits[-1].name))
+        self._events.emit(Custom(f"{name}.finished"))

@@ -19,13 +19,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.errors import DriverError, described
+from kybflow.core.events import Custom
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, InputReading, InputReadings, Time
 from kybflow.dsl.plan import InputPlan
 from kybflow.flight.formation.shapes import centroid
 from kybflow.parts import InputLink
+from kybflow.parts.events import InputLost, InputRecovered
 from kybflow.parts.input import FeltLink
-from kybflow.runtime.events import Events, Fields
+from kybflow.runtime.events import Events
 
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -125,11 +127,11 @@ class _Input:
         self._unfelt = None
         if reading is not None:
             for button in sorted(reading.held - self._held) if flying else ():
-                self._events.tell(f"{self.plan.name}.{button}", at=self.plan.at)
+                self._events.emit(Custom(f"{self.plan.name}.{button}"), at=self.plan.at)
             self._held = reading.held
         self._judge(trouble, now)
         if flying:
-            self._tell()
+            self._emit()
         return reading if self.trouble is None else None
 
     def feel(self, link: FeltLink, push: Vec3 | None) -> None:
@@ -196,15 +198,14 @@ class _Input:
         if not self._told or now - self._well >= RECOVERED:
             self.trouble = None
 
-    def _tell(self) -> None:
-        """Tell once that it is lost, and once that it is back."""
+    def _emit(self) -> None:
+        """Emit once that it is lost, and once that it is back."""
         name, at = self.plan.name, self.plan.at
         if self.trouble is not None and not self._told:
-            numbers = {"value": self.trouble.value, "bound": self.trouble.bound}
-            known = {key: n for key, n in numbers.items() if n is not None and isfinite(n)}
-            fields: dict[str, Fields] = {"input": name, "reason": self.trouble.reason, **known}
-            self._events.tell("input_lost", "", at, **fields)
+            reason, *numbers = self.trouble
+            value, bound = (n if n is not None and isfinite(n) else None for n in numbers)
+            self._events.emit(InputLost(input=name, reason=reason, value=value, bound=bound), at=at)
             self._told = True
         elif self.trouble is None and self._told:
-            self._events.tell("input_recovered", at=at, input=name)
+            self._events.emit(InputRecovered(input=name), at=at)
             self._told = False

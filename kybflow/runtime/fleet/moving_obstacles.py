@@ -18,6 +18,7 @@ from kybflow.core.errors import described
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
 from kybflow.core.signals import NS, Measurement, Pose, SeenObstacle, Time
 from kybflow.parts import Stream
+from kybflow.parts.events import ObstacleFound, ObstacleLost
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import STILL, WAVERS
 from kybflow.runtime.monitoring.sensing import AHEAD
@@ -48,11 +49,11 @@ class MovingObstacles:
                 self.seen[name] = seen
                 if name in self._lost:
                     self._lost.discard(name)
-                    self._events.tell("obstacle_found", obstacle=name)
+                    self._events.emit(ObstacleFound(obstacle=name))
             elif name in self.seen and name not in self._lost and self._unseen(name, now) > LOST:
                 self._lost.add(name)
                 reason = _because(f"not seen for {LOST / NS:g} s", watched.trouble())
-                self._events.tell("obstacle_lost", obstacle=name, reason=reason)
+                self._events.emit(ObstacleLost(obstacle=name, reason=reason))
 
     def objections(self, now: Time) -> Iterator[tuple[str, str | None]]:
         """Yield each one with why nobody may take off because of it, None where it is seen."""

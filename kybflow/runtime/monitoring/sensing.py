@@ -19,6 +19,7 @@ from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time, kind_name
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
 from kybflow.parts import Stream
+from kybflow.parts.events import MeasurementRefused, SensorFailed, SensorRecovered
 from kybflow.runtime.events import Events
 
 PATIENCE = 1.0
@@ -97,7 +98,7 @@ class Sensing:
         if found:
             self._worked.add(name)
             if self._failed.pop(name, None) is not None:
-                self._events.tell("sensor_recovered", self._vehicle, part.at, sensor=name)
+                self._events.emit(SensorRecovered(sensor=name), self._vehicle, part.at)
         elif name not in self._failed and (name in self._worked or self._is_late(now)):
             trouble = _trouble(sensor)
             if trouble is not None:
@@ -115,7 +116,7 @@ class Sensing:
         if name not in self._failed:
             self._failed[name] = reason
             at = sensor.plan.part.at
-            self._events.tell("sensor_failed", self._vehicle, at, sensor=name, reason=reason)
+            self._events.emit(SensorFailed(sensor=name, reason=reason), self._vehicle, at)
 
 
 def _trouble(sensor: OpenSensor) -> str | None:
@@ -182,14 +183,8 @@ class Admission:
         sort, reason = wrong
         if (source, kind, sort) not in self._told:
             self._told.add((source, kind, sort))
-            self._events.tell(
-                "measurement_refused",
-                self._vehicle,
-                at,
-                source=source,
-                kind=kind_name(kind),
-                reason=reason,
-            )
+            refused = MeasurementRefused(source=source, kind=kind_name(kind), reason=reason)
+            self._events.emit(refused, self._vehicle, at)
 
 
 def _is_grey(image: Any) -> bool:

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from kybflow.core.geometry import ZERO, distance
 from kybflow.core.signals import NS, Setpoint, Time
 from kybflow.core.units import format_measured
+from kybflow.parts.events import ClampEnded, ClampStarted
 from kybflow.runtime.events import Events
 
 _LEAST, _LEAST_SPEED = 0.02, 0.05
@@ -51,7 +52,7 @@ class Clamps:
         if clamp is None:
             clamp = self.active[label] = _Clamp(now)
             at = self._lines[label]
-            self._events.tell("clamp_started", self._vehicle, at, processor=name, reason=words)
+            self._events.emit(ClampStarted(processor=name, reason=words), self._vehicle, at)
         clamp.last, clamp.unit, clamp.most = now, unit, max(clamp.most, off)
         return words if unit == "m" else None
 
@@ -60,11 +61,12 @@ class Clamps:
         over = [label for label, clamp in self.active.items() if now - clamp.last > _QUIET]
         for label in over:
             clamp = self.active.pop(label)
-            self._events.tell(
-                "clamp_ended", self._vehicle, self._lines[label], processor=self._names[label],
+            ended = ClampEnded(
+                processor=self._names[label],
                 most=format_measured(clamp.most, clamp.unit),
                 seconds=(clamp.last - clamp.since) / NS,
-            )  # fmt: skip
+            )
+            self._events.emit(ended, self._vehicle, self._lines[label])
 
 
 def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:

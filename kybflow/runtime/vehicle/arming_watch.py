@@ -18,6 +18,7 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND
+from kybflow.parts.events import ControlLost, StaysArmed
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
@@ -99,7 +100,7 @@ class ArmingWatch:
             return False
         above, self._fell = self._fell[1], None
         reason = f"it disarmed in the air: its estimate has it {above:.2f} m above the ground"
-        self._events.tell("control_lost", self._name, self._at, reason=reason)
+        self._events.emit(ControlLost(reason=reason), self._name, self._at)
         lost = Alarm("control_lost", Reaction.CUT, reason, is_failure=True)
         return self._reactions.react(RaisedAlarm(lost, self._at), tick)
 
@@ -111,23 +112,23 @@ class ArmingWatch:
         stands = self._has_stood(tick.estimate, tick.now)
         if waited >= TOLD and not self._told:
             self._told = True
-            self._tell("it has landed, is asked to disarm, and stays armed")
+            self._emit("it has landed, is asked to disarm, and stays armed")
         if waited >= FORCED and not self._forced and stands:
             self._forced = True
             self._force(tick.now)
         if waited >= GIVEN_UP and not self.gave_up:
             self.gave_up = True
             reason = f"it has landed, and is still armed after {GIVEN_UP // NS} s: disarm it"
-            self._tell(reason)
+            self._emit(reason)
             self._score.failure(reason)
 
     def _force(self, now: Time) -> None:
         try:
             self._link.disarm_by_force(now)
         except Refused as refusal:
-            self._tell(f"it can't be disarmed by force: {refusal}")
+            self._emit(f"it can't be disarmed by force: {refusal}")
         else:
-            self._tell("it stands still on the ground: disarmed by force")
+            self._emit("it stands still on the ground: disarmed by force")
 
     def _has_stood(self, known: Estimate | None, now: Time) -> bool:
         """Return whether the estimate has had it still, on the ground, for long enough."""
@@ -145,5 +146,5 @@ class ArmingWatch:
             return 0.0
         return height_in_the_air(self._activity.entry().context, known, ())
 
-    def _tell(self, reason: str) -> None:
-        self._events.tell("stays_armed", self._name, self._at, reason=reason)
+    def _emit(self, reason: str) -> None:
+        self._events.emit(StaysArmed(reason=reason), self._name, self._at)
