@@ -353,7 +353,7 @@ class VehicleSaid(VehicleEvent):
 class ForeignCommandEvent(VehicleEvent):
     """Somebody else commands the vehicle, beside this program."""
 
-    needs = "others"
+    needs = "other commanders"
     reason: str
 
 
@@ -388,14 +388,14 @@ class ObstacleFound(RunEvent):
 class ControlTaken(VehicleEvent):
     """Somebody else has the vehicle, and it is left alone."""
 
-    needs = "others"
+    needs = "other commanders"
     reason: str
 
 
 class ControlRefused(VehicleEvent):
     """The vehicle was asked for back, and does not come: it is asked no more."""
 
-    needs = "others"
+    needs = "other commanders"
     reason: str
 
 

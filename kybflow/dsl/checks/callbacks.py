@@ -32,7 +32,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     """KYB231: a callback asks for a field that its event does not have, or for a value of it that
     never comes.
 
-    The fields of each event are in the language's page. Names of states, of estimators and of
+    The fields of each event are in the table of events. Names of states, of estimators and of
     reactions are judged; numbers are no names: compare them in a `when`.
     """
     (events,) = case.cached(known_events)

@@ -109,7 +109,7 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
     name, vehicles = event.text.rpartition(".")[2], known.sources(event.text)
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
-    is_doubt = AWAITED_EVENTS.get(name, BaseEvent).needs == "others"
+    is_doubt = AWAITED_EVENTS.get(name, BaseEvent).needs == "other commanders"
     if event.text in known.of_the_run or (is_doubt and "targets" in case.document.spans):
         return
     lacks = [_lacks(case, vehicle, name) for vehicle in vehicles if vehicle]
@@ -160,7 +160,7 @@ def _lacks(case: Case, name: str, event: str) -> str:
             return f"`{name}` carries no payload"
         case "flows" if not case.document.flows:
             return "the mission has no flows"
-        case "others" if not vehicle.driver.spec.cls.shared:
+        case "other commanders" if not vehicle.driver.spec.cls.shared:
             return f"nobody else commands `{name}` on `{vehicle.driver.name.text}`"
     return ""
 
