@@ -150,8 +150,8 @@ def fly(
 def _served(
     servers: Sequence[Server], commands: CommandQueue, folder: Path, events: Events
 ) -> Iterator[None]:
-    """Let the servers give commands. One that can't begin is told and left out; whatever waits at
-    the end is answered."""
+    """Let the servers give commands. One that can't begin is reported and left out; whatever waits
+    at the end is answered."""
     with ExitStack() as stack:
         for serve in servers:
             try:
@@ -164,7 +164,7 @@ def _served(
 
 class _Record:
     """The record of a run under way: recording and folder. As an observer of the engine it looks
-    once a second whether both are still in their place, and tells the first loss as an event."""
+    once a second whether both are still in their place, and emits an event for the first loss."""
 
     def __init__(self, recorder: Recorder, folder: RunFolder) -> None:
         self.recorder, self.folder = recorder, folder

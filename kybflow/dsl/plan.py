@@ -45,8 +45,8 @@ class TransitionPlan:
     have passed in the state (those that are given, together); `then` when the behavior is done;
     `failed` when it failed; `within` after `after` seconds. `implied` transitions are those that
     the language adds. Seconds count from the entry of the chain `since` where it is not empty;
-    `enters` is the chain that the transition enters anew. `emit` is the event that is told when it
-    is taken.
+    `enters` is the chain that the transition enters anew. `emit` is the event of the mission's own
+    that it emits when it is taken.
     """
 
     cause: Cause

@@ -167,7 +167,7 @@ class Behavior(Part[P]):
     flight: its flight types. emits: the kind of setpoint that `update` returns, or of command.
     needs_estimate: whether it can fly only with an estimate. needs: kinds of measurement to
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
-    waits_for: what it waits for, in words, None while it goes on; emitted as `behavior_waits`.
+    waits_for: what it waits for, in words, None while it goes on; it emits `behavior_waits`.
     lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
     axes: those that the inputs must have which its parameters name. push: what a hand that steers
     it should feel, along the axes x, y and z. hears: whether it listens to what other vehicles

@@ -75,7 +75,7 @@ class Processor(Part[P]):
     ones from take-off to touch-down, the others only in behaviors that stay in the air. A processor
     that raises is not called again, and its vehicle lands. `accepts` maps each kind of setpoint
     that it accepts to the kind that it returns. `clamps`: what it changes is taken away for good,
-    as beyond a fence, and does not only come later or around something: it is emitted as
+    as beyond a fence, and does not only come later or around something: it emits
     `clamp_started`, and a behavior that is done while its goal is clamped has failed. idle: it will
     never change anything, and is not called. goes_round: what stands between where the vehicle is
     and where it is led is no hindrance. retunes: the options of the vehicle's tracker that it may
@@ -185,7 +185,7 @@ class Supervisor(Part[P]):
         return 0.0
 
     @classmethod
-    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+    def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:
         """Return those of `events` that it can raise for the vehicle of `context`."""
         return cls.events
 

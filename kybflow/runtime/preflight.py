@@ -206,7 +206,7 @@ class PreflightTimeout:
         self._longest = max(TIMEOUT, *longest)
         self._events = events
         self._ready = 0.0
-        self._told: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
 
     def ends(self, lines: Sequence[PreflightResult], seconds: float) -> bool:
         """Return whether the preflight is over: all lines are green, or it has timed out."""
@@ -224,6 +224,6 @@ class PreflightTimeout:
 
     def _report(self, waiting: Sequence[PreflightResult]) -> None:
         for vehicle, check, _, reason, at, _ in waiting:
-            if (vehicle, check) not in self._told:
-                self._told.add((vehicle, check))
+            if (vehicle, check) not in self._reported:
+                self._reported.add((vehicle, check))
                 self._events.emit(PreflightWaits(check=check, reason=reason), vehicle, at)

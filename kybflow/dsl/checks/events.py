@@ -65,7 +65,7 @@ def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[
 
 
 def _of_a_person(name: str) -> str:
-    """A note that says how an operator or a callback can give an event that no part tells."""
+    """A note that says how an operator or a callback can give an event that no part emits."""
     given = f"{OPERATOR}{name}"
     return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
 
@@ -166,12 +166,12 @@ def _lacks(case: Case, name: str, event: str) -> str:
 
 
 def _silent(case: Case, vehicle: VehicleEntry, event: str) -> str:
-    """The supervisor that alone tells an event, and has nothing to watch; empty where one does."""
-    telling = [part for part in vehicle.supervisors if event in part.spec.cls.events]
-    context = next(c for v, c in case.cached(contexts) if v is vehicle) if telling else None
-    if context is None or any(event in part.spec.cls.can_tell(context) for part in telling):
+    """The supervisor that alone emits an event, and has nothing to watch; empty where one does."""
+    emitting = [part for part in vehicle.supervisors if event in part.spec.cls.events]
+    context = next(c for v, c in case.cached(contexts) if v is vehicle) if emitting else None
+    if context is None or any(event in part.spec.cls.can_emit(context) for part in emitting):
         return ""
-    return f"`{telling[0].label}` has nothing to watch here"
+    return f"`{emitting[0].label}` has nothing to watch here"
 
 
 def of_the_simulator(case: Case) -> Iterator[Diagnostic]:

@@ -7,9 +7,9 @@ point ahead) and stops there; from there the arc length follows a rest-to-rest p
     p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
     j = (s''' - s'^3/r^2) e - 3 s' s''/r n,        e = (-sin phi, cos phi), n = (cos phi, sin phi)
 
-so that after `laps` it stops where the circle began; each lap is told. A negative speed flies
-clockwise. The heading is kept. Refuses a circle whose s'^2/r needs more tilt than the airframe has.
-World frame, metres.
+so that after `laps` it stops where the circle began; each lap emits `lap_completed`. A negative
+speed flies clockwise. The heading is kept. Refuses a circle whose s'^2/r needs more tilt than the
+airframe has. World frame, metres.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@ with ' = d/dtheta and dots by time:
 
     v = p' th.,  a = p'' th.^2 + p' th..,  j = p''' th.^3 + 3 p'' th. th.. + p' th...
 
-The fastest point is the centre: 2 pi / lap sqrt((w/2)^2 + h^2). Each loop is told. The heading is
-kept. Entered in motion, the centre is where that motion has died out. World frame, metres.
+The fastest point is the centre: 2 pi / lap sqrt((w/2)^2 + h^2). Each loop emits
+`lap_completed`. The heading is kept. Entered in motion, the centre is where that motion has died
+out. World frame, metres.
 """
 
 from __future__ import annotations

@@ -89,8 +89,8 @@ class Commander:
             self._take_up(now, flying=False)
 
     def close(self) -> None:
-        """The run is over: answer the commands that no vehicle has answered, and tell what was
-        refused last."""
+        """The run is over: answer the commands that no vehicle has answered, and report what
+        was refused last."""
         for untold in self._queue.last_words:
             if reason := untold():
                 self._events.emit(ClientsRefusedEvent(reason=reason))

@@ -120,7 +120,7 @@ class _Callback:
 
     def matches(self, event: Event, events: Events) -> bool:
         """Whether the event's fields are those that are asked for, and the condition holds. A
-        condition that raises is told, and nothing is done any more."""
+        condition that raises is reported, and nothing is done any more."""
         fields = event.fields
         if any(shown(fields.get(name)) != value for name, value in self._plan.fields):
             return False

@@ -2,10 +2,10 @@
 
 Each flow has a state machine, whose states are its phases. On entry a phase gives vehicles to other
 flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
-flow at a time drives a vehicle: what another asks of it is refused, and told. Where a phase lets
-its vehicles arrive in turns, each is asked when the one before has left the state that it was asked
-for, and is down where the failsafe lands it; where together, the pace of their behaviors is made
-one when they begin. A flow that ends gives back the vehicles that it was given. Its time stands
+flow at a time drives a vehicle: what another asks of it is refused, and an event says so. Where a
+phase lets its vehicles arrive in turns, each is asked when the one before has left the state that
+it was asked for, and is down where the failsafe lands it; where together, the pace of their
+behaviors is made one when they begin. A flow that ends gives back the vehicles that it was given. Its time stands
 still while a vehicle that it drives is paused. When a person lands every vehicle, every flow ends.
 """
 
@@ -60,7 +60,7 @@ class FlowOptions(Protocol):
     """The options, as a flow sees them."""
 
     def set(self, name: str, value: Any, by: str, at: str = "") -> None:
-        """Ask for a change. Raises OptionRefused, which is told already."""
+        """Ask for a change. Raises OptionRefused after the event `option_refused`."""
 
 
 class PhaseVisit(NamedTuple):
@@ -77,7 +77,7 @@ class RunningFlow:
     """One flow: its machine, when it entered its phase, and the phases that it has been in.
 
     unpaced: whether its vehicles arrive together and begin in this tick. turn: the vehicle whose
-    turn it is. waiting: those whose turn comes. missed: the events that were told while a turn
+    turn it is. waiting: those whose turn comes. missed: the events that were emitted while a turn
     passed.
     """
 
@@ -159,7 +159,7 @@ class Flows:
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
-        and told, for a flow that waits for a vehicle and has none; return why."""
+        with an event, for a flow that waits for a vehicle and has none; return why."""
         reason = self.objection(flow)
         if reason is None:
             self._flows[flow].machine.switch(phase, at)
@@ -291,7 +291,7 @@ class Flows:
             try:
                 self._options.set(option.option, option.value, f"flow {name}", phase.at)
             except OptionRefused:
-                continue  # it is told
+                continue  # an event says so
         if phase.arrive == "in_turns":
             flow.waiting.extend(phase.run)
             self._ask_next(flow)

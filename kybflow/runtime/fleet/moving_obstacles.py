@@ -2,7 +2,7 @@
 
 Motion capture sees them, late and with noise, as it sees vehicles; nobody is told where they really
 are. The velocity of one is that of its last twentieth of a second, and at most the speed that the
-mission tells. One that is not seen for half a second is told as `obstacle_lost`, and as
+mission tells. One that is not seen for half a second emits `obstacle_lost`, and
 `obstacle_found` when it is seen again; whoever keeps away from it takes it to be larger meanwhile,
 by how far it can have gone. What comes bit by bit as before, of one whose poses have wavered, is
 repeated by the system for a body that it has lost, and counts as nothing seen. World frame, SI.
@@ -25,7 +25,7 @@ from kybflow.runtime.monitoring.sensing import AHEAD
 from kybflow.world.moving_sphere import MovingSphere
 
 LOST: Time = NS // 2
-"""How long one may not be seen until that is told."""
+"""How long one may not be seen until that is an event."""
 _OVER: Time = NS // 20
 
 

@@ -12,9 +12,9 @@ more than `MEMORY` where another vehicle believes itself to be. Then its poses, 
 one another but are another's, are withheld until it jumps or is lost again.
 
 Then a pose that is the one before it bit by bit is no measurement and is withheld, from the first
-on, so that an estimate ages from when its body froze, not from when that is told; once it was
-told, also on the ground, until the pose changes. All others pass: whether the vehicle can be there
-is for the estimators to say (`kybflow.flight.pose_gate`).
+on, so that an estimate ages from when its body froze, not from when that is reported; once it
+was reported, also on the ground, until the pose changes. All others pass: whether the vehicle can
+be there is for the estimators to say (`kybflow.flight.pose_gate`).
 """
 
 from __future__ import annotations
@@ -205,7 +205,7 @@ def _is_sound(pose: Pose) -> bool:
 
 
 class BodyMonitor:
-    """Tells what is found of one vehicle's body, and withholds the poses that are no measurements.
+    """Emits what is found of one vehicle's body, and withholds the poses that are no measurements.
     `bodies` judges those of the whole fleet; `estimate` gives what the vehicle flies on. Poses that
     no estimator asks for are judged where they come, and nobody misses them. due: when to be asked
     without any."""

@@ -29,7 +29,7 @@ is within that of where another vehicle believed to be.
 
 recovered: so many good frames in a row since it was lost or froze. After a jump: the poses went
 back, or were lost meanwhile, and so many in a row are where the vehicle believes itself to be.
-Where an estimator followed the camera they are not, and it is told of another jump.
+Where an estimator followed the camera they are not, and another jump is reported.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
 
 SILENT, SAME = 0.15, 0.1
-"""Seconds. Both are told before the estimate is a quarter of a second old, from 15 Hz on."""
+"""Seconds. Both are reported before the estimate is a quarter of a second old, from 15 Hz on."""
 _ACROSS = 40
 """Pixels of a row that are compared."""
 BLIND, NEAR = 0.15, 0.2
@@ -82,7 +82,7 @@ class CameraStreams:
 
     @property
     def wrong(self) -> dict[str, VehicleEvent]:
-        """What was emitted last of each camera that has not recovered."""
+        """What was reported last of each camera that has not recovered."""
         found = {name: stream.trouble.finding for name, stream in self._streams.items()}
         return {name: finding for name, finding in found.items() if finding is not None}
 
@@ -181,7 +181,7 @@ class Sightings:
 
     @property
     def wrong(self) -> dict[str, CameraJumped]:
-        """What was emitted last of each camera, as long as it goes on."""
+        """What was reported last of each camera, as long as it goes on."""
         found = {name: track.trouble.finding for name, track in self._tracks.items()}
         return {name: event for name, event in found.items() if isinstance(event, CameraJumped)}
 
@@ -292,9 +292,9 @@ class SeeingEstimator(Protocol):
 
 
 class CameraMonitor:
-    """Tells what is found of one vehicle's cameras, and withholds frozen frames; estimators know
+    """Emits what is found of one vehicle's cameras, and withholds frozen frames; estimators know
     nothing of it. `fleet` is where the vehicles believe to be. Where no estimator asks for frames,
-    nobody misses them, and nothing is told."""
+    nobody misses them, and nothing is reported."""
 
     def __init__(self, plan: VehiclePlan, fleet: EstimateHistory, events: Events) -> None:
         self._name, self._events = plan.name, events

@@ -26,7 +26,7 @@ class Trouble:
         self.good = 0
 
     def is_known(self, event: type[VehicleEvent]) -> bool:
-        """Whether it was emitted, and goes on."""
+        """Whether this was found, and goes on."""
         return isinstance(self.finding, event)
 
     def is_over(self) -> bool:

@@ -11,7 +11,7 @@ which would hold back its evasions.
 
 All other vehicles are kept away from, by their estimates, or those in `treat_as_obstacles` alone:
 in a formation, the one that has left it. Nobody is relied on to give way. Where what is near leaves
-no way it brakes, gives way to what presses hardest, and tells `avoidance_blocked`. It acts in
+no way it brakes, gives way to what presses hardest, and emits `avoidance_blocked`. It acts in
 behaviors that stay in the air. Metres, world frame.
 """
 

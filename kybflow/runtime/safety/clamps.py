@@ -1,10 +1,11 @@
-"""Which clamp keeps a vehicle's setpoint from where its behavior wants it, told as events.
+"""Which clamp keeps a vehicle's setpoint from where its behavior wants it, and its events.
 
 A processor that `clamps` takes away for good what lies beyond its bound, so that the vehicle never
 gets there: the fence. (`limit_speed`, `limit_acceleration` and `smooth` let it arrive later, and
-what avoids an obstacle goes around it: that is shaping, and shows in the errors alone.) A clamp is
-told from 2 cm on, of setpoints of velocity from 5 cm/s: once when it begins, and once when it has
-let everything pass for half a second, with the most that it took away and for how long.
+what avoids an obstacle goes around it: that is shaping, and shows in the errors alone.) A clamp
+counts from 2 cm on, of setpoints of velocity from 5 cm/s. It emits `clamp_started` when it begins,
+and `clamp_ended` when it has let everything pass for half a second, with the most that it took away
+and for how long.
 """
 
 from __future__ import annotations

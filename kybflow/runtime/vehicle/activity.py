@@ -49,7 +49,7 @@ PATIENCE: Time = 10 * NS
 UNCLEAR: Time = NS // 2
 """How long after its rotors stopped it may not show yet that a vehicle falls."""
 REPEATED: Time = NS // 10
-"""How long no transition may have been refused until another refusal is told."""
+"""How long no transition may have been refused until another refusal is reported."""
 LIGHT, DEEP = 0.5, 0.05
 """A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
 whatever is in the air."""
@@ -276,7 +276,7 @@ class Activity:
         return followed.position[2] < known.position[2] - DEEP
 
     def _refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
-        """Return why a claim that the vehicle has landed is refused; the first one is told."""
+        """Return why a claim that the vehicle has landed is refused; the first one is reported."""
         claims = self._touch_down
         reason = "" if claims is None else claims.refusal(estimate, now, is_pushed=is_pushed)
         if claims is None or not reason:
@@ -411,7 +411,7 @@ class Activity:
 
     def _is_welcome(self, name: str) -> bool:
         """Whether a `next` may lead to a state now; the first of several refusals in a row is
-        told."""
+        reported."""
         state, now = self.plan.states[name], self._events.now
         reason = self.unwelcome(state)
         if reason is not None:

@@ -6,9 +6,9 @@ landing; its rotors are then cut, and it has not landed. From a low height it is
 reports itself disarmed: a fall counts for `LATE` after its end.
 
 Rotors that turn on the ground: its driver asks a vehicle that has landed to disarm. One that is
-still armed after `TOLD` is told; after `FORCED` it is disarmed by force where all the evidence of a
-touch-down is there: a fresh estimate near the ground that has stood still for `STOOD`, and a
-vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the run has failed.
+still armed after `SLOW` emits `stays_armed`; after `FORCED` it is disarmed by force where all the
+evidence of a touch-down is there: a fresh estimate near the ground that has stood still for
+`STOOD`, and a vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the run has failed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FALLING = 1.2
 """Metres a second; no landing sinks as fast."""
 LATE: Time = NS // 2
 """A vehicle reports that its rotors rest so long after they stopped at most."""
-TOLD: Time = 5 * NS
+SLOW: Time = 5 * NS
 FORCED: Time = 10 * NS
 GIVEN_UP: Time = 30 * NS
 STOOD: Time = 3 * NS
@@ -61,7 +61,7 @@ class ArmingWatch:
         self._fell: tuple[Time, float] | None = None
         self._stood: Time | None = None
         self._stands: Estimate | None = None
-        self._told = self._forced = False
+        self._reported = self._forced = False
 
     def update(self, tick: Tick, armed: bool) -> bool:
         """Compare, once a tick; return whether it has just been found to fall. armed: what the
@@ -107,11 +107,11 @@ class ArmingWatch:
     def _linger(self, tick: Tick) -> None:
         """Follow a vehicle that has landed and is armed."""
         if self._since is None:
-            self._since, self._told, self._forced = tick.now, False, False
+            self._since, self._reported, self._forced = tick.now, False, False
         waited = tick.now - self._since
         stands = self._has_stood(tick.estimate, tick.now)
-        if waited >= TOLD and not self._told:
-            self._told = True
+        if waited >= SLOW and not self._reported:
+            self._reported = True
             self._emit("it has landed, is asked to disarm, and stays armed")
         if waited >= FORCED and not self._forced and stands:
             self._forced = True

@@ -30,7 +30,7 @@ Commanded = tuple[Command, Setpoint | None]
 
 OptionSetter = Callable[[str, Any, str, str], None]
 """Asks for another value of an option: its name, the value (SI), who asks and the mission line.
-Raises OptionRefused, which is told already."""
+Raises OptionRefused after the event `option_refused`."""
 
 _Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Emitting | Retune]
 _MORE = (Emitting, Retune)
@@ -157,7 +157,7 @@ class Control:
         return command if command.armed else self._turning(command)
 
     def _bent(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> Setpoint:
-        """Return what the processor `label` made of a setpoint; tell it where that is a clamp."""
+        """Return what the processor `label` made of a setpoint; report it where that is a clamp."""
         if label in self._clamping:
             reason = self._clamps.note(label, asked, given, now)
             if reason is not None:
@@ -173,7 +173,7 @@ class Control:
         return self._retuned(part, said)
 
     def _retuned(self, part: PartPlan, retune: Retune) -> Setpoint:
-        """Ask for other values of the tracker's options; a refusal is told by who refuses it."""
+        """Ask for other values of the tracker's options; who refuses them emits that."""
         undeclared = retune.options.keys() - part.cls.retunes
         if undeclared or not isinstance(retune.output, Setpoint):
             named = ", ".join(f"`{option}`" for option in sorted(undeclared))

@@ -5,7 +5,7 @@ prevents toggling, not flying. Nor does one wait that contradicts the estimate i
 further than `FARTHEST` and four times both spreads away: one of them is wrong, and the mission
 lists first what it trusts most. An estimator that raises or gives an estimate that is not finite is
 removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). What one
-refuses of the measured positions is told, and when it takes them again. A behavior may name
+refuses of the measured positions is reported, and when it takes them again. A behavior may name
 estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change from one estimator
 to another.
 """
@@ -233,13 +233,13 @@ class Estimation:
                 self._fail(candidate, error)
 
     def _emit_refusal(self, candidate: Candidate, now: Time) -> None:
-        told, candidate.refusal = candidate.refusal, candidate.part.refusal
+        before, candidate.refusal = candidate.refusal, candidate.part.refusal
         name = candidate.name
         if candidate.refusal is not None:
             refused = PositionRefused(estimator=name, reason=candidate.refusal.reason)
             self._events.emit(refused, self._vehicle, candidate.at)
-        elif told is not None:
-            accepted = PositionAccepted(estimator=name, value=(now - told.since) / NS)
+        elif before is not None:
+            accepted = PositionAccepted(estimator=name, value=(now - before.since) / NS)
             self._events.emit(accepted, self._vehicle, candidate.at)
 
     def _fail(self, failed: Candidate, error: Exception) -> None:

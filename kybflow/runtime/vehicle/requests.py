@@ -59,7 +59,7 @@ _Order = Callable[[Time], str | None]
 
 
 def unheard(_: str | None) -> None:
-    """Take an answer that nobody waits for: the events tell it."""
+    """Take an answer that nobody waits for: the events say it."""
 
 
 class Requester(IntEnum):

@@ -89,7 +89,7 @@ _RETRACTED = 2.0
 """How many tolerances a formation may be off that was settled."""
 _ROOM = "room: a place is at the fence, the ground or something in its way"
 _STANDS, _PATIENT = 0.01, NS
-"""The speed (m/s) up to which a frame that is to move stands, and how long until that is told."""
+"""The speed (m/s) up to which a frame that is to move stands, and how long until it says so."""
 
 
 @params
