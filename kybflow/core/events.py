@@ -22,8 +22,8 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, dataclass_transform
 from kybflow.core.signals import Alarm, Done, FieldValue, Setpoint, kind_name
 
 Needs = Literal["a camera", "motion capture", "a payload", "flows", "other commanders"]
-"""What a vehicle must have to emit an event. flows: the mission has some. other
-commanders: somebody beside this program can command the vehicle."""
+"""What a vehicle must have to emit an event. flows: the mission has some. other commanders:
+somebody beside this program can command the vehicle."""
 Awaited = Literal["anywhere", "to log it", "too late", "nowhere"]
 """Where a mission can wait for an event. to log it: only a simulator knows it, so a callback may
 log it and nothing else. too late: no tick follows it. nowhere: it is recorded only."""
@@ -38,20 +38,20 @@ class _Interpreted(type):
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 class BaseEvent(metaclass=_Interpreted):
-    """The base of `RunEvent` and `VehicleEvent`.
+    """The base of `RunEvent` and `VehicleEvent`. name: what missions and recordings call it.
+    fields: the default of each field, in order."""
 
-    name: what missions and recordings call it. fields: the default of each field, in order.
-    """
-
-    name: str
+    name: str = ""
     fields: ClassVar[Mapping[str, Any]] = {}
     needs: ClassVar[Needs | None] = None
     awaited: ClassVar[Awaited] = "anywhere"
 
     def __init_subclass__(cls) -> None:
-        cls.name = kind_name(cls).removesuffix("_event")
         own = {field: vars(cls).get(field, _NEEDED) for field in cls.__annotations__}
+        if taken := [field for field in own if hasattr(BaseEvent, field)]:
+            raise TypeError(f"a field of {cls.__name__} can't be called `{taken[0]}`")
         cls.fields = {**cls.fields, **own}
+        cls.name = kind_name(cls).removesuffix("_event")
 
     def __init__(self, **given: FieldValue) -> None:
         values = {**self.fields, **given}

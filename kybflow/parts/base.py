@@ -31,10 +31,10 @@ class Claim(NamedTuple):
 class Part(ABC, Generic[P]):
     """The base class of every part.
 
-    kind: the plural that names the kind's folder and its group in the catalog. own_events: the
-    events that a behavior or a processor emits beside its output. events: the names of all that the
-    part emits, those of its alarms too. reserved: names that no part of the kind
-    may have, because the language uses them. helpers: modules in the kind's folder that are no
+    kind: the plural that names the kind's folder and its group in the catalog. own_events: what a
+    behavior or a processor emits beside its output. events: the names of what the part's alarms
+    become, or an action emits; those of `own_events` are added. reserved: names that no part of the
+    kind may have, because the language uses them. helpers: modules in the kind's folder that are no
     parts. packages: optional dependencies that the part needs, of alternatives any one; the record
     of a run has their versions.
     """

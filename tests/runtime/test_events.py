@@ -69,3 +69,12 @@ def test_events_are_equal_when_their_fields_are():
     assert gull != gull.replaced(species="crow") == BirdMet(height=1.0, species="crow")
     assert Custom("go") != Custom("stop")
     assert repr(gull) == "BirdMet(height=1.0, species='gull', weight=None)"
+
+
+def test_no_field_hides_what_every_event_has():
+    with pytest.raises(TypeError, match="a field of Named can't be called `name`"):
+
+        class Named(VehicleEvent):
+            """Somebody was named."""
+
+            name: str

@@ -223,7 +223,7 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     if getattr(cls, "needs", ()):
         yield f"uses {_kinds(cls.needs)}"
     if cls.events:
-        word = "alarms" if spec.kind == "supervisors" else "tells"
+        word = "alarms" if spec.kind == "supervisors" else "emits"
         yield f"{word} {', '.join(f'`{name}`' for name in cls.events)}"
 
 

@@ -5,8 +5,9 @@ flows, sets options and asks vehicles to enter states, which they decide on in t
 flow at a time drives a vehicle: what another asks of it is refused, and an event says so. Where a
 phase lets its vehicles arrive in turns, each is asked when the one before has left the state that
 it was asked for, and is down where the failsafe lands it; where together, the pace of their
-behaviors is made one when they begin. A flow that ends gives back the vehicles that it was given. Its time stands
-still while a vehicle that it drives is paused. When a person lands every vehicle, every flow ends.
+behaviors is made one when they begin. A flow that ends gives back the vehicles that it was given.
+Its time stands still while a vehicle that it drives is paused. When a person lands every vehicle,
+every flow ends.
 """
 
 from __future__ import annotations

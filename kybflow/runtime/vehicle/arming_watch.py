@@ -8,7 +8,8 @@ reports itself disarmed: a fall counts for `LATE` after its end.
 Rotors that turn on the ground: its driver asks a vehicle that has landed to disarm. One that is
 still armed after `SLOW` emits `stays_armed`; after `FORCED` it is disarmed by force where all the
 evidence of a touch-down is there: a fresh estimate near the ground that has stood still for
-`STOOD`, and a vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the run has failed.
+`STOOD`, and a vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the
+run has failed.
 """
 
 from __future__ import annotations
