@@ -74,7 +74,7 @@ class Avoidance:
         self._strongest = min(_STRONGEST, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
         self._follower = Follower()
 
-    def followed(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
+    def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
         """Return what is followed of a setpoint, with an event when it begins to brake because what
         is near leaves no way."""
         self._gets_stuck = False

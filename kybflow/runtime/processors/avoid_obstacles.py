@@ -77,4 +77,4 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
         if p.treat_as_obstacles is not self._nearby.others:
             self._nearby.count(p.treat_as_obstacles)
         keeping = Keeping(p.keep, _SLACK * p.keep, p.braking, p.speed)
-        return self._avoidance.followed(setpoint, tick, keeping)
+        return self._avoidance.bend(setpoint, tick, keeping)

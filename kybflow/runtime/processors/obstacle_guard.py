@@ -55,4 +55,4 @@ class ObstacleGuard(Processor[ObstacleGuardParams]):
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Emitting:
         p = self.params
-        return self._avoidance.followed(setpoint, tick, Keeping(p.keep, p.keep, p.braking, p.speed))
+        return self._avoidance.bend(setpoint, tick, Keeping(p.keep, p.keep, p.braking, p.speed))
