@@ -19,6 +19,7 @@ from kybflow.core.params import Field, Numbers, fields_of, type_of
 from kybflow.core.text import nearest
 from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.parts.events import OptionChanged, OptionRefusedEvent
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
 from kybflow.runtime.vehicle.requests import Answered, unheard
@@ -89,8 +90,8 @@ class Options:
         except OptionRefused as refusal:
             vehicle = name.partition(".")[0]
             whose = vehicle if vehicle in self._holders else ""
-            reason = str(refusal)
-            self._events.tell("option_refused", whose, at, option=name, by=by, reason=reason)
+            refused = OptionRefusedEvent(option=name, by=by, reason=str(refusal))
+            self._events.emit(refused, whose, at)
             raise
         self._waiting.append(_Change(holder, label, field.name, value, by, at, answered))
 
@@ -114,10 +115,12 @@ class Options:
         name = f"{holder.name}.{label}.{field}"
         reason = self._loosened(holder, label, field, value)
         if reason is not None:  # it took off meanwhile, or another change came first
-            self._events.tell("option_refused", holder.name, at, option=name, by=by, reason=reason)
+            refused = OptionRefusedEvent(option=name, by=by, reason=reason)
+            self._events.emit(refused, holder.name, at)
             return reason
         holder.change(label, field, value)
-        self._events.tell("option_changed", holder.name, at, option=name, value=str(value), by=by)
+        changed = OptionChanged(option=name, value=str(value), by=by)
+        self._events.emit(changed, holder.name, at)
         return None
 
     def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:

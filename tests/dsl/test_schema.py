@@ -10,9 +10,9 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from kybflow.core.units import DIMENSIONS
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.language.schema import params_schema
-from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read

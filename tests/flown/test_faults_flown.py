@@ -9,6 +9,7 @@ from short_flights import down, hold, named, path, up
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts import Driver, Link
+from kybflow.parts.events import Collided
 from kybflow.parts.link import ReportsTouches
 from kybflow.runtime.events import Events
 from kybflow.world.shapes import Box
@@ -152,7 +153,7 @@ def test_nobody_hears_a_collision_but_who_records():
     told = []
     events = Events((told.append,))
     events.turn(0)
-    events.note("collided", "a", into="b")
+    events.emit(Collided(into="b"), "a")
     events.turn(1)
     assert [e.name for e in told] == ["collided"]
     assert events.heard("a") == frozenset()

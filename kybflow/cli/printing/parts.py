@@ -13,6 +13,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import Vec3
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
+from kybflow.parts.event_table import event_table
 from kybflow.world.vehicle_context import Airframe
 
 _INTRODUCTION = """\
@@ -58,6 +59,11 @@ _TYPES = (
     "radians, a ratio of 20 % as 0.2. Besides, a parameter can be an `int`, a `bool`,"
     " a `str`, a choice (`Literal['near', 'far']`), a list of whole numbers (`tuple[int, ...]`), or"
     " a file (`kybflow.core.files.File`, which is read, and `FilePath`, which is not)."
+)
+_EVENTS = (
+    "What happens, for `next` and `on` to answer ([Events](mission-language.md#events)), and what"
+    " it carries. An alarm carries `reaction`, `reason`, `value` and `bound`; its supervisor or"
+    " processor, above, names it."
 )
 _COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
@@ -125,6 +131,7 @@ def _page() -> Iterator[str]:
         yield f"- [{kind.capitalize()}](#{kind}): {names or 'none'}"
     yield "- [Airframes](#airframes)"
     yield "- [Types](#types)"
+    yield "- [Events](#events)"
     for kind in catalog.kinds():
         yield f"\n## {kind.capitalize()}\n\n{_KINDS[kind]}"
         for name in catalog.names(kind):
@@ -132,6 +139,8 @@ def _page() -> Iterator[str]:
     yield f"\n## Airframes\n\n{_AIRFRAMES}"
     yield from _table(fields_of(Airframe), are_options=False)
     yield from _types()
+    yield f"\n## Events\n\n{_EVENTS}\n"
+    yield from event_table(catalog)
 
 
 def _types() -> Iterator[str]:
@@ -214,7 +223,7 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     if getattr(cls, "needs", ()):
         yield f"uses {_kinds(cls.needs)}"
     if cls.events:
-        word = "alarms" if spec.kind == "supervisors" else "tells"
+        word = "alarms" if spec.kind == "supervisors" else "emits"
         yield f"{word} {', '.join(f'`{name}`' for name in cls.events)}"
 
 

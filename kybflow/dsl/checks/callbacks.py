@@ -7,23 +7,25 @@ from collections.abc import Iterator
 from string import Formatter
 from typing import NamedTuple, get_args
 
+from kybflow.core.events import AlarmRaised
 from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import options_named
 from kybflow.dsl.plan import Action, CallbackPlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
-from kybflow.parts.observables import ALARM_FIELDS, EVENTS
+from kybflow.parts.events import AWAITED_EVENTS
 
 _CUSTOM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z", re.ASCII)
 _PLACEHOLDER = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
 _ALWAYS = ("event", "time")
 _NUMBERS = frozenset({"bound", "offset"})
+_OF_ALARMS = tuple(AlarmRaised.fields)
 _REACTIONS = get_args(ReactionName)
 
 
@@ -31,7 +33,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     """KYB231: a callback asks for a field that its event does not have, or for a value of it that
     never comes.
 
-    The fields of each event are in the language's page. Names of states, of estimators and of
+    The fields of each event are in the table of events. Names of states, of estimators and of
     reactions are judged; numbers are no names: compare them in a `when`.
     """
     (events,) = case.cached(known_events)
@@ -46,7 +48,7 @@ def filters(case: Case) -> Iterator[Diagnostic]:
                 span = callback.key_span(field)
                 hint = did_you_mean(field, known) or "it carries nothing"
                 yield Diagnostic("KYB231", message, span, label="unknown", help=hint)
-            elif field in _NUMBERS or (field == "value" and known == ALARM_FIELDS):
+            elif field in _NUMBERS or (field == "value" and known == _OF_ALARMS):
                 message = f"`{field}` is a number, and a filter compares names"
                 span = callback.key_span(field)
                 yield Diagnostic("KYB231", message, span, help="compare it in a `when`")
@@ -79,11 +81,11 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
     names = [action.value_text for action in actions_of(case, "emit")]
-    names += told_by_transitions(case.plan)
+    names += emitted_by_transitions(case.plan)
     if not names:
         return
     (events,) = case.cached(known_events)
-    taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
+    taken = {event for own in events.of.values() for event in own} | AWAITED_EVENTS.keys()
     owners = {"any", "operator", *case.plan.fleet, *case.plan.groups}
     owners.update(case.plan.flows_by_name, case.plan.inputs_by_name)
     for name in names:

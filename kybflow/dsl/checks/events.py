@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 
+from kybflow.core.events import AlarmRaised, BaseEvent
 from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
@@ -16,19 +17,7 @@ from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
-from kybflow.parts.observables import (
-    ALARM_FIELDS,
-    EVENT_FIELDS,
-    EVENTS,
-    OF_A_PAYLOAD,
-    OF_BODIES,
-    OF_CAMERAS,
-    OF_FLOWS,
-    OF_OTHERS,
-    OF_THE_RUN,
-    OF_THE_SIMULATOR,
-    TOO_LATE,
-)
+from kybflow.parts.events import AWAITED_EVENTS, RUN_EVENTS, VEHICLE_EVENTS, Landed
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:
@@ -79,18 +68,19 @@ def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[
 
 
 def _of_a_person(name: str) -> str:
-    """A note that says how an operator or a callback can give an event that no part tells."""
+    """A note that says how an operator or a callback can give an event that no part emits."""
     given = f"{OPERATOR}{name}"
     return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
 
 
 def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
-    if event.text.rpartition(".")[2] in TOO_LATE and event.text not in known.custom:
+    kind = AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent)
+    if kind.awaited == "too late" and event.text not in known.custom:
         message = f"nothing can follow the event `{event.text}`"
         yield Diagnostic("KYB208", message, event.span, label="the run is over then")
 
 
-def never_told(case: Case) -> Iterator[Diagnostic]:
+def never_emitted(case: Case) -> Iterator[Diagnostic]:
     """KYB415: a transition or a callback waits for an event that its vehicle can't have.
 
     It flies on no camera, or has no payload, or there is no fence to leave. That nobody else
@@ -113,7 +103,7 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
     name, vehicles = event.text.rpartition(".")[2], known.sources(event.text)
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
-    is_doubt = name in OF_OTHERS
+    is_doubt = AWAITED_EVENTS.get(name, BaseEvent).needs == "other commanders"
     if event.text in known.of_the_run or (is_doubt and case.plan.is_written("targets")):
         return
     lacks = [_lacks(case, vehicle, name) for vehicle in vehicles if vehicle]
@@ -151,29 +141,30 @@ def _stays_in_the_air(state: StatePlan) -> bool:
 def _lacks(case: Case, name: str, event: str) -> str:
     """What a vehicle lacks to have an event; empty when it lacks nothing."""
     vehicle = case.plan.fleet[name]
-    if event not in EVENTS:
+    if event not in AWAITED_EVENTS:
         return _silent(case, vehicle, event)
-    used = {kind for e in vehicle.estimators for kind in e.part.cls.uses(e.part.params)}
-    if event in OF_CAMERAS and Frame not in used:
-        return f"no estimator of `{name}` uses a camera"
-    if event in OF_BODIES and Pose not in used:
-        return f"no estimator of `{name}` uses motion capture"
-    if event in OF_A_PAYLOAD and vehicle.payload is None:
-        return f"`{name}` carries no payload"
-    if event in OF_FLOWS and not case.plan.flows:
-        return "the mission has no flows"
-    if event in OF_OTHERS and not vehicle.driver.cls.shared:
-        return f"nobody else commands `{name}` on `{vehicle.driver.name}`"
+    match AWAITED_EVENTS[event].needs:
+        case "a camera" | "motion capture" as what:
+            parts = [estimator.part for estimator in vehicle.estimators]
+            kind = Frame if what == "a camera" else Pose
+            if not any(kind in part.cls.uses(part.params) for part in parts):
+                return f"no estimator of `{name}` uses {what}"
+        case "a payload" if vehicle.payload is None:
+            return f"`{name}` carries no payload"
+        case "flows" if not case.plan.flows:
+            return "the mission has no flows"
+        case "other commanders" if not vehicle.driver.cls.shared:
+            return f"nobody else commands `{name}` on `{vehicle.driver.name}`"
     return ""
 
 
 def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
-    """The supervisor that alone tells an event, and has nothing to watch; empty where one does."""
-    telling = [part for part in vehicle.supervisors if event in part.cls.events]
-    context = next(c for v, c in case.cached(contexts) if v is vehicle) if telling else None
-    if context is None or any(event in part.cls.can_tell(context) for part in telling):
+    """The supervisor that alone emits an event, and has nothing to watch; empty where one does."""
+    emitting = [part for part in vehicle.supervisors if event in part.cls.events]
+    context = next(c for v, c in case.cached(contexts) if v is vehicle) if emitting else None
+    if context is None or any(event in part.cls.can_emit(context) for part in emitting):
         return ""
-    return f"`{telling[0].alias}` has nothing to watch here"
+    return f"`{emitting[0].alias}` has nothing to watch here"
 
 
 def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
@@ -188,16 +179,15 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     ways += [way for phase in phases for way in phase.transitions]
     acting = [c for c in case.plan.callbacks if any(action.name != "log" for action in c.do)]
     for event in _heard((*ways, *acting)):
-        if event.text.rpartition(".")[2] in OF_THE_SIMULATOR:
+        if AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent).awaited == "to log it":
             message = f"only the simulator knows of `{event.text}`"
             hint = "answer what the vehicle notices, like `estimate_lost`; a callback may `log` it"
             yield Diagnostic("KYB209", message, event.span, help=hint)
 
 
 ANY = "any"
-LANDED = "landed"
+LANDED = Landed.name
 """The event of a vehicle whose landing has ended."""
-_OF_VEHICLES = frozenset(EVENTS.keys() - OF_THE_RUN)
 OPERATOR = "operator."
 """How the name of an event begins that a person gives."""
 
@@ -216,7 +206,7 @@ class KnownEvents:
 
     def __init__(self, case: Case) -> None:
         self._plan = case.plan
-        self.of = {v.name: _told_by(v, case) for v in case.plan.vehicles}
+        self.of = {v.name: _emitted_by(v, case) for v in case.plan.vehicles}
 
     @cached_property
     def custom(self) -> frozenset[str]:
@@ -227,7 +217,7 @@ class KnownEvents:
 
     @property
     def of_the_run(self) -> frozenset[str]:
-        return OF_THE_RUN | self.custom | {f"{flow.name}.finished" for flow in self._plan.flows}
+        return RUN_EVENTS | self.custom | {f"{flow.name}.finished" for flow in self._plan.flows}
 
     def sources(self, event: str) -> tuple[str, ...]:
         """The vehicles that an event's name speaks of: `("",)` is the run. None tells an unknown
@@ -242,16 +232,15 @@ class KnownEvents:
 
     def fields_of(self, event: str) -> tuple[str, ...]:
         """The fields of an event, by its bare name. A mission's own event has none."""
-        if event in EVENT_FIELDS:
-            return EVENT_FIELDS[event]
+        if event in AWAITED_EVENTS:
+            return tuple(AWAITED_EVENTS[event].fields)
         for vehicle in self._plan.vehicles:
-            for state in vehicle.states.values():
-                if event in state.behavior.cls.tells:
-                    return ("behavior", *state.behavior.cls.tells[event])
-            for processor in vehicle.processors:
-                if event in processor.cls.tells:
-                    return ("processor", *processor.cls.tells[event])
-        return ALARM_FIELDS
+            states = (state.behavior for state in vehicle.states.values())
+            for part in (*states, *vehicle.processors):
+                for own in part.cls.own_events:
+                    if own.name == event:
+                        return tuple(own.fields)
+        return tuple(AlarmRaised.fields)
 
     def hears(self, event: str, own: str | None) -> bool:
         """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
@@ -278,7 +267,7 @@ def known_events(case: Case) -> Iterator[KnownEvents]:
 
 def emitted(plan: Plan) -> frozenset[str]:
     """The custom events that the actions and transitions of a mission emit."""
-    found = {name.text for name in told_by_transitions(plan)}
+    found = {name.text for name in emitted_by_transitions(plan)}
     for callback in plan.callbacks:
         for action in callback.do:
             if action.name == "emit":
@@ -288,7 +277,7 @@ def emitted(plan: Plan) -> frozenset[str]:
     return frozenset(found)
 
 
-def told_by_transitions(plan: Plan) -> list[Text]:
+def emitted_by_transitions(plan: Plan) -> list[Text]:
     """The events that transitions of states and phases emit."""
     ways = [state.transitions for v in plan.vehicles for state in v.states.values()]
     ways += [phase.transitions for f in plan.flows for phase in f.phases.values()]
@@ -296,11 +285,11 @@ def told_by_transitions(plan: Plan) -> list[Text]:
     return [name for name in told if name is not None and name.text]
 
 
-def _told_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
+def _emitted_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
     """The events that belong to the vehicle, by their bare names."""
     parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
     parts += [estimator.part for estimator in vehicle.estimators]
     parts += [state.behavior for state in vehicle.states.values()]
     classes = [part.cls for part in parts]
     classes += [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
-    return _OF_VEHICLES.union(*(cls.events for cls in classes))
+    return VEHICLE_EVENTS.union(*(cls.events for cls in classes))

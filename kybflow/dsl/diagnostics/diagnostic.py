@@ -11,6 +11,7 @@ from typing import NamedTuple
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.parts.observables import chains_of
 
+
 class Severity(Enum):
     ERROR = "error"
     WARNING = "warning"

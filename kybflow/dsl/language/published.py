@@ -10,7 +10,7 @@ from kybflow.dsl.language.editor import for_editors, parameter
 from kybflow.dsl.language.schema import Schema, params_schema, record_schema
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import END, LISTS, Plan
-from kybflow.parts.observables import EVENTS, OF_THE_RUN
+from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
@@ -52,7 +52,7 @@ def mission_schema(catalog: Catalog) -> Schema:
 
 def _suggest(catalog: Catalog, properties: Schema) -> None:
     """Give the keys whose values are names or conditions some that every mission may have."""
-    events = sorted({*(EVENTS.keys() - OF_THE_RUN), *_told_by_parts(catalog)})
+    events = sorted(VEHICLE_EVENTS | _emitted_by_parts(catalog))
     states = [name for name in BUILT_IN if name != "fault"]
     state = properties["vehicles"]["additionalProperties"]["properties"]["behaviors"]
     _offer(state["additionalProperties"], {
@@ -60,7 +60,7 @@ def _suggest(catalog: Catalog, properties: Schema) -> None:
         "when": ["battery.remaining < 30 %", "state.altitude > 1 m", "elapsed > 5 s"],
         "event": ["operator.go", *events],
     })  # fmt: skip
-    of_any = ["operator.go", *sorted(OF_THE_RUN), *(f"any.{name}" for name in events)]
+    of_any = ["operator.go", *sorted(RUN_EVENTS), *(f"any.{name}" for name in events)]
     flow = properties["flows"]["additionalProperties"]
     in_a_phase = {
         "when": ["all swarm in hover", "a in landed"], "event": of_any, "go": [END],
@@ -72,7 +72,7 @@ def _suggest(catalog: Catalog, properties: Schema) -> None:
     _offer(properties["on"]["items"], {"event": of_any, "when": when})
 
 
-def _told_by_parts(catalog: Catalog) -> set[str]:
+def _emitted_by_parts(catalog: Catalog) -> set[str]:
     kinds = ("behaviors", "processors", "supervisors")
     specs = (catalog.get(kind, name) for kind in kinds for name in catalog.names(kind))
     return {event for spec in specs for event in spec.cls.events}

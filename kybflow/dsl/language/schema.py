@@ -33,7 +33,7 @@ from kybflow.dsl.language.types import (
     UsesOf,
 )
 from kybflow.dsl.reading.values import bounds_of, shown_value
-from kybflow.parts.observables import EVENT_FIELDS
+from kybflow.parts.events import AWAITED_EVENTS
 
 Schema = dict[str, Any]
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
@@ -108,7 +108,7 @@ def record_schema(cls: Any, help: str = "") -> Schema:
 @functools.cache
 def event_fields() -> tuple[str, ...]:
     """The names of the fields that an event may have."""
-    return tuple(sorted({name for names in EVENT_FIELDS.values() for name in names}))
+    return tuple(sorted({name for event in AWAITED_EVENTS.values() for name in event.fields}))
 
 
 def _doc(cls: Any) -> str:

@@ -14,7 +14,11 @@ class Scopes:
     def __init__(self, plan: Plan) -> None:
         vehicles, fleet = plan.vehicles, plan.fleet
         self._states = {
-            v.name: (*v.states, *dict.fromkeys(c for s in v.states for c in chains_of(s)), *BUILT_IN)
+            v.name: (
+                *v.states,
+                *dict.fromkeys(c for s in v.states for c in chains_of(s)),
+                *BUILT_IN,
+            )
             for v in vehicles
         }
         estimators = {v.name: tuple(use.part.alias for use in v.estimators) for v in vehicles}

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.cli.printing.parts import page
+from kybflow.core.events import BaseEvent
 from kybflow.core.params import fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.expressions.tree import Function
@@ -20,7 +21,8 @@ from kybflow.dsl.names.built_in import BUILT_IN as STATES
 from kybflow.dsl.plan import Library, Plan
 from kybflow.parts.action import BUILT_IN as ACTIONS
 from kybflow.parts.catalog import load_catalog, own_catalog
-from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OBSERVABLES, OF_THE_RUN
+from kybflow.parts.events import AWAITED_EVENTS, ENGINE_EVENTS
+from kybflow.parts.observables import OBSERVABLES
 from kybflow.world.vehicle_context import Airframe
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -107,8 +109,9 @@ def test_the_page_is_written_and_checked(tmp_path: Path) -> None:
 
 def test_the_language_page_has_every_key() -> None:
     keys = {*keys_of(record_schema(Plan)), *keys_of(record_schema(Library))}
-    airframe = {field.name for field in fields_of(Airframe)}  # docs/parts.md has them
-    assert sorted(keys - airframe - words_of_code(LANGUAGE)) == []
+    elsewhere = {field.name for field in fields_of(Airframe)}  # docs/parts.md has them
+    elsewhere.update(name for event in AWAITED_EVENTS.values() for name in event.fields)
+    assert sorted(keys - elsewhere - words_of_code(LANGUAGE)) == []
 
 
 def test_the_tables_of_the_language_page_have_their_keys() -> None:
@@ -117,11 +120,29 @@ def test_the_tables_of_the_language_page_have_their_keys() -> None:
     assert rows_of("A vehicle") == mission["vehicles"]["additionalProperties"]["properties"].keys()
 
 
-@pytest.mark.parametrize("name", EVENTS)
-def test_the_language_page_has_the_event(name: str) -> None:
-    star = " *" if name in OF_THE_RUN else ""
-    fields = ", ".join(f"`{field}`" for field in EVENT_FIELDS[name])
-    assert f"| `{name}`{star} | {EVENTS[name]} | {fields} |" in LANGUAGE.splitlines()
+@pytest.mark.parametrize("event", ENGINE_EVENTS.values(), ids=ENGINE_EVENTS)
+def test_the_page_has_every_event_with_its_fields(event: type[BaseEvent]) -> None:
+    [row] = re.findall(rf"^\| `{event.name}` \| .*$", page(), re.MULTILINE)
+    assert f" | {event.__doc__} | " in row
+    assert set(event.fields) <= words_of_code(row)
+
+
+@pytest.mark.parametrize(
+    ("event", "owner", "carries", "awaited"),
+    [
+        ("body_lost", "a vehicle with motion capture", "`value` [s], `bound` [s]", "yes"),
+        ("lap_completed", "`circle`, `figure_eight`", "`behavior`, `lap`", "yes"),
+        ("run_ended", "the run", "`reason`", "no: the run is over then"),
+        ("fault_ended", "a vehicle", "`fault`", "by a callback that logs it"),
+        ("landed_hard", "a vehicle", "`onto`, `speed` [m/s]", "no: it is recorded only"),
+    ],
+)
+def test_the_page_says_whose_an_event_is_its_units_and_who_may_wait_for_it(
+    event: str, owner: str, carries: str, awaited: str
+) -> None:
+    [row] = re.findall(rf"^\| `{event}` \| .*$", page(), re.MULTILINE)
+    _, _, whose, _, fields, waits, _ = (cell.strip() for cell in row.split("|"))
+    assert (whose, fields, waits) == (owner, carries, awaited)
 
 
 def test_the_language_page_has_every_word_every_action_and_every_built_in_state() -> None:

@@ -68,8 +68,6 @@ VALUES = """
 """
 
 
-
-
 def read(text: str) -> Node:
     root, found = compose(text, "test.yaml")
     assert root is not None
@@ -114,7 +112,9 @@ def changed(node: Node, path: tuple[str | int, ...], new: Node) -> Node:
     return node._replace(entries={**node.entries, step: inner})
 
 
-def drawn(generator: random.Random, root: Node, strange: tuple[Node, ...], donors: list[Node]) -> Node:
+def drawn(
+    generator: random.Random, root: Node, strange: tuple[Node, ...], donors: list[Node]
+) -> Node:
     """The tree with one to three changes: another value or branch, a key that is missing, one that
     is misspelt, or one too many."""
     for _ in range(generator.randint(1, 3)):

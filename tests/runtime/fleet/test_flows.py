@@ -12,6 +12,7 @@ from plans import part, plan, state, then, vehicle
 from short_flights import Still, down, named, path, up
 
 from kybflow.core.errors import OptionRefused
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.expressions import GroupInState, InState
 from kybflow.dsl.plan import (
@@ -527,7 +528,7 @@ def test_a_last_phase_is_left_by_a_way_out_of_every_phase():
     other = phase("other", go(END, after=60.0), run={"a": "up"})
     stage = Stage(flow("team", last(go("other", event="alarm")), other, vehicles="a"))
     stage.step(2)
-    stage.events.tell("alarm")
+    stage.events.emit(Custom("alarm"))
     stage.step(2)
     assert stage.a.asked == ["down", "up"]
     assert not stage.flows.ended
@@ -588,7 +589,7 @@ def test_in_turns_the_next_is_asked_when_the_one_before_has_left_its_state() -> 
 def test_while_a_turn_passes_no_way_out_is_asked_and_no_event_is_lost() -> None:
     stage = in_turns(go("next", when=BOTH_HOVER, event="go_on"), go("next", event="gone"))
     stage.a.state = "hover"
-    stage.events.tell("gone")
+    stage.events.emit(Custom("gone"))
     stage.b.state = "hover"
     stage.step()
     assert stage.phases("team") == ["over"]
@@ -616,7 +617,7 @@ def test_one_that_refuses_passes_its_turn() -> None:
 
 def test_no_turn_outlives_its_phase() -> None:
     stage = in_turns(go("next", event="enough"))
-    stage.events.tell("enough")
+    stage.events.emit(Custom("enough"))
     stage.step(2)
     assert stage.phases("team")[0] == "over: next"
     stage.a.state = "hover"
