@@ -62,9 +62,8 @@ class PlanEntryJudge:
 
     def _entry(self, name: str, text: str) -> MappingEntry:
         """One value, as a mission would have it. Raises Refused for what is no YAML."""
-        node, problems = compose(text, _HERE.file)
         found = Findings()
-        found.add(problems)
+        node = compose(text, _HERE.file, found)
         if node is not None:
             node = Points(self._plan.points, found).apply(node)
         if node is None or found.all:

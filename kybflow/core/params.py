@@ -359,13 +359,13 @@ def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: 
     if declared.name in RESERVED and not is_language:
         raise PartError(f"{where}: a parameter may not be called `{declared.name}`")
     kind, optional = _type(where, hint)
-    factory = declared.default_factory
-    has_factory = factory is not dataclasses.MISSING
-    required = declared.default is dataclasses.MISSING and not has_factory
-    default = factory() if has_factory else None if required else declared.default
+    default, factory = declared.default, declared.default_factory
+    if factory is not dataclasses.MISSING:
+        default = factory()
+    required = default is dataclasses.MISSING
     return dataclasses.replace(
         facts, name=declared.name, key=facts.key or declared.name, type=kind, optional=optional,
-        required=required, default=default,
+        required=required, default=None if required else default,
     )  # fmt: skip
 
 

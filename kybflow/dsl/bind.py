@@ -91,22 +91,10 @@ def _when(condition: Any, scope: Scope) -> Expression | None:
 def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
     """The first sensor that can tell where a moving obstacle is, and its vehicle."""
     for name in plan.moving:
-        seen = tracked_by(plan, name)
+        seen = plan.tracked_by(name)
         if seen is not None:
             vehicle, part, params = seen
             yield name, (vehicle.name, part.but(params=params, label=f"obstacles.{name}"))
-
-
-def tracked_by(plan: Plan, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
-    """The first sensor that can tell where a moving obstacle is, with its vehicle and the
-    parameters for it; None where there is none."""
-    body = plan.moving[moving].body or moving
-    for vehicle in plan.vehicles:
-        for sensor in vehicle.sensors:
-            if sensor.part.cls.tracks_bodies:
-                params = sensor.part.cls.tracking(sensor.part.params, body)
-                return vehicle, sensor.part, params
-    return None
 
 
 def _vehicle(
@@ -125,15 +113,10 @@ def _vehicle(
 
 def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
     """The airframe's, as the sensors on this target have them."""
-    cameras: Mapping[str, Camera] = cameras_of(vehicle)
+    cameras: Mapping[str, Camera] = vehicle.own_cameras
     for use in vehicle.sensors:
         cameras = use.part.cls.seen_by(use.part.params, cameras)
     return dict(cameras)
-
-
-def cameras_of(vehicle: VehiclePlan) -> dict[str, Camera]:
-    """The cameras that the vehicle's airframe carries."""
-    return {use.name: use.camera for use in vehicle.body.cameras if use.camera is not None}
 
 
 def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
@@ -162,11 +145,11 @@ def _transition(transition: TransitionPlan, scope: Scope) -> TransitionPlan:
 
 
 def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
-    return TransitionPlan(target, cause=cause, implied=True, at=at)
+    return TransitionPlan(target=target, cause=cause, implied=True, at=at)
 
 
 def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
-    late = TransitionPlan("auto_land", after=hover_limit, implied=True)
+    late = TransitionPlan(target="auto_land", after=hover_limit, implied=True)
     ways = {
         "brake": (_implied("then", "hover"), _implied("failed", "hover")),
         "hover": (late, _implied("then", "auto_land"), _implied("failed", "auto_land")),
@@ -178,7 +161,10 @@ def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
     for name, part in BUILT_IN.items():
         spec = catalog.get("behaviors", part)
         behavior = PartPlan(part, spec.cls, spec.params(), f"behaviors.{name}")
-        states[name] = StatePlan(name, behavior, spec.cls.flight, ways.get(name, ()), True)
+        states[name] = StatePlan(
+            name=name, behavior=behavior, legs=spec.cls.flight, transitions=ways.get(name, ()),
+            built_in=True,
+        )  # fmt: skip
     return states
 
 

@@ -115,6 +115,7 @@ def _passes(
     found.stop_if_errors()
     plan = mission_of(resolved, catalog, target, found)
     found.stop_if_errors()
+    assert plan is not None  # one without errors is whole
     found.add(check(plan, catalog))
     found.stop_if_errors()
     found.add(unused_names(mission, files, settings))

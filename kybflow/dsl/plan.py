@@ -238,7 +238,7 @@ class Body(Record):
     like: ClassVar[str] = "Start from this airframe."
     block: ClassVar[bool] = True
 
-    airframe: Annotated[Airframe, FLAT] = key("")
+    airframe: Annotated[Airframe, FLAT] = key("", default=None)
     cameras: Annotated[tuple[CameraPlan, ...], NAMED] = key(
         "Cameras that it carries, by name.", default=()
     )
@@ -261,7 +261,7 @@ class VehiclePlan(Record):
 
     name: str
     body: Annotated[Body, OR_NAME] = key(
-        "Name of an airframe, or its numbers.", key="airframe", default=Body(airframe=None)
+        "Name of an airframe, or its numbers.", key="airframe", default=Body()
     )
     place: Start = key(
         "Where the vehicle stands before take-off.", key="start", default=Start(),
@@ -301,6 +301,11 @@ class VehiclePlan(Record):
     def known(self) -> dict[str, Any]:
         """What checks have worked out of it, for those that ask again."""
         return {}
+
+    @property
+    def own_cameras(self) -> dict[str, Camera]:
+        """The cameras that its airframe carries."""
+        return {use.name: use.camera for use in self.body.cameras if use.camera is not None}
 
     def goal(self, name: str) -> str:
         """The state that `name` means as a goal: a chain's name means its first state."""
@@ -881,6 +886,16 @@ class Plan(Shared):
         if name in self.fleet:
             return (name,)
         return tuple(member for member in self.groups.get(name, ()) if member in self.fleet)
+
+    def tracked_by(self, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
+        """The first sensor that can tell where a moving obstacle is, with its vehicle and the
+        parameters for it; None where there is none."""
+        body = self.moving[moving].body or moving
+        for vehicle in self.vehicles:
+            for part in (sensor.part for sensor in vehicle.sensors):
+                if part.cls.tracks_bodies:
+                    return vehicle, part, part.cls.tracking(part.params, body)
+        return None
 
     @functools.cached_property
     def flows_by_name(self) -> dict[str, FlowPlan]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.bind import cameras_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.world.vehicle_context import VehicleContext
@@ -20,7 +19,7 @@ def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
         context = VehicleContext(
             vehicle.name, airframe, vehicle.start, vehicle.heading, plan.fence,
             1.0 / plan.control_rate, vehicle.home, plan.obstacles, diameters,
-            cameras=cameras_of(vehicle),
+            cameras=vehicle.own_cameras,
             payload=vehicle.payload,
             loop=driver.cls.inner_loop(driver.params, airframe),
             starts=starts,

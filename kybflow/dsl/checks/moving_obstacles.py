@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.bind import tracked_by
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.world import Obstacle
@@ -16,7 +15,7 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
     if all(vehicle.driver.cls.simulated for vehicle in case.plan.vehicles):
         return
     for moving in _moving(case):
-        if tracked_by(case.plan, moving.name) is None:
+        if case.plan.tracked_by(moving.name) is None:
             yield Diagnostic(
                 "KYB511",
                 f"nothing sees where `{moving.name}` is",
@@ -46,7 +45,7 @@ def seen_as_another(case: Case) -> Iterator[Diagnostic]:
             if claim is not None:
                 taken.setdefault(claim.what, vehicle.name)
     for moving in _moving(case):
-        name, by = moving.name, tracked_by(case.plan, moving.name)
+        name, by = moving.name, case.plan.tracked_by(moving.name)
         claim = None if by is None else by[1].cls.claim(by[2], name)
         if claim is not None and taken.setdefault(claim.what, name) != name:
             yield Diagnostic(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
-from kybflow.dsl.bind import cameras_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
@@ -53,7 +52,7 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
     """KYB393: a sensor can't work as it is told: the airframe carries no such camera, or the
     address of its server is none."""
     for vehicle, use in _written(case):
-        objection = use.part.cls.objection(use.part.params, cameras_of(vehicle))
+        objection = use.part.cls.objection(use.part.params, vehicle.own_cameras)
         if objection is not None:
             span = use.part.span_of(objection.parameter)
             yield Diagnostic("KYB393", objection.reason, span, help=objection.hint)
@@ -65,7 +64,7 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     mixed."""
     given: dict[tuple[str, str], SensorPlan] = {}
     for vehicle, use in _written(case):
-        for what in use.part.cls.claims(use.part.params, cameras_of(vehicle)):
+        for what in use.part.cls.claims(use.part.params, vehicle.own_cameras):
             first = given.setdefault((vehicle.name, what), use)
             if first is use or (_is_same(first, use) and first.estimators != use.estimators):
                 continue

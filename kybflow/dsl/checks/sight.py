@@ -9,7 +9,6 @@ from math import hypot
 from kybflow.core.geometry import Vec3, rotate
 from kybflow.core.signals import Frame
 from kybflow.core.units import LENGTH, format_quantity
-from kybflow.dsl.bind import cameras_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import reckons
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, the_cameras
@@ -86,7 +85,7 @@ def _tags(case: Case) -> tuple[Related, ...]:
 
 def _axes(vehicle: VehiclePlan) -> list[float]:
     """The z of each camera's axis, in a level vehicle: -1 where it looks down."""
-    return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in cameras_of(vehicle).values()]
+    return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in vehicle.own_cameras.values()]
 
 
 def _lies_flat(tag: Tag) -> bool:
@@ -115,7 +114,7 @@ def _sees_tags(use: EstimatorPlan) -> bool:
 
 def _unseen(vehicle: VehiclePlan, place: Vec3, tags: Sequence[Tag]) -> str:
     """Why no tag is seen from a place; empty where one is."""
-    reasons = [_hidden(camera, place, tags) for camera in cameras_of(vehicle).values()]
+    reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
     return reasons[0] if all(reasons) else ""
 
 

@@ -97,13 +97,13 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[Action]:
     if name not in BUILT_IN:
         part = _part(entry, decoder)
         if part is not None:
-            yield Action(name, part=part, source=source)
+            yield Action(name=name, part=part, source=source)
     elif isinstance(value, Mapping):
         for target, said in named_values(entry, decoder):
             at = Source(target.key.span, Mapping({target.key.text: target}, target.key.span))
-            yield Action(name, target.key.text, said, source=at)
+            yield Action(name=name, target=target.key.text, value=said, source=at)
     elif isinstance(value, Scalar) and not value.is_null:
-        yield Action(name, value=value.text, source=source)
+        yield Action(name=name, value=value.text, source=source)
     else:
         found.report("KYB171", f"`{name}` says nothing", entry.key.span)
 

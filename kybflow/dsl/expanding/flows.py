@@ -77,7 +77,11 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
         source = Source(span, Mapping({"go": goal}, span))
         return (
             TransitionPlan(
-                phase.otherwise, cause="within", after=phase.within, at=span.at, source=source
+                target=phase.otherwise,
+                cause="within",
+                after=phase.within,
+                at=span.at,
+                source=source,
             ),
         )
     if limit is not None:

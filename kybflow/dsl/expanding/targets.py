@@ -236,12 +236,13 @@ class Target:
         replaced = _inputs(self._entries)
         inputs: list[InputPlan] = []
         for name, entry in own.items():
-            other = replaced.get(name)
-            value = entry.value if other is None or is_null(other.value) else other.value
+            instead = replaced.get(name)
+            is_own = instead is None or is_null(instead.value)
+            value = entry.value if instead is None or is_own else instead.value
             one = None if is_null(value) else self._input(entry.key, value)
             if one is not None:
                 inputs.append(one)
-            if other is not None and not is_null(entry.value):  # judged too, though it isn't used
+            if instead is not None and not is_null(entry.value):  # judged too, though it isn't used
                 self._input(entry.key, entry.value)
         return tuple(inputs)
 

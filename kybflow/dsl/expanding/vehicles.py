@@ -99,8 +99,8 @@ def body_of(name: str, head: Span, node: Mapping, decoder: Decoder) -> Body | No
     """An airframe with its cameras; a camera with errors is left out."""
     cameras = [_camera(e, decoder) for e in entries_of(node.get("cameras")).values()]
     kept = tuple(camera for camera in cameras if camera is not None)
-    body: Body | None = decoder.record(Body, node, head, name=name, cameras=kept)
-    return body
+    body: Body = decoder.record(Body, node, head, name=name, cameras=kept)
+    return body if body.airframe else None
 
 
 def _camera(entry: MappingEntry, decoder: Decoder) -> CameraPlan | None:

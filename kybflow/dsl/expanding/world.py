@@ -95,11 +95,12 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
         return obstacle.but(moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body))
     if (scan := obstacle.point_cloud) is not None:
         cloud = _cloud(scan, found)
-        return cloud and obstacle.but(shape=cloud, files=(scan.file,))
+        return None if cloud is None else obstacle.but(shape=cloud, files=(scan.file,))
     if (chart := obstacle.occupancy) is not None:
         image = _image(chart, found)
-        columns = image and _columns(chart, image, found)
-        return columns and image and obstacle.but(shape=columns, files=(chart.file, image))
+        columns = None if image is None else _columns(chart, image, found)
+        files = (chart.file, image)
+        return None if columns is None else obstacle.but(shape=columns, files=files)
     shape = _solid(obstacle, found)
     return None if shape is None else obstacle.but(shape=shape)
 

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
 
-def judge_file(root: Node, kind: type[Plan] | type[Library]) -> list[Diagnostic]:
-    """What is wrong with the shape of a whole file."""
+def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
+    """What is wrong with the shape of a whole file, a `Plan` or a `Library`."""
     return [] if has_shape(root, kind) else explained(root, _validator(kind))
 
 
 @functools.cache
-def _validator(kind: type[Any]) -> Validator:
+def _validator(kind: Any) -> Validator:
     from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
 
     return Draft202012Validator(nullable(record_schema(kind)))

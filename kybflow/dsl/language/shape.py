@@ -248,8 +248,9 @@ def _is_whole(node: Node, _: Any, field: Field) -> bool:
     value = to_json(node) if isinstance(node, Scalar) else None
     if isinstance(value, str):
         return PARAMETER.match(value) is not None
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and value == int(value) and field.outside(value) is None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return value == int(value) and field.outside(value) is None
 
 
 def _is_boolean(node: Node, *_: Any) -> bool:

@@ -34,7 +34,7 @@ NOWHERE = Source()
 
 
 @functools.cache
-def _worked_out(cls: type) -> tuple[str, ...]:
+def _worked_out(cls: Any) -> tuple[str, ...]:
     """The cached properties of a class."""
     return tuple(
         name
@@ -73,7 +73,8 @@ class Record:
         copy: Self = object.__new__(self.__class__)
         values = copy.__dict__
         values.update(self.__dict__)
-        for name in _worked_out(self.__class__):
+        own: Any = self.__class__
+        for name in _worked_out(own):
             values.pop(name, None)
         values.update(changes)
         return copy

@@ -47,11 +47,12 @@ def to_yaml(plan: Plan) -> str:
 
 def _lines(record: Record, indent: str, instead: dict[str, Any]) -> Iterator[YamlLine]:
     """A record with a line for each key; `instead` are values in place of its own."""
-    for field in fields_of(record.__class__):
+    own: Any = record.__class__
+    for field in fields_of(own):
         value = instead.get(field.name, getattr(record, field.name))
         if isinstance(field.type, RecordOf) and field.type.flat:
-            for own in fields_of(field.type.cls):
-                yield from _entry(record, own, getattr(value, own.name), indent)
+            for inner in fields_of(field.type.cls):
+                yield from _entry(record, inner, getattr(value, inner.name), indent)
         else:
             yield from _entry(record, field, value, indent)
 

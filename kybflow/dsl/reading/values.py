@@ -92,11 +92,13 @@ def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
         return _numbers(node, field, kind.dimension, kind.size, found)
     if isinstance(kind, ListOf):
         if not isinstance(node, Sequence):
-            return _wrong(node, field, found)
+            _wrong(node, field, found)
+            return None
         items = [_value(item, field, kind.item, found) for item in node.items]
         return None if None in items else tuple(items)
     if not isinstance(node, Scalar):
-        return _wrong(node, field, found)
+        _wrong(node, field, found)
+        return None
     if kind in (FILE, FILE_PATH):
         return _attached(node, field, found) if kind is FILE else _path_of(node, found)
     if kind is TEXT:
@@ -135,7 +137,8 @@ def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> 
     is_scalar = field.shape == "scalar"
     if not isinstance(node, Scalar) or (len(node.text) > _LONGEST and not is_scalar):
         if is_scalar:
-            return _wrong(node, field, found)
+            _wrong(node, field, found)
+            return None
         message = f"a number is needed, but this is {describe(node)}"
         found.report("KYB104", message, node.span)
         return None
