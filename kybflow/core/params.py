@@ -27,7 +27,7 @@ from typing import (
 from kybflow.core.errors import PartError
 from kybflow.core.files import File, FilePath
 from kybflow.core.sources import hints_of
-from kybflow.core.units import Dimension, Matrix, Rows, Vec3
+from kybflow.core.units import NUMBER, Dimension, Matrix, Rows, Vec3
 
 T = TypeVar("T")
 _KEY = "kybflow"
@@ -60,12 +60,15 @@ class ValueType:
     fixed: bool = False
 
 
+_NOTHING = ValueType("nothing")
+
+
 @dataclass(frozen=True, eq=False)
 class Numbers(ValueType):
     """Numbers of one dimension: `size` is () for one, (3,) for a vector, (None, 3) for a path and
     (rows, columns) for a matrix. The value is a float, or tuples of them."""
 
-    dimension: Dimension = Dimension("", "", {}, "")
+    dimension: Dimension = NUMBER
     size: tuple[int | None, ...] = ()
 
 
@@ -80,7 +83,7 @@ class Choice(ValueType):
 class ListOf(ValueType):
     """A list of values of one type; the value is a tuple."""
 
-    item: ValueType = ValueType("")
+    item: ValueType = _NOTHING
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,7 @@ class MappingOf(ValueType):
     """Values of one type by names that the author gives. The value is a dict, or a tuple of records
     that know their names."""
 
-    item: ValueType = ValueType("")
+    item: ValueType = _NOTHING
     as_dict: bool = True
 
 
@@ -248,9 +251,9 @@ def key(
     room: the length says nothing where it is more than half of the fence's longest side (`across`),
     or more than its height (`up`). binary: the file need not be text. key: its spelling in YAML,
     where Python forbids the field's name. examples: values that editors offer. each: what each
-    item of a list or a mapping is, with `each_examples`. least: how many items it has at least. needed: whether a file
-    must have it; unless said, one without a default of a record that is whole in each file. names_like: how the names of a
-    mapping are formed.
+    item of a list or a mapping is, with `each_examples`. least: how many items it has at least.
+    needed: whether a file must have it; unless said, one without a default of a record that is
+    whole in each file. names_like: how the names of a mapping are formed.
     """
     facts = Field(
         help=help, above=above, at_least=at_least, below=below, at_most=at_most,
@@ -371,38 +374,50 @@ def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: 
 
 def _type(where: str, hint: Any) -> tuple[ValueType, bool]:
     """(what may stand where `hint` is annotated, whether it may be None)."""
-    if get_origin(hint) is Annotated:
-        base, *marks = get_args(hint)
-        if marks[0] is FLAT:
-            return RecordOf("keys", False, base, True), False
-        if marks[0] is NAMED:
-            return MappingOf("mapping", False, _type(where, get_args(base)[0])[0], False), False
-        if marks[0] is OR_NAME:
-            return RecordOf("mapping", False, base, False, True), False
-        if isinstance(marks[0], ValueType):
-            return marks[0], _is_optional(base)
-        if base == Matrix and isinstance(marks[0], Rows):
-            rows = marks[0]
-            return Numbers("matrix", False, rows.dimension, (rows.rows, rows.columns)), False
-        if base in _SIZES and isinstance(marks[0], Dimension):
-            return numbers(marks[0], _SIZES[base][0]), False
-    elif _is_optional(hint):
+    if _is_optional(hint):
         rest = [a for a in get_args(hint) if a is not type(None)]
         if len(rest) == 1:
             return _type(where, rest[0])[0], True
-    elif hint in _TYPES:
-        return _TYPES[hint], False
-    elif getattr(hint, _LANGUAGE, False):
-        return RecordOf("mapping", False, hint), False
-    elif get_origin(hint) is dict:
-        return MappingOf("mapping", False, _type(where, get_args(hint)[1])[0]), False
-    elif get_origin(hint) is tuple and get_args(hint)[1:] == (...,):
-        return ListOf("list", True, _type(where, get_args(hint)[0])[0]), False
-    elif get_origin(hint) is Literal:
-        return Choice("choice", False, get_args(hint)), False
-    raise PartError(
-        f"{where}: a parameter can't have the type {hint!r}; use the types of kybflow.core.units"
-    )
+    marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
+    plain = get_args(hint)[0] if marks else hint
+    kind = _marked(where, plain, marks[0]) if marks else _plain(where, plain)
+    if kind is None:
+        raise PartError(
+            f"{where}: a parameter can't have the type {hint!r}; "
+            "use the types of kybflow.core.units"
+        )
+    return kind, _is_optional(plain)
+
+
+def _marked(where: str, hint: Any, mark: Any) -> ValueType | None:
+    """The type that a mark of `Annotated` makes of a hint."""
+    if mark is FLAT or mark is OR_NAME:
+        return RecordOf("mapping", False, hint, mark is FLAT, mark is OR_NAME)
+    if mark is NAMED:
+        return MappingOf("mapping", False, _type(where, get_args(hint)[0])[0], False)
+    if isinstance(mark, ValueType):
+        return mark
+    if hint == Matrix and isinstance(mark, Rows):
+        return Numbers("matrix", False, mark.dimension, (mark.rows, mark.columns))
+    if hint in _SIZES and isinstance(mark, Dimension):
+        return numbers(mark, _SIZES[hint][0])
+    return None
+
+
+def _plain(where: str, hint: Any) -> ValueType | None:
+    """The type of a hint without a mark."""
+    if hint in _TYPES:
+        return _TYPES[hint]
+    if getattr(hint, _LANGUAGE, False):
+        return RecordOf("mapping", False, hint)
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Literal:
+        return Choice("choice", False, arguments)
+    if origin is dict:
+        return MappingOf("mapping", False, _type(where, arguments[1])[0])
+    if origin is tuple and arguments[1:] == (...,):
+        return ListOf("list", True, _type(where, arguments[0])[0])
+    return None
 
 
 def _is_optional(hint: Any) -> bool:

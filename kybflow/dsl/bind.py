@@ -15,6 +15,7 @@ from kybflow.dsl.expanding.entry_values import values_for
 from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.expressions.tree import Unparsed
+from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
 from kybflow.dsl.names.option_names import option_values
 from kybflow.dsl.names.scopes import Scopes
@@ -258,18 +259,16 @@ def _named(plan: Plan) -> Iterator[tuple[File, str]]:
             file = getattr(use.params, field.name)
             if isinstance(file, File):
                 yield file, os.path.dirname(use.span_of(field.key).file)
-    for tags in plan.world.tags:
-        if tags.file is not None:
-            yield tags.file, os.path.dirname(tags.span.file)
+    yield from (
+        (tags.file, os.path.dirname(tags.span.file)) for tags in plan.world.tags if tags.file
+    )
     for obstacle in plan.world.obstacles:
-        beside = os.path.dirname(obstacle.span_of("point_cloud", "file").file)
-        if obstacle.occupancy is not None:
-            beside = os.path.dirname(obstacle.occupancy.span_of("file").file)
+        scan: Record | None = obstacle.point_cloud or obstacle.occupancy
+        beside = "" if scan is None else os.path.dirname(scan.span_of("file").file)
         yield from ((file, beside) for file in obstacle.files)
-    for vehicle in plan.vehicles:
-        for camera in vehicle.body.cameras:
-            if camera.calibration is not None:
-                yield camera.calibration, os.path.dirname(camera.span_of("calibration").file)
+    for camera in (camera for vehicle in plan.vehicles for camera in vehicle.body.cameras):
+        if camera.calibration is not None:
+            yield camera.calibration, os.path.dirname(camera.span_of("calibration").file)
 
 
 def parts_in(plan: Plan) -> Iterator[PartPlan]:

@@ -616,7 +616,8 @@ class PhasePlan(Record):
 
     def targets(self, key: str) -> Iterator[tuple[Text, Node]]:
         """(name, value) of each entry of a mapping, with their places."""
-        for entry in entries_of(entry.value if (entry := self.entry(key)) else None).values():
+        written = self.entry(key)
+        for entry in entries_of(None if written is None else written.value).values():
             yield entry.key.as_text, entry.value
 
     ends: bool = False

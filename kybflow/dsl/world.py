@@ -1,5 +1,5 @@
-"""The records of a mission's world: its fence, points, obstacles and printed tags, and the cameras of
-an airframe. A grid's columns go along its x, its rows along its y, the numbers along the columns
+"""The records of a mission's world: its fence, points, obstacles and printed tags, and the cameras
+of an airframe. A grid's columns go along its x, its rows along its y, the numbers along the columns
 first. `facing` turns a grid or a tag to where its printed side looks: up with the upper edge to the
 north, or upright to a side; then `heading` turns it about the world's z.
 """

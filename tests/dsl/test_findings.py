@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from kybflow.dsl.diagnostics.diagnostic import (
-    Diagnosed,
     Diagnostic,
     Findings,
     Severity,
@@ -34,24 +33,3 @@ def test_errors_stop_a_compilation_and_warnings_do_not() -> None:
     found.add(ERROR)
     with pytest.raises(Stopped):
         found.stop_if_errors()
-
-
-def test_the_findings_of_a_step_that_stops_are_kept() -> None:
-    def step() -> Diagnosed[int]:
-        yield ERROR
-        raise Stopped
-
-    found = Findings()
-    with pytest.raises(Stopped):
-        found.take(step())
-    assert found.all == [ERROR]
-
-
-def test_the_value_of_a_step_is_taken() -> None:
-    def step() -> Diagnosed[int]:
-        yield WARNING
-        return 3
-
-    found = Findings()
-    assert found.take(step()) == 3
-    assert found.all == [WARNING]

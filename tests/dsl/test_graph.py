@@ -28,18 +28,26 @@ from kybflow.dsl.plan import (
 )
 
 LOW = Compare("<", Read(None, "battery.remaining"), Quantity(0.3, RATIO))
-HOME = TransitionPlan("down", when=LOW, hold=0.5)
-IMPLIED = TransitionPlan("brake", cause="failed", implied=True)
+HOME = TransitionPlan(target="down", when=LOW, hold=0.5)
+IMPLIED = TransitionPlan(target="brake", cause="failed", implied=True)
 
 
 def flown() -> list[StatePlan]:
     hover = part("behaviors", "hover")
     return [
         state("up", part("behaviors", "take_off", height=1.0), then("go"), IMPLIED),
-        state("go", hover, then("back"), HOME, TransitionPlan("brake", cause="within", after=9.0)),
+        state(
+            "go",
+            hover,
+            then("back"),
+            HOME,
+            TransitionPlan(target="brake", cause="within", after=9.0),
+        ),
         state("back", hover, then("go"), HOME),
         state(
-            "down", part("behaviors", "land"), TransitionPlan("landed", cause="then", implied=True)
+            "down",
+            part("behaviors", "land"),
+            TransitionPlan(target="landed", cause="then", implied=True),
         ),
     ]
 
@@ -129,7 +137,7 @@ def test_a_flow_is_a_machine_of_its_own() -> None:
         run={"a": Request("up"), "b": Request("up")},
         give={"c": "solo"},
         options=(),
-        transitions=(TransitionPlan("land", after=2.0),),
+        transitions=(TransitionPlan(target="land", after=2.0),),
     )
     land = PhasePlan(name="land", run={"a": Request("down")}, give={}, options=(), transitions=())
     team = FlowPlan(

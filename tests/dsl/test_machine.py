@@ -23,7 +23,7 @@ BUILT_IN = ("brake", "auto_land", "landed", "fault")
 
 
 def transition(cause: Any, target: str, **rest: Any) -> TransitionPlan:
-    return TransitionPlan(target, cause=cause, **rest)
+    return TransitionPlan(target=target, cause=cause, **rest)
 
 
 class Owner:
@@ -45,7 +45,14 @@ class Owner:
         built_in = [StatePlan(n, PART, (AIR >> AIR,), (), built_in=True) for n in BUILT_IN]
         every = {state.name: state for state in (*states, *built_in)}
         vehicle = VehiclePlan(
-            "a", AIRFRAME, (0.0, 0.0, 0.0), 0.0, (), (), PART, (), PART, states[0].name, every
+            name="a",
+            airframe=AIRFRAME,
+            start=(0.0, 0.0, 0.0),
+            heading=0.0,
+            tracker=PART,
+            driver=PART,
+            begin=states[0].name,
+            states=every,
         )
         self.machine = VehicleMachine(
             vehicle,

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from kybflow.api.flight import RunRequest, fly
 from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.plan import FlowPlan, Plan
+from kybflow.dsl.plan import FlowPlan, Plan, Request
 from kybflow.dsl.resolving.resolve import MAX_AFTER_LIKE
 from kybflow.parts.catalog import load_catalog
 
@@ -71,7 +71,7 @@ def arrows(flow: FlowPlan, phase: str) -> list[tuple[str, str, float | None]]:
 def test_a_flow_of_a_library_is_about_the_vehicles_of_the_mission(tmp_path: Path) -> None:
     (team,) = plan_of(tmp_path, "  team: {like: lab.hop}\n").flows
     assert (team.name, team.begin, team.vehicles) == ("team", "launch", ("a", "b"))
-    assert team.phases["launch"].run == {"a": "up", "b": "up"}
+    assert team.phases["launch"].run == {"a": Request("up"), "b": Request("up")}
     assert arrows(team, "launch") == [("next", "near", None), ("within", "land", 20.0)]
 
 
@@ -87,7 +87,7 @@ def test_mappings_merge_lists_are_replaced_null_removes(tmp_path: Path) -> None:
 """
     (team,) = plan_of(tmp_path, flows).flows
     assert (team.begin, list(team.phases)) == ("first", ["launch", "land", "first"])
-    assert team.phases["launch"].run == {"b": "up"}
+    assert team.phases["launch"].run == {"b": Request("up")}
     assert arrows(team, "launch") == [("next", "land", None), ("within", "land", 20.0)]
 
 

@@ -46,9 +46,9 @@ def flier(name: str, side: float) -> VehiclePlan:
     still = part("behaviors", "hover")
     aside = part("behaviors", "fly_to", position=(side, 0.8, 0.8))
     states: list[StatePlan] = [
-        state("still", still, TransitionPlan("down", after=60.0)),
+        state("still", still, TransitionPlan(target="down", after=60.0)),
         up("still"),
-        state("side", aside, TransitionPlan("still", cause="then")),
+        state("side", aside, TransitionPlan(target="still", cause="then")),
         down(),
     ]
     return vehicle(name, states, start=(side, 0.0, 0.0), begin="landed")
@@ -56,9 +56,9 @@ def flier(name: str, side: float) -> VehiclePlan:
 
 def mission() -> dict[str, Any]:
     both_up = GroupInState("all", "both", ("a", "b"), "still")
-    launch = TransitionPlan("wait", when=both_up)
-    go = TransitionPlan("dance", event="operator.go")
-    back = TransitionPlan("wait", event="ready")
+    launch = TransitionPlan(target="wait", when=both_up)
+    go = TransitionPlan(target="dance", event="operator.go")
+    back = TransitionPlan(target="wait", event="ready")
     ready = CallbackPlan(
         event="operator.go", vehicles=("",), actions=(Emit("ready"), LogText("go"))
     )

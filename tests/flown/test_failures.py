@@ -188,8 +188,8 @@ def test_two_behaviors_that_refuse_and_name_each_other_end_in_brake(run):
         def update(self, tick: Tick) -> Setpoint:
             raise AssertionError
 
-    one = state("one", Shut, then("down"), TransitionPlan("two", cause="failed"))
-    two = state("two", Shut, then("down"), TransitionPlan("one", cause="failed"))
+    one = state("one", Shut, then("down"), TransitionPlan(target="two", cause="failed"))
+    two = state("two", Shut, then("down"), TransitionPlan(target="one", cause="failed"))
     _, told = run(vehicle("a", [up("one"), one, two, down()], hover_limit=1.0))
     assert path(told, "a") == ["up", "one", "two", "brake", "hover", "auto_land", "landed"]
 

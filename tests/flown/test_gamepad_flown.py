@@ -49,10 +49,10 @@ def plan() -> Any:
 
     pad = replace(part("inputs", "gamepad", dead_zone=0.0, expo=0.0), label="inputs.stick")
     steered = part("behaviors", "steer", input="stick", acceleration=2.0, patience=0.5)
-    land = TransitionPlan("down", event="stick.b")
+    land = TransitionPlan(target="down", event="stick.b")
     states = [
         up("hand", 0.6),
-        state("hand", steered, land, TransitionPlan("down", cause="failed")),
+        state("hand", steered, land, TransitionPlan(target="down", cause="failed")),
         down(),
     ]
     watch = PartPlan("watch", Watch, None, "processors.watch")

@@ -29,16 +29,16 @@ def flown_by_hand(run: Any, rate: int, **more: Any) -> dict[float, float]:
     device = part("inputs", "haptic", device="simulated", hand=File("hand.csv", "1", HAND))
     own = replace(device, label="inputs.hand")
     inputs = (InputPlan(name="hand", part=own, buttons={"end": "end"}, silent_after=0.3),)
-    end = TransitionPlan("down", event="hand.end")
+    end = TransitionPlan(target="down", event="hand.end")
     steered = part("behaviors", "steer", input="hand", speed=0.5)
     states = [
         up("wait", 1.0),
         state(
             "wait",
             part("behaviors", "hover", for_time=0.5),
-            TransitionPlan("steered", cause="then"),
+            TransitionPlan(target="steered", cause="then"),
         ),
-        state("steered", steered, end, TransitionPlan("down", cause="failed")),
+        state("steered", steered, end, TransitionPlan(target="down", cause="failed")),
         down(),
     ]
     flown, told = run(vehicle("a", states), inputs=inputs, control_rate=rate, **more)

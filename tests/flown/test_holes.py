@@ -32,7 +32,7 @@ def waits():
 
 def relay():
     """When `a` is down again, `b` takes off."""
-    over = [TransitionPlan("two", when=InState("a", s)) for s in ("landed", "fault")]
+    over = [TransitionPlan(target="two", when=InState("a", s)) for s in ("landed", "fault")]
     phases = {
         "one": PhasePlan(
             name="one", run={"a": Request("up")}, give={}, options=(), transitions=tuple(over)
@@ -105,7 +105,9 @@ def test_an_empty_battery_keeps_it_from_a_second_take_off(run):
             return super().check(tick, airborne)
 
     first, again = hold(1.0, "down"), state("again", part("behaviors", "take_off", height=0.6))
-    rest = state("rest", part("behaviors", "wait_on_ground"), TransitionPlan("again", after=2.0))
+    rest = state(
+        "rest", part("behaviors", "wait_on_ground"), TransitionPlan(target="again", after=2.0)
+    )
     landing = state("down", part("behaviors", "land"), then("rest"))
     empties = replace(battery, cls=Empties)
     states = [up("hold"), first, landing, rest, replace(again, transitions=(then("down"),))]

@@ -98,12 +98,12 @@ def hand(say: Say, stuck: float | None = STUCK) -> dict[str, Any]:
 def flier(**own: Any) -> VehiclePlan:
     steered = part("behaviors", "steer", input="stick", **own)
     round_ = part("behaviors", "circle", center=(0.0, 0.0, 1.0), radius=0.5, speed=0.4)
-    give = TransitionPlan("auto", event="stick.give")
-    end = TransitionPlan("down", event="stick.end")
+    give = TransitionPlan(target="auto", event="stick.give")
+    end = TransitionPlan(target="down", event="stick.end")
     states = [
         up("hand", 1.0),
-        state("hand", steered, give, end, TransitionPlan("down", cause="failed")),
-        state("auto", round_, TransitionPlan("hand", event="stick.take"), end),
+        state("hand", steered, give, end, TransitionPlan(target="down", cause="failed")),
+        state("auto", round_, TransitionPlan(target="hand", event="stick.take"), end),
         down(),
     ]
     tap = PartPlan("tap", Tap, None, "processors.tap")

@@ -68,20 +68,20 @@ def state(
 
 
 def then(target: str) -> TransitionPlan:
-    return TransitionPlan(target, cause="then")
+    return TransitionPlan(target=target, cause="then")
 
 
 def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
     """As the compiler adds them to every vehicle."""
     more: dict[str, Any] = {"built_in": True}
-    failed = TransitionPlan("auto_land", cause="failed")
+    failed = TransitionPlan(target="auto_land", cause="failed")
     return [
         state("landed", part("behaviors", "wait_on_ground"), **more),
         state("brake", part("behaviors", "brake"), then("hover"), failed, **more),
         state(
             "hover",
             part("behaviors", "hover"),
-            TransitionPlan("auto_land", after=hover_limit),
+            TransitionPlan(target="auto_land", after=hover_limit),
             failed,
             **more,
         ),
@@ -89,14 +89,14 @@ def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
             "auto_home",
             part("behaviors", "go_home"),
             then("auto_land"),
-            TransitionPlan("auto_land", cause="failed"),
+            TransitionPlan(target="auto_land", cause="failed"),
             **more,
         ),
         state(
             "auto_land",
             part("behaviors", "land"),
             then("landed"),
-            TransitionPlan("land_blind", cause="failed"),
+            TransitionPlan(target="land_blind", cause="failed"),
             **more,
         ),
         state("land_blind", part("behaviors", "land_blind"), then("fault"), **more),

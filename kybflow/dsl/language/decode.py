@@ -4,7 +4,7 @@ before (`kybflow.dsl.language.shape`); imports, `like` and parameters are gone."
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.errors import KybflowError, UnitError
@@ -115,31 +115,31 @@ class Decoder:
         """The fields of a record that `node` says; None where it has errors."""
         layout, before = _layout_of(cls), len(self.found.all)
         body = node if isinstance(node, Mapping) else Mapping({}, node.span)
-        entries = body.entries
-        if layout.part is not None and layout.part.name not in given:
+        if layout.part is not None:
             given[layout.part.name] = self._part(layout.part.type, node, layout.keys.keys())
-        if layout.flat is not None and isinstance(kind := layout.flat.type, RecordOf):
-            beside = {k: e for k, e in entries.items() if k not in layout.keys}
-            title = kind.cls.__name__.lower()
-            whole = self.parameters(kind.cls, Mapping(beside, body.span), title, span)
-            given[layout.flat.name] = whole
-        for key, entry in entries.items():
+        if layout.flat is not None:
+            given[layout.flat.name] = self._flat(layout.flat.type, body, layout.keys, span)
+        for key, entry in body.entries.items():
             field = layout.keys.get(key)
-            if field is not None and field.name not in given and not is_null(entry.value):
-                value = self.value(entry.value, field, entry)
-                if value is not None:
-                    given[field.name] = value
+            if field is None or field.name in given or is_null(entry.value):
+                continue
+            value = self._of(entry.value, field.type, field, entry)
+            if value is not None:
+                given[field.name] = value
         for field in layout.required:
             if field.name not in given and body.get(field.key) is None and field.needed is None:
                 self._missing(cls, field, body, span)
         is_wrong = len(self.found.all) > before and getattr(cls, "missing", "") == "KYB108"
         if is_wrong or any(given.get(f.name) is None for f in layout.required):
             return None
-        if layout.is_record:
-            given["source"] = Source(span, body, inherited)
-            if layout.has_at:
-                given.setdefault("at", span.at)
-        return given
+        places = {"source": Source(span, body, inherited)} if layout.is_record else {}
+        return {**places, **({"at": span.at} if layout.has_at else {}), **given}
+
+    def _flat(self, kind: Any, body: Mapping, keys: Container[str], span: Span) -> Any:
+        """The record whose keys stand beside those of another."""
+        beside = {key: entry for key, entry in body.entries.items() if key not in keys}
+        title = kind.cls.__name__.lower()
+        return self.parameters(kind.cls, Mapping(beside, body.span), title, span)
 
     def _missing(self, cls: Any, field: Field, body: Mapping, span: Span) -> None:
         if cls.missing == "KYB108":
@@ -154,10 +154,6 @@ class Decoder:
             return  # the misspelt key is reported already
         message = f"`{part}` needs `{field.key}`"
         self.found.report("KYB108", message, span, help=how_to_write(field))
-
-    def value(self, node: Node, field: Field, entry: MappingEntry | None = None) -> Any:
-        """The value of a key."""
-        return self._of(node, field.type, field, entry)
 
     def _of(self, node: Node, kind: ValueType, field: Field, entry: MappingEntry | None) -> Any:
         reader = _ALONE.get(kind) or _READERS.get(type(kind), Decoder._plain)
@@ -420,8 +416,9 @@ def _fitting(value: Node, known: Iterable[Field]) -> Iterator[str]:
     for field in known:
         kind = field.type
         depth = len(kind.size) if isinstance(kind, Numbers) else int(isinstance(kind, ListOf))
-        if isinstance(value, Sequence) and depth:
-            if (depth == 2) == any(isinstance(item, Sequence) for item in value.items):
+        if isinstance(value, Sequence):
+            is_path = any(isinstance(item, Sequence) for item in value.items)
+            if depth == 1 + is_path:
                 yield field.key
         if isinstance(value, Scalar) and isinstance(kind, Numbers) and not depth:
             try:

@@ -108,28 +108,34 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     wanted = " or ".join(dict.fromkeys(_SHAPES[t] for t in types)) or "another value"
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
     shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
-    hint = ""
-    if name in CONDITIONS:
-        hint = "write a condition, like `state.altitude > 1 m`"
-    elif name == "log" and isinstance(node, Mapping):
-        hint = "write a text that has braces in quotes"
-    elif isinstance(node, Scalar) and "object" in types and missing_colon(node.text):
-        hint = missing_colon(node.text)
-    elif isinstance(node, Scalar) and "array" in types and node.text.startswith("-"):
-        hint = "a list has a space after each `-`"
-    elif wanted == "text" and isinstance(node, Scalar):
-        hint = f'write "{node.text[:60]}" in quotes if you mean the text'
-    elif schema.get("examples") and fault.keyword == "type":
-        own = name.rpartition("[")[0] or name
-        hint = f"write it like `{own}: {_flow(schema['examples'][0])}`"
-        if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
-            hint = f"write `{own}: {{type: {node.text}}}`"
     yield Diagnostic(
         "KYB103",
         f"{place} must be {wanted}, but this is {describe(node)}{shown}",
         node.span,
-        help=hint or _reshaped(node, types, name.rpartition("[")[0] or name),
+        help=_way_out(fault, types) or _reshaped(node, types, name.rpartition("[")[0] or name),
     )
+
+
+def _way_out(fault: SchemaViolation, types: list[str]) -> str:
+    """How a value of one of `types` is written in place of another; empty where it isn't known."""
+    node, name, schema = fault.node, fault.name, fault.schema
+    if name in CONDITIONS:
+        return "write a condition, like `state.altitude > 1 m`"
+    if name == "log" and isinstance(node, Mapping):
+        return "write a text that has braces in quotes"
+    if isinstance(node, Scalar):
+        if "object" in types and missing_colon(node.text):
+            return missing_colon(node.text)
+        if "array" in types and node.text.startswith("-"):
+            return "a list has a space after each `-`"
+        if list(dict.fromkeys(types)) == ["string"]:
+            return f'write "{node.text[:60]}" in quotes if you mean the text'
+    if schema.get("examples") and fault.keyword == "type":
+        own = name.rpartition("[")[0] or name
+        if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
+            return f"write `{own}: {{type: {node.text}}}`"
+        return f"write it like `{own}: {_flow(schema['examples'][0])}`"
+    return ""
 
 
 def _reshaped(node: Node, types: list[str], name: str) -> str:

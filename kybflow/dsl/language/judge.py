@@ -11,7 +11,7 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.language.explain import SchemaViolation, explain
 from kybflow.dsl.language.schema import nullable, record_schema
 from kybflow.dsl.language.shape import has_shape
-from kybflow.dsl.plan import Library, Plan
+from kybflow.dsl.plan import Plan
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
 
 if TYPE_CHECKING:

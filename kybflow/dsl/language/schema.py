@@ -6,9 +6,13 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from kybflow.core.params import (
+    BOOLEAN,
+    INTEGER,
     Choice,
     Field,
     ListOf,
@@ -59,61 +63,54 @@ _ALIAS = "A name of its own, when the same part is used twice."
 def record_schema(cls: Any, help: str = "") -> Schema:
     """The schema of the mapping of a record; `help` is what it is where it stands."""
     properties: Schema = {"like": text(cls.like)} if getattr(cls, "like", "") else {}
-    needed, word = [], ""
-    least = {"minProperties": cls.least} if getattr(cls, "least", 0) else {}
+    part: PartOf | None = None
     for field in fields_of(cls):
         kind = field.type
         if isinstance(kind, RecordOf) and kind.flat:
             properties |= params_schema(fields_of(kind.cls), "")["properties"]
-            continue
-        if isinstance(kind, PartOf) and kind.word == field.key:
-            word = kind.word if kind.is_needed else "?"
+        elif isinstance(kind, PartOf) and kind.word == field.key:
+            part = kind
             properties[field.key] = text(field.help)
-            if word == "use":
-                properties["as"] = text(_ALIAS)
+            properties |= {"as": text(_ALIAS)} if part.word == "use" else {}
         else:
             properties[field.key] = field_schema(field)
-        if is_needed(cls, field) and (
-            word != "?" or field.key in needed or not isinstance(kind, PartOf)
-        ):
-            needed.append(field.key)
     whole: Schema = {
         "title": cls.title,
-        "description": help or _doc(cls),
-        "type": ["string", "object"] if word == "use" else "object",
+        "description": help or " ".join(cls.__doc__.partition("\n\n")[0].split()),
+        "type": ["string", "object"] if part and part.word == "use" else "object",
         "properties": properties,
-        **least,
+        **({"minProperties": cls.least} if getattr(cls, "least", 0) else {}),
+        **_others(getattr(cls, "others", None), properties, is_open=part is not None),
     }
-    others = getattr(cls, "others", None)
-    if others is EVENT_FIELD:
-        for name in event_fields():
-            help = f"Only when the event's `{name}` is this."
-            properties.setdefault(name, {"description": help, "type": list(SCALARS)})
-        whole["additionalProperties"] = False
-    elif others is not None:
-        whole |= {"propertyNames": {"pattern": NAME}} if isinstance(others, RecordOf) else {}
-        whole["additionalProperties"] = field_schema(Field(type=others))
-    elif not word:
-        whole["additionalProperties"] = False
-    if needed and properties.get("like"):
-        alone = {
-            "title": cls.title,
-            "properties": dict.fromkeys(properties, True),
-            "required": needed,
-        }
-        return {**whole, "if": {"required": ["like"]}, "else": alone}
+    needed = [
+        field.key
+        for field in fields_of(cls)
+        if is_needed(cls, field) and not (field.type is part and part and not part.is_needed)
+    ]
+    if needed and "like" in properties:
+        alone = dict.fromkeys(properties, True)
+        either = {"title": cls.title, "properties": alone, "required": needed}
+        return {**whole, "if": {"required": ["like"]}, "else": either}
     return {**whole, "required": needed} if needed else whole
+
+
+def _others(others: ValueType | None, properties: Schema, is_open: bool) -> Schema:
+    """What keys that are none of the record's own may be; those of events join `properties`."""
+    if others is EVENT_FIELD:
+        kinds = list(SCALARS)
+        for name in event_fields():
+            about = f"Only when the event's `{name}` is this."
+            properties.setdefault(name, {"description": about, "type": kinds})
+    elif others is not None:
+        names = {"propertyNames": {"pattern": NAME}} if isinstance(others, RecordOf) else {}
+        return {**names, "additionalProperties": field_schema(Field(type=others))}
+    return {} if is_open else {"additionalProperties": False}
 
 
 @functools.cache
 def event_fields() -> tuple[str, ...]:
     """The names of the fields that an event may have."""
     return tuple(sorted({name for event in AWAITED_EVENTS.values() for name in event.fields}))
-
-
-def _doc(cls: Any) -> str:
-    """The first paragraph of a record's docstring: what it is, for authors."""
-    return " ".join((cls.__doc__ or "").partition("\n\n")[0].split())
 
 
 def params_schema(fields: tuple[Field, ...], title: str) -> Schema:
@@ -133,71 +130,45 @@ def text(help: str) -> Schema:
 
 def field_schema(field: Field) -> Schema:
     """The schema of the value of one key."""
-    whole = _value(field.type, field)
-    if field.examples:
-        whole = {**whole, "examples": list(field.examples)}
-    return whole
+    make = _ALONE.get(field.type) or _MAKERS.get(type(field.type), _text)
+    whole = make(field.type, field)
+    return {**whole, "examples": list(field.examples)} if field.examples else whole
 
 
-def _value(kind: ValueType, field: Field) -> Schema:
-    help = _help(field)
-    if isinstance(kind, Numbers):
-        return _numbers(kind, field, help)
-    if isinstance(kind, Choice):
-        choices = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
-        return {"description": help, "type": "string", "anyOf": choices}
-    if isinstance(kind, UsesOf):
-        return {"description": help, "type": "array", "items": _use_or_stack(kind.item)}
-    if kind is SENSORS:
-        one = use_schema("sensors", help)
-        return {**one, "type": ["string", "object", "array"], "items": one, "minItems": 1}
-    if isinstance(kind, ListOf):
-        what = field.each or ("" if isinstance(kind.item, RecordOf) else "One of them.")
-        item = Field(field.name, kind.item, help=what, required=True, examples=field.each_examples,
-                     above=field.above, at_least=field.at_least, below=field.below,
-                     at_most=field.at_most)  # fmt: skip
-        items = {"type": "string"} if field.name == "expect" else field_schema(item)
-        least = {"minItems": field.least} if field.least else {}
-        return {"description": help, "type": "array", "items": items, **least}
-    if isinstance(kind, MappingOf):
-        return _mapping(kind, field)
-    if isinstance(kind, RecordOf):
-        whole = params_schema(fields_of(kind.cls), kind.cls.__name__.lower())
-        if hasattr(kind.cls, "title"):
-            whole = record_schema(kind.cls, field.help)
-        return {**whole, "type": ["string", "object"]} if kind.or_name else whole
-    return _other(kind, field, help)
+def _text(_: Any, field: Field) -> Schema:
+    return text(_help(field))
 
 
-def _other(kind: ValueType, field: Field, help: str) -> Schema:
-    if isinstance(kind, PartOf):
-        whole = use_schema(kind.kind, help)
-        return whole if kind.is_needed else {**whole, "required": []}
-    if isinstance(kind, AnyOf):
-        kinds = list(kind.kinds)
-        what = {"description": help} if field.help else {}
-        return {**what, "type": kinds if len(kinds) > 1 else kinds[0]}
-    if kind is REQUEST:
-        values = {"description": "Values of its parameters in place of its own.",
-                  "type": ["object", *SCALARS, "array"]}  # fmt: skip
-        help = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
-        return {"description": help, "type": ["string", "object"], "minProperties": 1,
-                "additionalProperties": values}  # fmt: skip
-    if kind is PHASE:
-        return {"description": help, "type": ["string", "object"], "minProperties": 1,
-                "additionalProperties": text(field.each)}  # fmt: skip
-    if kind is VERSION:
-        return {"description": help, "const": 1}
-    if kind is TITLE:
-        return {**text(help), "pattern": NAME, "maxLength": TITLE_LENGTH}
-    if kind.shape in ("integer", "boolean"):
-        bounds = _bounds(field)
-        return {"description": help, "type": [kind.shape, "string"],
-                "pattern": f"^{_PARAMETER}$", **bounds}  # fmt: skip
-    return text(help)
+def _scalar(kind: Any, field: Field) -> Schema:
+    """A whole number, or a boolean."""
+    either = {"type": [kind.shape, "string"], "pattern": f"^{_PARAMETER}$"}
+    return {"description": _help(field), **either, **_bounds(field)}
 
 
-def _mapping(kind: MappingOf, field: Field) -> Schema:
+def _choice(kind: Any, field: Field) -> Schema:
+    choices = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
+    return {"description": _help(field), "type": "string", "anyOf": choices}
+
+
+def _uses(kind: Any, field: Field) -> Schema:
+    return {"description": field.help, "type": "array", "items": _use_or_stack(kind.item)}
+
+
+def _sensors(_: Any, field: Field) -> Schema:
+    one = use_schema("sensors", field.help)
+    return {**one, "type": ["string", "object", "array"], "items": one, "minItems": 1}
+
+
+def _list(kind: Any, field: Field) -> Schema:
+    about = field.each or ("" if isinstance(kind.item, RecordOf) else "One of them.")
+    item = replace(
+        field, type=kind.item, help=about, required=True, examples=field.each_examples
+    )  # fmt: skip
+    least = {"minItems": field.least} if field.least else {}
+    return {"description": _help(field), "type": "array", "items": field_schema(item), **least}
+
+
+def _mapping(kind: Any, field: Field) -> Schema:
     item = Field(field.name, kind.item, help=field.each, required=True,
                  examples=field.each_examples)  # fmt: skip
     whole: Schema = {"description": field.help, "type": "object"}
@@ -205,6 +176,46 @@ def _mapping(kind: MappingOf, field: Field) -> Schema:
         whole["propertyNames"] = {"pattern": DOTTED if field.names_like == "dotted" else NAME}
     whole["additionalProperties"] = field_schema(item)
     return {**whole, "minProperties": field.least} if field.least else whole
+
+
+def _record(kind: Any, field: Field) -> Schema:
+    whole = record_schema(kind.cls, field.help)
+    return {**whole, "type": ["string", "object"]} if kind.or_name else whole
+
+
+def _use(kind: Any, field: Field) -> Schema:
+    whole = use_schema(kind.kind, field.help)
+    return whole if kind.is_needed else {**whole, "required": []}
+
+
+def _any_of(kind: Any, field: Field) -> Schema:
+    kinds = list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0]
+    return {**({"description": field.help} if field.help else {}), "type": kinds}
+
+
+def _either(about: str, inside: Schema) -> Schema:
+    """A name, or a mapping with one."""
+    return {"description": about, "type": ["string", "object"], "minProperties": 1,
+            "additionalProperties": inside}  # fmt: skip
+
+
+def _request(_: Any, field: Field) -> Schema:
+    about = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
+    values = "Values of its parameters in place of its own."
+    inside = {"description": values, "type": ["object", *SCALARS, "array"]}
+    return _either(about, inside)
+
+
+def _phase(_: Any, field: Field) -> Schema:
+    return _either(field.help, text(field.each))
+
+
+def _version(_: Any, field: Field) -> Schema:
+    return {"description": field.help, "const": 1}
+
+
+def _title(_: Any, field: Field) -> Schema:
+    return {**text(field.help), "pattern": NAME, "maxLength": TITLE_LENGTH}
 
 
 def use_schema(kind: str, help: str, more: Schema | None = None) -> Schema:
@@ -230,33 +241,33 @@ def _use_or_stack(item: ValueType) -> Schema:
     return {**part, "properties": properties, "if": when, "then": alone, "else": either}
 
 
-def _numbers(kind: Numbers, field: Field, help: str) -> Schema:
+def _numbers(kind: Any, field: Field) -> Schema:
     """A number with a unit, a bare number where the dimension allows it, or `$name`; lists of
     them."""
-    dimension, bounds = kind.dimension, _bounds(field)
-    if not kind.size:
+    return _sized(kind.dimension, kind.size, field, _help(field))
+
+
+def _sized(dimension: Dimension, size: tuple[int | None, ...], field: Field, about: str) -> Schema:
+    if not size:
         units = "|".join(unit.replace("^", r"\^") for unit in dimension.units)
         unit = rf"[ \t]*({units}){'?' if dimension.bare_allowed else ''}" if units else ""
         return {
-            "description": _described(help, dimension),
+            "description": _described(about, dimension),
             "type": ["number", "string"] if dimension.bare_allowed else "string",
             "pattern": rf"^[ \t]*{_NUMBER}{unit}[ \t]*$|^{_PARAMETER}$",
             "x-dimension": dimension.name,
-            **bounds,
+            **_bounds(field),
         }
-    inner = Numbers("", False, dimension, kind.size[1:])
-    item_help = "One number." if len(kind.size) == 1 else help
-    least = kind.size[0] or 1
-    whole: Schema = {
-        "description": _described(help, dimension) if len(kind.size) == 1 else help,
+    is_row, least = len(size) == 1, size[0] or 1
+    return {
+        "description": _described(about, dimension) if is_row else about,
         "type": ["array", "string"],
-        "pattern": _PLACE if kind.size == (3,) else f"^{_PARAMETER}$",
-        "items": _numbers(inner, field, item_help),
+        "pattern": _PLACE if size == (3,) else f"^{_PARAMETER}$",
+        "items": _sized(dimension, size[1:], field, "One number." if is_row else about),
         "minItems": least,
+        **({"maxItems": least} if size[0] else {}),
+        **({"x-dimension": dimension.name} if is_row else {}),
     }
-    if kind.size[0]:
-        whole["maxItems"] = least
-    return {**whole, "x-dimension": dimension.name} if len(kind.size) == 1 else whole
 
 
 def _described(help: str, dimension: Dimension) -> str:
@@ -280,6 +291,16 @@ def _help(field: Field) -> str:
 
 
 _PLAIN = ("integer", "boolean", "text", "file", "file path", "integers", "names")
+_Maker = Callable[[Any, Field], Schema]
+_ALONE: dict[ValueType, _Maker] = {
+    INTEGER: _scalar, BOOLEAN: _scalar, SENSORS: _sensors, REQUEST: _request, PHASE: _phase,
+    VERSION: _version, TITLE: _title,
+}  # fmt: skip
+_MAKERS: dict[type[ValueType], _Maker] = {
+    Numbers: _numbers, Choice: _choice, UsesOf: _uses, ListOf: _list, MappingOf: _mapping,
+    RecordOf: _record, PartOf: _use, AnyOf: _any_of,
+}  # fmt: skip
+"""What makes the schema of a value, by its type; any other is a text."""
 
 
 def nullable(schema: Any) -> Any:

@@ -88,20 +88,20 @@ def has_shape(node: Node, cls: Any) -> bool:
     if len(entries) < shape.least:
         return False
     if "like" not in entries or "like" not in shape.texts:
-        for key in shape.needed:
-            if key not in entries or (is_null(entries[key].value)):
-                return False
-    for key, entry in entries.items():
-        field, value = shape.keys.get(key), entry.value
-        if field is not None:
-            if not (is_null(value) or _fits(value, field.type, field)):
-                return False
-        elif key in shape.texts:
-            if not (is_null(value) or _is_text(value)):
-                return False
-        elif shape.part is None and not _may_stand(key, value, shape.others):
+        lacking = (key not in entries or is_null(entries[key].value) for key in shape.needed)
+        if any(lacking):
             return False
-    return True
+    return all(_stands(key, entry.value, shape) for key, entry in entries.items())
+
+
+def _stands(key: str, value: Node, shape: _Shape) -> bool:
+    """Whether a key of a mapping may stand there with its value."""
+    field = shape.keys.get(key)
+    if field is not None:
+        return is_null(value) or _fits(value, field.type, field)
+    if key in shape.texts:
+        return is_null(value) or _is_text(value)
+    return shape.part is not None or _may_stand(key, value, shape.others)
 
 
 def _may_stand(key: str, value: Node, others: ValueType | None) -> bool:

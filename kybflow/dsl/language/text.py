@@ -3,7 +3,7 @@ parameter, every default written, and where each line came from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from kybflow.core.params import (
@@ -242,32 +242,31 @@ def _text(value: Any, kind: ValueType, field: Field) -> str:
     """The value of a key in one line."""
     if isinstance(kind, Numbers):
         return _numbers(value, kind.dimension)
-    if isinstance(value, PartPlan):
-        return _part(value)
-    if isinstance(value, Request):
-        return _request(value)
     if isinstance(kind, ListOf):
         return f"[{', '.join(_text(item, kind.item, field) for item in value)}]"
     if isinstance(kind, MappingOf):
         inside = (f"{name}: {_text(item, kind.item, field)}" for name, item in value.items())
         return "{" + ", ".join(inside) + "}"
-    if isinstance(value, Unparsed):
-        return quoted(value.text.text)
-    if isinstance(value, Mapping | Sequence | Scalar):
-        return as_written(value)
-    if isinstance(kind, RecordOf):
-        return _flow(value)
     if kind is STATE and NAMES["dotted"].match(value) and value not in _RESERVED:
         return str(value)
     if isinstance(value, bool):
         return "true" if value else "false"
-    return str(value) if isinstance(value, int) else quoted(str(value))
+    if isinstance(kind, RecordOf) and not isinstance(value, PartPlan):
+        return _flow(value)
+    writer = _WRITERS.get(type(value))
+    return quoted(str(value)) if writer is None else writer(value)
 
 
 def _numbers(value: Any, dimension: Dimension) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_numbers(number, dimension) for number in value) + "]"
     return quantity(value, dimension)
+
+
+_WRITERS: dict[type, Callable[[Any], str]] = {
+    int: str, PartPlan: _part, Request: _request, Mapping: as_written, Sequence: as_written,
+    Scalar: as_written, Unparsed: lambda value: quoted(value.text.text),
+}  # fmt: skip
 
 
 def quantity(value: float, dimension: Dimension) -> str:

@@ -17,9 +17,9 @@ from kybflow.dsl.plan import FlowPlan, PhasePlan, Request, TransitionPlan
 def member(name: str, start: float, come_after: float) -> Any:
     """One that flies in formation once it has hovered for `come_after` seconds."""
     formed = part("behaviors", "formation", members="pair", side=0.8)
-    leave = TransitionPlan("down", after=6.0)
+    leave = TransitionPlan(target="down", after=6.0)
     idle = state("idle", part("behaviors", "wait_on_ground"))
-    line = state("line", formed, leave, TransitionPlan("down", cause="failed"))
+    line = state("line", formed, leave, TransitionPlan(target="down", cause="failed"))
     return vehicle(
         name, [idle, up("hold"), hold(come_after, "line"), line, down()], start=(start, 0.0, 0.0)
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.judge import is_library
 from kybflow.dsl.language.schema import nullable, record_schema
 from kybflow.dsl.language.shape import has_shape
@@ -69,9 +70,10 @@ VALUES = """
 
 
 def read(text: str) -> Node:
-    root, found = compose(text, "test.yaml")
+    found = Findings()
+    root = compose(text, "test.yaml", found)
     assert root is not None
-    assert not found
+    assert not found.all
     return root
 
 

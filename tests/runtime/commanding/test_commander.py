@@ -25,7 +25,7 @@ from kybflow.runtime.fleet.action_context import RunControls
 
 
 def idle(target: str):
-    go = TransitionPlan(target, event="operator.go")
+    go = TransitionPlan(target=target, event="operator.go")
     return state("idle", part("behaviors", "wait_on_ground"), go)
 
 

@@ -251,7 +251,7 @@ def test_a_vehicle_that_rests_is_waited_for_when_it_is_asked_for_more(run):
 
 
 def test_arrows_hear_what_is_emitted_one_tick_later(run):
-    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan("down", event="now"))
+    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan(target="down", event="now"))
     callbacks = (on("behavior_started", Emit("now"), fields=(("behavior", "hold"),)),)
     _, told = run(vehicle("a", [up("hold"), waits, down()]), callbacks=callbacks)
     emitted = named(told, "now")[0].time
@@ -299,7 +299,7 @@ class Mumbling(Humming, flight=AIR >> AIR, emits=SetpointKind.POSITION):
 
 def test_what_a_behavior_emits_is_answered_by_next_and_by_callbacks(run):
     callbacks = (on("hummed", LogText("{behavior} {second}")),)
-    heard = TransitionPlan("down", event="hummed")
+    heard = TransitionPlan(target="down", event="hummed")
     _, told = run(
         vehicle("a", [up("hum"), state("hum", Humming, heard), down()]), callbacks=callbacks
     )

@@ -71,11 +71,11 @@ class Settings:
 
 
 def go(target: str, **when: Any) -> TransitionPlan:
-    return TransitionPlan(target, **when)
+    return TransitionPlan(target=target, **when)
 
 
 def limit(target: str, seconds: float) -> TransitionPlan:
-    return TransitionPlan(target, cause="within", after=seconds)
+    return TransitionPlan(target=target, cause="within", after=seconds)
 
 
 def phase(
@@ -544,8 +544,8 @@ def test_a_way_out_of_a_phase_tells_its_event():
 
 
 def test_a_way_out_of_a_state_tells_its_event_to_everybody(run):
-    tells = state("hold", hover(), TransitionPlan("down", after=1.0, emit="a_is_done"))
-    hears = state("hold", hover(), TransitionPlan("down", event="a_is_done"))
+    tells = state("hold", hover(), TransitionPlan(target="down", after=1.0, emit="a_is_done"))
+    hears = state("hold", hover(), TransitionPlan(target="down", event="a_is_done"))
     a = vehicle("a", [up("hold"), tells, down()], start=(-1.0, 0.0, 0.0))
     b = vehicle("b", [up("hold", 0.3), hears, down()])
     _, told = run(a, b)

@@ -34,7 +34,7 @@ def goer():
     return vehicle("a", [up("hold"), hold(60.0, "down"), goto, down()])
 
 
-THEN_HOLD = TransitionPlan("hold", cause="then")
+THEN_HOLD = TransitionPlan(target="hold", cause="then")
 
 
 def flown(run, *asked: tuple[float, str], watch=lambda engine: None, **facts):
