@@ -145,6 +145,7 @@ def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
 
 def test_whom_its_own_watchdog_lands_it_has_not_landed_by_our_word(tmp_path):
     """The link is cut and back, and no estimate is left: what its IMU feels is not our thrust."""
+    cut = part("faults", "link_cut", way="to_vehicle")
     _, told, watch = flown(
         "first_flight", 1016, tmp_path,
         FaultPlan(part=cut, vehicle="nano", time=5.28, duration=1.24),

@@ -8,6 +8,7 @@ import hashlib
 import os
 import re
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -90,20 +91,20 @@ def decode(node: Node, field: Field, found: Findings) -> Any:
 def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
     if isinstance(kind, Numbers):
         return _numbers(node, field, kind.dimension, kind.size, found)
-    if isinstance(kind, ListOf):
-        if not isinstance(node, Sequence):
-            _wrong(node, field, found)
-            return None
+    if isinstance(kind, ListOf) and isinstance(node, Sequence):
         items = [_value(item, field, kind.item, found) for item in node.items]
         return None if None in items else tuple(items)
-    if not isinstance(node, Scalar):
+    if not isinstance(node, Scalar) or isinstance(kind, ListOf):
         _wrong(node, field, found)
         return None
-    if kind in (FILE, FILE_PATH):
-        return _attached(node, field, found) if kind is FILE else _path_of(node, found)
-    if kind is TEXT:
-        return _text(node, field, found)
-    text = node.text
+    reader = _READERS.get(kind, _word)
+    return reader(node, field, found)
+
+
+def _word(node: Scalar, field: Field, found: Findings) -> Any:
+    """A choice, a boolean or a whole number."""
+    text, kind = node.text, field.type
+    kind = kind.item if isinstance(kind, ListOf) else kind
     if len(text) > _LONGEST:
         found.report("KYB104", f"`{text[:20]}...` is too long to be a value", node.span)
     elif isinstance(kind, Choice):
@@ -314,7 +315,7 @@ def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
     return file
 
 
-def _path_of(node: Scalar, found: Findings) -> FilePath | None:
+def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
     """Where the file is that `node` names, as seen from the file in which it stands; None, and a
     finding, when there is none."""
     path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
@@ -348,3 +349,10 @@ def _read(name: str, folder: Path, errors: str) -> File:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise FileError(f"`{name}` is not UTF-8 text in line {line}") from None
+
+
+_READERS: dict[ValueType, Callable[[Scalar, Field, Findings], Any]] = {
+    FILE: _attached,
+    FILE_PATH: _path_of,
+    TEXT: _text,
+}
