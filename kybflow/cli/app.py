@@ -1,21 +1,27 @@
-"""The command line: each command is a module of `kybflow.cli.commands`; this file finds them and
-catches what they raise. Everything heavy is imported where it is needed."""
+"""The command line: finds the commands in `kybflow.cli.commands` and catches what they raise.
+Everything heavy is imported where it is needed."""
 
 from __future__ import annotations
 
+import errno
 import gc
+import inspect
+import math
 import os
 import signal
 import sys
 import warnings
 from importlib import import_module
-from types import FrameType
-from typing import Any, TextIO, cast
+from pathlib import Path
+from types import FrameType, ModuleType
+from typing import Annotated, Any, TextIO, cast
 
-import click
-from click.exceptions import Exit
+from typer import BadParameter, Exit, Option, Typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
 from kybflow import __version__
+from kybflow.cli import commands
 from kybflow.cli.output import GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
@@ -26,57 +32,81 @@ YOUNG = 200_000
 UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
 """What libraries need not start, because a flight multiplies no large matrices and MuJoCo's window
 brings its own OpenGL. Who sets these variables is obeyed."""
-COMMANDS = (
-    "run",
-    "command",
-    "validate",
-    "rehearse",
-    "test",
-    "preflight",
-    "record-input",
-    "explain",
-    "graph",
-    "show",
-    "new",
-    "library",
-    "mocap-server",
-    "parts",
-    "schema",
-    "tags",
-    "calibrate",
-    "mavlink",
-    "emulate",
-    "ardrone",
-)
-"""In the order of the help. Each is the `command` of the module of its name."""
+_SHOWN = 100
+_NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
 
 
-class _Commands(click.Group):
-    """Imports the module of a command when that is called, so that none pays for the others."""
+class Command(TyperCommand):
+    """A command that gets no path at which nothing can ever be, and no number that isn't finite."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*COMMANDS]
+    def invoke(self, ctx: Any) -> Any:
+        for param in self.params:
+            given = ctx.params.get(param.name)
+            for value in given if isinstance(given, list) else [given]:
+                if reason := _useless(value):
+                    raise BadParameter(reason, ctx=ctx, param=param)
+        return super().invoke(ctx)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            return None
-        module = import_module(f"kybflow.cli.commands.{cmd_name.replace('-', '_')}")
-        return cast(click.Command, module.command)
 
-    def invoke(self, ctx: click.Context) -> Any:
+def _useless(value: object) -> str:
+    """Why nothing can be done with a value; empty where something can."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{value} is not finite"
+    if isinstance(value, Path):
         try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise Exit(INTERRUPTED) from None
+            value.stat()
+        except OSError as error:
+            if error.errno in _NEVER:
+                return f"`{str(value)[:_SHOWN]}` is no path: {error.strerror}"
+    return ""
 
 
-@click.group(
-    cls=_Commands,
+class Commands(TyperGroup):
+    """The commands of a package. The module of a command is imported when that is called, so that
+    none pays for the others."""
+
+    def __init__(self, package: ModuleType = commands, **settings: Any) -> None:
+        super().__init__(**settings)
+        names: Any = dict.fromkeys(package.COMMANDS)
+        self.commands, self._package = names, package
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            return None
+        module = import_module(f"{self._package.__name__}.{cmd_name.replace('-', '_')}")
+        if hasattr(module, "COMMANDS"):
+            about = {"help": module.__doc__, "no_args_is_help": True, "rich_markup_mode": None}
+            return Commands(module, name=cmd_name, **about)
+        own = Typer(rich_markup_mode=None, add_completion=False)
+        summary = " ".join((inspect.getdoc(module.command) or "").partition("\n\n")[0].split())
+        settings = getattr(module, "SETTINGS", None)
+        declare = own.command(cmd_name, cls=Command, short_help=summary, context_settings=settings)
+        declare(module.command)
+        return get_command(own)
+
+
+app = Typer(
+    cls=Commands,
     no_args_is_help=True,
-    context_settings={"max_content_width": 100, "show_default": True},
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"max_content_width": 100},
 )
-@click.version_option(__version__, message="kybflow %(version)s", help="Print the version.")
-def app() -> None:
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        echo(f"kybflow {__version__}")
+        raise Exit
+
+
+@app.callback()
+def kybflow(
+    version: Annotated[
+        bool, Option("--version", callback=_tell_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
     """Experiments with quadrotors, written in YAML, proven before take-off, flown."""
 
 
@@ -84,7 +114,7 @@ def main() -> None:
     """The console's entry."""
     gc.set_threshold(YOUNG)
     interrupts = _counted_interrupts()
-    warnings.showwarning = _warn
+    warnings.showwarning = lambda message, *_, **__: echo(f"warning: {message}", err=True)
     os.environ.update(UNUSED | os.environ)
     # a reader that went away (`| head`) has seen enough: the command goes on and ends as usual
     sys.stdout = cast(TextIO, GuardedStream(_open(sys.stdout), BrokenPipeError))
@@ -118,11 +148,6 @@ def _counted_interrupts() -> list[int]:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` and `&` have it
             signal.signal(number, interrupt)
     return numbers
-
-
-def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    """Show a warning as a person reads it, without the line of code that gave it."""
-    echo(f"warning: {message}", err=True)
 
 
 def _open(stream: TextIO | None) -> TextIO:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import IO, TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
@@ -63,6 +63,15 @@ def echo(text: str, err: bool = False) -> None:
     """Print `text`, in colour on a terminal."""
     stream = sys.stderr if err else sys.stdout
     stream.write(f"{coloured(text) if stream.isatty() else text}\n")
+
+
+def columns(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:
+    """Rows of cells as lines. Every cell but a row's last is as wide as the widest above and below
+    it."""
+    cells = list(rows)
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)][:-1]
+    filled = ([*(f"{c:<{w}}" for c, w in zip(r, widths, strict=False)), r[-1]] for r in cells)
+    return [indent + "  ".join(row) for row in filled]
 
 
 def teller(stream: IO[str]) -> Callable[[str], None]:

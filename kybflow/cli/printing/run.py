@@ -63,27 +63,17 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
     summary = flown.summary
     for expectation in summary["expectations"]:
         mark = "held  " if expectation["held"] else "FAILED"
-        yield f"{mark}  {expectation['text']}{_value(expectation)}"
+        value, unit = expectation["value"], str(expectation["unit"])
+        measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
+        yield f"{mark}  {expectation['text']}{measured}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given: the run had ended"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     yield f"{summary['mission']} {summary['outcome']}{reason}"
-    pace = _pace(summary["real_time_factor"]) if has_pace else ""
+    pace, factor = "", summary["real_time_factor"]
+    if has_pace and factor is not None:  # a slow one with one significant digit
+        pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
     yield (
         f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s{pace}, "
         f"recorded in {flown.folder}"
     )
-
-
-def _pace(factor: float | None) -> str:
-    """How many times as fast as real time, a slow one with one significant digit."""
-    if factor is None:
-        return ""
-    return f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
-
-
-def _value(expectation: dict[str, object]) -> str:
-    value = expectation["value"]
-    if not isinstance(value, float):
-        return ""
-    return f"  ({format_measured(value, str(expectation['unit']))})"
