@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from kybflow.cli.arguments import Sets, Target, compiled, failing, unknown, writing, wrong
+from kybflow.cli.arguments import Sets, Target, compiled, failing, refusing, unknown, writing, wrong
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import FAILED
 from kybflow.core.files import write_whole

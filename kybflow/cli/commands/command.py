@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Iterator, Mapping
 from math import degrees
@@ -81,7 +80,7 @@ def command(
       kybflow command watch --json
     """
     from kybflow.command_server.address import find_run
-    from kybflow.command_server.client import CommandRefused, RunClient
+    from kybflow.command_server.client import CommandRefused, RunClient, commander_here
     from kybflow.runtime.commanding.orders import WORDS, parse
 
     known = (*WORDS, STATE, WATCH)
@@ -96,7 +95,7 @@ def command(
         except CommandUnreadable as error:
             raise WrongUsage(str(error)) from None
     try:
-        with RunClient(find_run(run), commander(), keeps_lease=True) as client:
+        with RunClient(find_run(run), commander_here(), keeps_lease=True) as client:
             if asked == STATE:
                 found = client.state()
                 echo(json.dumps(found, indent=2) if as_json else "\n".join(described(found)))
@@ -122,19 +121,6 @@ def _watch(client: RunClient, *, as_json: bool) -> None:
             time = round(said["t_s"] * NS)
             echo(sentence(Event(time, said["event"], said["vehicle"], said["fields"], said["at"])))
         sys.stdout.flush()
-
-
-def commander() -> str:
-    """Who commands from here: the user, and the terminal or the session, so that all commands from
-    one shell are of one commander."""
-    from kybflow.command_server.client import printable
-    from kybflow.command_server.connected_client import user_name
-
-    try:
-        place = f"at {os.ttyname(0).removeprefix('/dev/')}"
-    except OSError:
-        place = f"in session {os.getsid(0)}"
-    return printable(f"{user_name(os.geteuid())} {place}")
 
 
 def described(situation: Mapping[str, Any]) -> Iterator[str]:

@@ -40,7 +40,7 @@ def command(
       kybflow rehearse missions/joystick.yaml --target hands --emit stick.take@8s
     """
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.cli.printing.rehearsal import as_json, reports
+    from kybflow.api.rehearsal.telling import as_json, reports
     from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
 
     plan, result = compiled(mission, target, sets)

@@ -30,10 +30,11 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 
 if TYPE_CHECKING:
-    from kybflow.api.flight import Flown, RunRequest
+    from kybflow.api.flight import Flown, RunRequest, Server
     from kybflow.cli.keys.terminal_commander import TerminalCommander
     from kybflow.cli.printing.live import LivePanel
     from kybflow.cli.printing.run import PlainPanel
+    from kybflow.core.signals import Event
     from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
     from kybflow.runtime.commanding.command_queue import RecordedCommand
@@ -122,7 +123,7 @@ def _rehearse(
 ) -> None:
     """Rehearse a plan and say what came of it. Exits with INVALID where it went wrong."""
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.cli.printing.rehearsal import reports
+    from kybflow.api.rehearsal.telling import reports
 
     with failing(INVALID, KybflowError):
         rehearsal = rehearse(plan, emits, options, result.texts)
@@ -154,15 +155,15 @@ def fly_plan(
     try:
         plan = with_window(plan) if live else plan
         panel, person = _panel(plan, tell, plain=plain)
-        hear, servers = [panel.hear], [] if person is None else [person.serve]
+        listeners: list[Callable[[Event], None]] = [panel.hear]
+        servers: list[Server] = [] if person is None else [person.serve]
         if serves:
             from kybflow.command_server.server import CommandServer
 
             server = CommandServer()
-            hear.append(server.hear)
-            servers.insert(0, server.serve)
+            listeners, servers = [*listeners, server.hear], [server.serve, *servers]
         with panel:
-            flown = fly(plan, request, hear, (panel.look,), servers)
+            flown = fly(plan, request, listeners, (panel.look,), servers)
     except RunUnwritten as error:
         complain(f"error: {error}")
         return FAILED

@@ -49,20 +49,7 @@ def command(
         ) from None
     if out.suffix not in (".pdf", ".png"):
         raise wrong("--out", f"`{out}` should end in .pdf or .png")
-    if mission is not None:
-        if ids or size or family:
-            raise BadParameter(
-                "a mission says its tags itself; leave out --ids, --size and --family"
-            )
-        sorts = _tags_of(mission)
-    elif ids is None or size is None:
-        raise BadParameter("say which tags: MISSION, or --ids and --size")
-    else:
-        family = family or "36h11"
-        side = quantity(size, LENGTH, "--size")
-        if side <= 0.0:
-            raise wrong("--size", f"`{size}` must be above 0")
-        sorts = {(family, side): _numbers(ids, family)}
+    sorts = _requested(mission, ids, size, family)
     pages: list[Page] = []
     for (sort, side), numbers in sorts.items():
         try:
@@ -73,10 +60,10 @@ def command(
     if out.suffix == ".pdf":
         files = {out: pdf(pages, paper)}
     else:
-        ends = [f"-{i + 1}" for i in range(len(pages))] if len(pages) > 1 else [""]
+        several = len(pages) > 1
+        names = (f"{out.stem}-{i + 1}" if several else out.stem for i in range(len(pages)))
         files = {
-            out.with_name(f"{out.stem}{end}.png"): png(page, paper)
-            for end, page in zip(ends, pages, strict=True)
+            out.with_name(f"{n}.png"): png(p, paper) for n, p in zip(names, pages, strict=True)
         }
     for file, data in files.items():
         with writing(file, "--out"):
@@ -105,8 +92,21 @@ def _way_out(
     return "MISSION", "make the tags of its world smaller"
 
 
-def _tags_of(mission: Path) -> dict[tuple[str, float], list[int]]:
-    """The numbers of a mission's tags by family and size (m), the largest first."""
+def _requested(
+    mission: Path | None, ids: str | None, size: str | None, family: str | None
+) -> dict[tuple[str, float], list[int]]:
+    """The numbers of the tags to print by family and size (m), the largest first."""
+    if mission is None:
+        if ids is None or size is None:
+            raise wrong(None, "say which tags: MISSION, or --ids and --size")
+        side = quantity(size, LENGTH, "--size")
+        if side <= 0.0:
+            raise wrong("--size", f"`{size}` must be above 0")
+        family = family or "36h11"
+        return {(family, side): _numbers(ids, family)}
+    if ids or size or family:
+        said = "a mission says its tags itself"
+        raise wrong(None, f"{said}; leave out --ids, --size and --family")
     sorts: dict[tuple[str, float], list[int]] = {}
     for tag in compiled(mission)[0].tags:
         sorts.setdefault((tag.family, tag.size), []).append(tag.id)

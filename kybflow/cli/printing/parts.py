@@ -15,7 +15,6 @@ from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
 from kybflow.world.vehicle_context import Airframe
 
-_COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
 """The kinds whose parameters stay what they are when a run begins."""
 
@@ -64,46 +63,25 @@ def page() -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    page = environment.get_template("parts.md").render(
+    return environment.get_template("parts.md").render(
         catalog=catalog,
-        parts=lambda kind: "".join(_section(catalog.get(kind, n)) for n in catalog.names(kind)),
-        airframe=_table(fields_of(Airframe), are_options=False),
+        cells=_cells,
+        in_flight=_in_flight,
+        facts=lambda spec: "; ".join(_facts(spec)),
+        are_options=lambda kind: kind not in _NO_OPTIONS,
+        airframe=fields_of(Airframe),
         types=_types(),
     )
-    return f"{page}\n"
 
 
-def _types() -> str:
-    """The rows of the types that carry a unit."""
-    rows = []
+def _types() -> Iterator[tuple[str, ...]]:
+    """The types that carry a unit: what each is, its name, its values, units and an example."""
     shapes = {float: "a number", Vec3: "`[x, y, z]`", tuple[Vec3, ...]: "`[[x, y, z], ...]`"}
     for name, hint in vars(units).items():
         if get_origin(hint) is Annotated:
             base, dimension = get_args(hint)
             known = ", ".join(f"`{unit}`" for unit in dimension.units) or "none"
-            cells = (dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`")
-            rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows)
-
-
-def _section(spec: PartSpec) -> str:
-    facts = "; ".join(_facts(spec))
-    told = f"\n{facts[0].upper()}{facts[1:]}.\n" if facts else ""
-    are_options = spec.kind not in _NO_OPTIONS
-    table = _table(spec.fields, are_options) if spec.fields else "\nNo parameters.\n"
-    return f"\n### {spec.name}\n\n{spec.summary}\n{told}{table}"
-
-
-def _table(fields: Iterable[Field], are_options: bool) -> str:
-    """A table of parameters; are_options: with how each may change in flight."""
-    rows: list[tuple[str, ...]] = [_COLUMNS]
-    for field in fields:
-        name, kind, *cells, what = _cells(field)
-        rows.append((f"`{name}`", kind.replace("|", r"\|"), *cells, _in_flight(field), what))
-    if not are_options:
-        rows = [row[:4] + row[5:] for row in rows]
-    head, *body = (f"| {' | '.join(row)} |\n" for row in rows)
-    return f"\n{head}|{'---|' * len(rows[0])}\n{''.join(body)}"
+            yield dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`"
 
 
 def _in_flight(field: Field) -> str:

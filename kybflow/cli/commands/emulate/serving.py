@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from kybflow.cli.arguments import compiled, refusing, wrong
+from kybflow.cli.arguments import compiled, refusing, repeated, wrong
 from kybflow.cli.output import echo
 
 if TYPE_CHECKING:
@@ -24,14 +24,19 @@ Count = Annotated[int, Option(min=1, max=50, help="How many, where there is no m
 Pace = Annotated[float, Option(min=0.01, max=100.0, help="Pace: 2 is twice as fast as real time.")]
 
 
-def breaks_of(fails: list[str], kind: type[Failures]) -> list[Break]:
+def fails(names: str) -> Any:
+    """The option `--fail`. names: of what can fail."""
+    told = f"What fails, and when: {names}."
+    return repeated("--fail", metavar="NAME[=VALUE][@SECONDS]", help=told)
+
+
+def breaks_of(given: list[str], kind: type[Failures]) -> list[Break]:
     """What `--fail` says. kind: the failures that the emulator knows."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.emulation.breaking import read_break
 
     with refusing("--fail", DriverError):
-        breaks = [read_break(text, kind) for text in fails]
-    return breaks
+        return [read_break(text, kind) for text in given]
 
 
 def seats_for(mission: Path | None, driver: str, airframe: str, count: int) -> list[Seat]:

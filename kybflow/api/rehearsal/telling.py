@@ -1,4 +1,4 @@
-"""What `kybflow rehearse` prints, and the line that the preflight has of it."""
+"""A rehearsal as text for people and for programs, and as a line of the preflight."""
 
 from __future__ import annotations
 
