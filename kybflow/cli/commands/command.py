@@ -34,9 +34,7 @@ def command(
             "the only run that flies.",
         ),
     ],
-    take: Annotated[
-        bool, Option("--take", help="Take the lease from another who commands the run.")
-    ] = False,
+    take: Annotated[bool, Option("--take", help="Take the lease from another commander.")] = False,
     as_json: Annotated[bool, Option("--json", help="`state` and `watch` as JSON.")] = False,
 ) -> None:
     """Give a command to a mission that flies.

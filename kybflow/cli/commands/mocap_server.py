@@ -52,12 +52,8 @@ def command(
             help="Instead of a mission: a body at rest, in metres, until Ctrl-C.",
         ),
     ],
-    host: Annotated[
-        str, Option(help="Our address to listen on; 0.0.0.0 lets everybody in.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, Option(min=0, max=65535, help="Port, TCP and UDP; 0 takes a free one.")
-    ] = 3883,
+    host: Annotated[str, Option(help="Where to listen; 0.0.0.0 lets everybody in.")] = "127.0.0.1",
+    port: Annotated[int, Option(min=0, max=65535, help="TCP and UDP; 0 takes a free one.")] = 3883,
     target: Target = None,
     sets: Sets,
     seed: Seed = 0,

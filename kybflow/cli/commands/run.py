@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -31,13 +32,12 @@ from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown, RunRequest, Server
-    from kybflow.cli.keys.terminal_commander import TerminalCommander
     from kybflow.cli.printing.live import LivePanel
-    from kybflow.cli.printing.run import PlainPanel
     from kybflow.core.signals import Event
     from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
     from kybflow.runtime.commanding.command_queue import RecordedCommand
+    from kybflow.runtime.engine import Observer
 
 
 def command(
@@ -148,22 +148,29 @@ def fly_plan(
     plain: events as lines also on a terminal. serves: take those of `kybflow command`."""
     from kybflow.api.flight import fly
     from kybflow.api.opening import with_window
-    from kybflow.cli.printing.run import outcome
+    from kybflow.cli.printing.run import outcome, sentence
     from kybflow.recording.run_folder import RunUnwritten
 
     tell, complain = teller(sys.stdout), teller(sys.stderr)
+    listeners: list[Callable[[Event], None]] = []
+    observers, servers = list[Observer](), list[Server]()
+    if serves:
+        from kybflow.command_server.server import CommandServer
+
+        server = CommandServer()
+        listeners.append(server.hear)
+        servers.append(server.serve)
     try:
         plan = with_window(plan) if live else plan
-        panel, person = _panel(plan, tell, plain=plain)
-        listeners: list[Callable[[Event], None]] = [panel.hear]
-        servers: list[Server] = [] if person is None else [person.serve]
-        if serves:
-            from kybflow.command_server.server import CommandServer
-
-            server = CommandServer()
-            listeners, servers = [*listeners, server.hear], [server.serve, *servers]
-        with panel:
-            flown = fly(plan, request, listeners, (panel.look,), servers)
+        with ExitStack() as stack:
+            if plain or not sys.stdout.isatty():
+                listeners.append(lambda event: tell(sentence(event)))
+            else:
+                panel = stack.enter_context(_panel(plan))
+                listeners.append(panel.hear)
+                observers.append(panel.look)
+                servers += [] if panel.commander is None else [panel.commander.serve]
+            flown = fly(plan, request, listeners, observers, servers)
     except RunUnwritten as error:
         complain(f"error: {error}")
         return FAILED
@@ -175,14 +182,8 @@ def fly_plan(
     return _reported(flown, tell, complain) if report else flown.exit_code
 
 
-def _panel(
-    plan: Plan, tell: Callable[[str], None], *, plain: bool
-) -> tuple[PlainPanel | LivePanel, TerminalCommander | None]:
-    """Where the flight is shown, and who presses keys below the table; only a table needs rich."""
-    if plain or not sys.stdout.isatty():
-        from kybflow.cli.printing.run import PlainPanel
-
-        return PlainPanel(tell), None
+def _panel(plan: Plan) -> LivePanel:
+    """The table of the flight, with keys below it where there is a keyboard that no input reads."""
     from kybflow.cli.printing.live import LivePanel
 
     person = None
@@ -192,7 +193,7 @@ def _panel(
         from kybflow.core.terminal import Terminal
 
         person = TerminalCommander(Terminal(sys.stdin.fileno(), sys.stdout.fileno()))
-    return LivePanel(console(sys.stdout), person), person
+    return LivePanel(console(sys.stdout), person)
 
 
 def _reported(flown: Flown, tell: Callable[[str], None], complain: Callable[[str], None]) -> int:

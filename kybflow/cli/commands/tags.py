@@ -21,14 +21,10 @@ _RANGE = re.compile(r"\s*(\d{1,6})\s*(?:-\s*(\d{1,6})\s*)?\Z")
 
 
 def command(
-    mission: Annotated[
-        Path | None, Argument(help="A mission, all of whose tags are to be printed.")
-    ] = None,
+    mission: Annotated[Path | None, Argument(help="A mission, whose tags are all printed.")] = None,
     *,
     out: Annotated[Path, Option(help="The file to write: .pdf, or .png, a file a page.")],
-    ids: Annotated[
-        str | None, Option(help="Which tags: numbers and ranges, such as 0-9,12.")
-    ] = None,
+    ids: Annotated[str | None, Option(help="Which tags: numbers, ranges, such as 0-9,12.")] = None,
     size: Annotated[str | None, Option(help="Side of the black square, such as 19.5cm.")] = None,
     family: Annotated[str | None, Option(help="The tags' family; 36h11 unless said.")] = None,
     paper: Annotated[Literal["a4", "a3"], Option(help="What it is printed on.")] = "a4",

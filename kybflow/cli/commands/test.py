@@ -23,18 +23,18 @@ def command(
     paths: Annotated[list[Path], Argument(help="Missions, or folders with missions below.")],
     *,
     seeds: Annotated[
-        str, Option(help="Seeds to fly each mission with: `0..99`, `3`, or `0,7,20..29`.")
+        str, Option(help="Seeds of each mission: `0..99`, `3`, or `0,7,20..29`.")
     ] = "0",
     jobs: Annotated[
-        int | None, Option(min=1, help="Flights at a time; one a processor by default.")
+        int | None, Option(min=1, help="Flights at a time; else one a processor.")
     ] = None,
     junit: Annotated[Path | None, Option(help="Write JUnit XML to this file.")] = None,
     full: Annotated[
-        bool, Option("--full", help="Fail when a state or transition was never taken.")
+        bool, Option("--full", help="Fail on states or transitions never taken.")
     ] = False,
-    out: Annotated[
-        Path, Option(help="Where the run folders of flights that fail are kept.")
-    ] = Path("runs"),
+    out: Annotated[Path, Option(help="Where folders of flights that fail are kept.")] = Path(
+        "runs"
+    ),
     keep: Annotated[bool, Option("--keep", help="Keep every run folder.")] = False,
     target: Target = None,
     sets: Sets,

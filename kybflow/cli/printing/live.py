@@ -36,7 +36,7 @@ class LivePanel:
     events below it."""
 
     def __init__(self, console: Console, commander: TerminalCommander | None = None) -> None:
-        self._console, self._commander = console, commander
+        self._console, self.commander = console, commander
         self._events: deque[str] = deque(maxlen=_LAST_EVENTS)
         self._live = Live(console=console, auto_refresh=False)
         self._drawn = 0.0
@@ -57,7 +57,7 @@ class LivePanel:
     def look(self, engine: Engine) -> None:
         """Hear the keys; redraw, ten times a second and after a key."""
         self._engine = engine
-        pressed = self._commander is not None and self._commander.hear()
+        pressed = self.commander is not None and self.commander.hear()
         if pressed or time.monotonic() - self._drawn >= _REDRAW:
             self._draw()
 
@@ -79,7 +79,7 @@ class LivePanel:
             table.add_row(*_row(vehicle, engine.flying), *nearest)
         below = [*_below(engine)] if engine.flying else []
         keys: Iterator[Text] = iter(())
-        if (person := self._commander) is not None:
+        if (person := self.commander) is not None:
             person.look(engine.commander.situation(engine.clock.now, flying=engine.flying))
             if person.offers:
                 lines = _FRAME + len(engine.vehicles) + len(below) + _LEAST_EVENTS

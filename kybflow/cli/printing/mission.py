@@ -28,6 +28,7 @@ from kybflow.dsl.plan import (
     Perform,
     Plan,
     SetOption,
+    Stop,
     Switch,
     TransitionPlan,
     Values,
@@ -182,32 +183,27 @@ def _callback(callback: CallbackPlan) -> str:
 
 
 def _action(action: ActionPlan) -> str:
-    match action:
-        case Switch() | Enable() | Perform():
-            return _asked(action)
-        case SetOption(option, value):
-            return f"set {option} to {_number(value)}"
-        case Emit(name):
-            return f"emit {name}"
-        case EnterPhase(flow, phase):
-            return f"enter {phase} of {flow}"
-        case LogText(text):
-            return f"log `{text}`"
-        case Call(part):
-            return f"call {part.name}"
-        case _:
-            return f"stop: {action.reason}"
-
-
-def _asked(action: Switch | Enable | Perform) -> str:
-    """What a vehicle is asked for."""
+    said = ""
     match action:
         case Switch(vehicle, state, values):
-            return f"switch {vehicle} to {_goal(state, values)}"
+            said = f"switch {vehicle} to {_goal(state, values)}"
         case Enable(vehicle, label, on):
-            return f"{'enable' if on else 'disable'} {label} of {vehicle}"
+            said = f"{'enable' if on else 'disable'} {label} of {vehicle}"
         case Perform(vehicle, act):
-            return f"let {vehicle} perform {act}"
+            said = f"let {vehicle} perform {act}"
+        case SetOption(option, value):
+            said = f"set {option} to {_number(value)}"
+        case Emit(name):
+            said = f"emit {name}"
+        case EnterPhase(flow, phase):
+            said = f"enter {phase} of {flow}"
+        case LogText(text):
+            said = f"log `{text}`"
+        case Call(part):
+            said = f"call {part.name}"
+        case Stop(reason):
+            said = f"stop: {reason}"
+    return said
 
 
 def _fault(fault: FaultPlan) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kybflow.core.details import details, headline
@@ -11,7 +11,6 @@ from kybflow.core.units import format_measured
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown
-    from kybflow.runtime.engine import Engine
 
 _MARGIN = " " * 20
 _QUIET_FIELDS = frozenset({"behavior", "part"})
@@ -37,25 +36,6 @@ def sentence(event: Event) -> str:
 
 def _short(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-class PlainPanel:
-    """Prints each event as a line."""
-
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
-
-    def __enter__(self) -> PlainPanel:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Nothing is open."""
-
-    def hear(self, event: Event) -> None:
-        self._tell(sentence(event))
-
-    def look(self, engine: Engine) -> None:
-        """A plain panel shows events only."""
 
 
 def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:

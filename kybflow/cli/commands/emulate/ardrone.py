@@ -32,9 +32,7 @@ def command(
         ),
     ] = "127.0.0.2",
     latency: Annotated[float, Option(min=0.0, max=1.0, help="Of a datagram, seconds.")] = 0.0,
-    jitter: Annotated[
-        float, Option(min=0.0, max=1.0, help="By how much it differs at most.")
-    ] = 0.0,
+    jitter: Annotated[float, Option(min=0.0, max=1.0, help="How much it differs at most.")] = 0.0,
     loss: Annotated[float, Option(min=0.0, max=0.9, help="The share that is lost.")] = 0.0,
     video: Annotated[
         bool,

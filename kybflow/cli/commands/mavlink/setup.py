@@ -33,11 +33,9 @@ def command(
     system: Annotated[
         int | None, Option(min=1, max=254, help="Its system id; needed where several are heard.")
     ] = None,
-    write: Annotated[
-        bool, Option("--write", help="Write what is wrong, and read it back.")
-    ] = False,
+    write: Annotated[bool, Option("--write", help="Write what is wrong and read it back.")] = False,
     simulator: Annotated[
-        bool, Option("--simulator", help="It is the firmware's own simulator.")
+        bool, Option("--simulator", help="It is the firmware's simulator.")
     ] = False,
     own_system: meeting.OwnSystem = 245,
     key: meeting.Key = None,
