@@ -1,5 +1,5 @@
-"""Autopilots and drones that are emulated on simulated vehicles, for any client of theirs: which
-vehicles, where they speak, and their time, which is the wall's."""
+"""What stands in for something that is not there, for any client of it, in the wall's time:
+autopilots and drones on simulated vehicles, and motion capture that sees bodies at rest."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from kybflow.api.opening import context_of
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Time
 from kybflow.drivers import firmware_names
 from kybflow.drivers.emulation.breaking import Break
@@ -19,15 +20,16 @@ from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Seat
 from kybflow.parts.catalog import load_catalog
-from kybflow.runtime.clock import SimulatedClock
+from kybflow.runtime.clock import SimulatedClock, WallClock
 
 if TYPE_CHECKING:
     from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
     from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
     from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
     from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.sensors.vrpn.server import Server
 
-RATE = 250
+RATE, STILL_RATE = 250, 120
 APART = 2.0
 """Metres between vehicles that no mission places."""
 MISSION = """kybflow: 1
@@ -165,3 +167,15 @@ def serve(
     begins."""
     clock = SimulatedClock(RATE, speed)
     fleet.serve(iter(clock.step, None), breaks, tell)
+
+
+def stand_still(places: dict[str, Vec3], server: Server, seed: int) -> NoReturn:
+    """Publish bodies at rest, as noisy as the simulator's motion capture is by default, until
+    somebody interrupts. Raises CodecError for names that VRPN can't have."""
+    from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
+
+    sim = load_catalog().get("drivers", "sim").params()
+    noise = PoseNoise(sim.mocap_position_noise, sim.mocap_attitude_noise)
+    publish, clock = still(places, to(server), noise, random.Random(seed)), WallClock(STILL_RATE)
+    while True:
+        publish(clock.step())

@@ -42,7 +42,7 @@ class Command(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         for param in self.params:
             given = ctx.params.get(param.name)
-            for value in given if isinstance(given, list) else [given]:
+            for value in given if isinstance(given, (list, tuple)) else [given]:
                 if reason := _useless(value):
                     raise BadParameter(reason, ctx=ctx, param=param)
         return super().invoke(ctx)

@@ -6,11 +6,13 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, TYPE_CHECKING, Any, TypeVar, cast
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 _STYLES = (
     (r"(?m)^.*error\[KYB\d+\]:.*$", "bold"),
     (r"error\[KYB\d+\]", "bold red"),
@@ -63,6 +65,14 @@ def echo(text: str, err: bool = False) -> None:
     """Print `text`, in colour on a terminal."""
     stream = sys.stderr if err else sys.stdout
     stream.write(f"{coloured(text) if stream.isatty() else text}\n")
+
+
+def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
+    """The values of each key, both in their order."""
+    groups: dict[Key, list[Value]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups
 
 
 def columns(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:

@@ -19,26 +19,21 @@ if TYPE_CHECKING:
 
 
 def command(
-    mission: Annotated[
-        Path, Argument(help="A mission with the tags and the camera as they are believed to be.")
-    ],
+    mission: Annotated[Path, Argument(help="A mission with tags and camera as they are believed.")],
     *,
     frames: Annotated[Path, Option(help="A video of the walk, or a folder of images.")],
-    poses: Annotated[
-        Path | None, Option(help="Where the body was meanwhile: a table, or the folder of a run.")
-    ] = None,
-    standing: Annotated[
-        bool, Option("--standing", help="The first frame shows the vehicle on its start.")
-    ] = False,
+    poses: Annotated[Path | None, Option(help="A table of poses, or the folder of a run.")] = None,
+    standing: Annotated[bool, Option("--standing", help="First it stands on its start.")] = False,
     vehicle: Annotated[str | None, Option(help="Which vehicle's camera it is.")] = None,
     camera: Annotated[str | None, Option(help="Which of its cameras it is.")] = None,
-    folder: Annotated[
-        Path | None, Option("--write", help="The folder for the corrected map and camera.")
-    ] = None,
+    folder: Annotated[Path | None, Option("--write", help="Folder for the corrections.")] = None,
     target: Target = None,
     sets: Sets,
 ) -> None:
     """Find what is wrong with lens, mount and map from frames of a walk over the tags.
+
+    Where the body was meanwhile say --poses, or --standing: the first frame shows the vehicle on
+    its start. What is written is the corrected map and camera, and what to change in the mission.
 
     \b
     Exit codes:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Exit, Option
 
 from kybflow.cli.arguments import WrongUsage
-from kybflow.cli.output import echo
+from kybflow.cli.output import echo, grouped
 from kybflow.core.errors import CommandUnreadable
 from kybflow.core.exit_codes import FAILED
 from kybflow.core.text import did_you_mean
@@ -27,17 +27,14 @@ _TO_VEHICLES = ("pause", "resume", "reset", "land")
 
 def command(
     words: Annotated[
-        list[str],
-        Argument(
-            metavar="[RUN] COMMAND...",
-            help="The run, then the command. RUN: its folder, its name or its mission's; left out, "
-            "the only run that flies.",
-        ),
+        list[str], Argument(metavar="[RUN] COMMAND...", help="The run, then the command.")
     ],
     take: Annotated[bool, Option("--take", help="Take the lease from another commander.")] = False,
     as_json: Annotated[bool, Option("--json", help="`state` and `watch` as JSON.")] = False,
 ) -> None:
     """Give a command to a mission that flies.
+
+    RUN is its folder, its name or its mission's; left out, it is the only run that flies.
 
     \b
     emit EVENT                        give an event that the mission waits for
@@ -180,9 +177,7 @@ def _vehicle(vehicle: Mapping[str, Any]) -> Iterator[str]:
 
 def _entries(enter: Mapping[str, str | None], what: str) -> Iterator[str]:
     """What may be entered, then the rest by the reason why not."""
-    reasons: dict[str, list[str]] = {}
-    for name, reason in enter.items():
-        reasons.setdefault(reason or "", []).append(name)
+    reasons = grouped((reason or "", name) for name, reason in enter.items())
     if legal := reasons.pop("", None):
         yield f"  {what} {', '.join(legal)}"
     for reason, names in reasons.items():

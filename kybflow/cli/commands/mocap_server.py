@@ -14,9 +14,7 @@ from kybflow.cli.output import echo
 from kybflow.core.geometry import Vec3
 
 if TYPE_CHECKING:
-    from kybflow.sensors.vrpn.server import Server
-
-STILL_RATE = 120
+    pass
 
 
 class StillBody(NamedTuple):
@@ -39,18 +37,11 @@ def still_body(text: str) -> StillBody:
 
 
 def command(
-    mission: Annotated[
-        Path | None, Argument(help="The mission whose simulated vehicles are published.")
-    ] = None,
+    mission: Annotated[Path | None, Argument(help="The mission that is flown.")] = None,
     *,
     still: Annotated[
         list[StillBody],
-        repeated(
-            "--still",
-            parser=still_body,
-            metavar="NAME=X,Y,Z",
-            help="Instead of a mission: a body at rest, in metres, until Ctrl-C.",
-        ),
+        repeated("--still", parser=still_body, metavar="NAME=X,Y,Z", help="A body at rest."),
     ],
     host: Annotated[str, Option(help="Where to listen; 0.0.0.0 lets everybody in.")] = "127.0.0.1",
     port: Annotated[int, Option(min=0, max=65535, help="TCP and UDP; 0 takes a free one.")] = 3883,
@@ -63,6 +54,7 @@ def command(
     system would.
 
     Each vehicle is the tracker of its name, sensor 0, in metres, z up, noise and faults included.
+    Bodies at rest, in metres, are published instead of a mission until Ctrl-C.
 
     \b
     Examples:
@@ -72,8 +64,10 @@ def command(
     """
     if (mission is None) == (not still):
         raise wrong("MISSION", "give a mission, or bodies with --still")
+    from kybflow.api.emulation import stand_still
     from kybflow.api.flight import RunRequest
     from kybflow.cli.commands.run import fly_plan
+    from kybflow.sensors.vrpn.codec import CodecError
     from kybflow.sensors.vrpn.publishing import published, to
     from kybflow.sensors.vrpn.server import Server
 
@@ -82,26 +76,10 @@ def command(
     try:
         echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
         if plan is None:
-            _stand(dict(still), server, seed)
+            with suppress(KeyboardInterrupt), refusing("--still", CodecError):
+                stand_still(dict(still), server, seed)
         else:
             request = RunRequest(seed, out, 1.0, sets=tuple(sets))
             raise Exit(fly_plan(published(plan, to(server)), request, report=False))
     finally:
         server.close()
-
-
-def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
-    """Publish bodies at rest until Ctrl-C."""
-    import random
-
-    from kybflow.parts.catalog import load_catalog
-    from kybflow.runtime.clock import WallClock
-    from kybflow.sensors.vrpn.codec import CodecError
-    from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
-
-    sim = load_catalog().get("drivers", "sim").params()
-    noise = PoseNoise(sim.mocap_position_noise, sim.mocap_attitude_noise)
-    publish, clock = still(places, to(server), noise, random.Random(seed)), WallClock(STILL_RATE)
-    with suppress(KeyboardInterrupt), refusing("--still", CodecError):
-        while True:
-            publish(clock.step())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -40,22 +39,11 @@ def command(
       kybflow rehearse missions/joystick.yaml --target hands --emit stick.take@8s
     """
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.telling import as_json, reports
-    from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
+    from kybflow.api.rehearsal.telling import told
 
     plan, result = compiled(mission, target, sets)
     with failing(INVALID, KybflowError):
         found = rehearse(plan, emits, options, result.texts)
-    texts: Iterable[str]
-    match format:
-        case "text":
-            texts = reports(found, result.texts)
-        case "json":
-            texts = [as_json(found)]
-        case "sarif":
-            texts = [to_sarif(found.diagnostics)]
-        case "github":
-            texts = map(to_annotation, found.diagnostics)
-    for text in texts:
+    for text in told(found, result.texts, format):
         echo(text)
     raise Exit(0 if found.is_clean else FAILED)

@@ -47,34 +47,24 @@ def command(
     sets: Sets,
     seed: Seed = 0,
     out: Out = None,
-    speed: Annotated[
-        float | None,
-        Option(min=0.01, help="Pace of a simulation, 1 is real time; else as fast as it goes."),
-    ] = None,
+    speed: Annotated[float | None, Option(min=0.01, help="Pace; 1 is real time.")] = None,
     options: Changes,
     emits: Emits,
-    again: Annotated[
-        Path | None,
-        Option(
-            metavar="RUN",
-            help="Fly as an earlier run's folder says: with its target, seed, --set, --option and "
-            "--emit, and each command given, each input moved, at the same time.",
-        ),
-    ] = None,
+    again: Annotated[Path | None, Option(metavar="RUN", help="Fly as in this earlier run.")] = None,
     live: Annotated[bool, Option("--live", help="Show the simulation in a window.")] = False,
     plain: Annotated[bool, Option("--plain", help="Events as lines, no table.")] = False,
     report: Annotated[bool, Option(help="Write report.html.")] = True,
     commands: Annotated[bool, Option(help="Take `kybflow command`s.")] = True,
     rehearses: Annotated[
-        bool | None,
-        Option(
-            "--rehearse/--no-rehearsal",
-            help="Fly it on ideal vehicles first, and not at all if that goes wrong; as by default "
-            "on hardware.",
-        ),
+        bool | None, Option("--rehearse/--no-rehearsal", help="Fly it on ideal vehicles first.")
     ] = None,
 ) -> None:
     """Fly a mission and report.
+
+    A simulation flies as fast as it goes unless --speed says its pace. On hardware the mission is
+    flown on ideal vehicles first, as with --rehearse, and not at all if that goes wrong. With
+    --again it is flown as an earlier run's folder says: with its target, seed, --set, --option and
+    --emit, and each command given, each input moved, at the same time.
 
     \b
     Exit codes:

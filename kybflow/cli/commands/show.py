@@ -14,13 +14,12 @@ from kybflow.cli.output import echo
 def command(
     mission: Annotated[Path, Argument(help="The mission to show.")],
     *,
-    resolved: Annotated[
-        bool, Option("--resolved", help="All of it, after imports and defaults, with origins.")
-    ] = False,
+    resolved: Annotated[bool, Option("--resolved", help="All of it, line by line.")] = False,
     target: Target = None,
     sets: Sets,
 ) -> None:
-    """What a mission does: its vehicles, states and parameters; or all of it, line by line.
+    """What a mission does: its vehicles, states and parameters; or all of it, line by line, after
+    imports and defaults, with origins.
 
     \b
     Examples:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, BadParameter, Option
 
 from kybflow.cli.arguments import compiled, quantity, writing, wrong
-from kybflow.cli.output import echo
+from kybflow.cli.output import echo, grouped
 from kybflow.core.units import LENGTH
 from kybflow.vision import WAY_OUT
 
@@ -77,11 +78,8 @@ def _way_out(
     if size is not None and _BARE.match(size):
         return "--size", f"a number alone is metres: write the unit, such as {size.strip()}cm"
     if paper != "a3":
-        try:
+        with suppress(ValueError):
             lay_out(family, [0], side, "a3")
-        except ValueError:
-            pass
-        else:
             return "--paper", "take --paper a3" + ("" if mission else ", or a smaller --size")
     if mission is None:
         return "--size", "make it smaller"
@@ -101,11 +99,8 @@ def _requested(
         family = family or "36h11"
         return {(family, side): _numbers(ids, family)}
     if ids or size or family:
-        said = "a mission says its tags itself"
-        raise wrong(None, f"{said}; leave out --ids, --size and --family")
-    sorts: dict[tuple[str, float], list[int]] = {}
-    for tag in compiled(mission)[0].tags:
-        sorts.setdefault((tag.family, tag.size), []).append(tag.id)
+        raise wrong(None, "a mission says its tags itself; leave out --ids, --size and --family")
+    sorts = grouped(((tag.family, tag.size), tag.id) for tag in compiled(mission)[0].tags)
     if not sorts:
         raise wrong("MISSION", f"`{mission}` has no tags; they stand in `world: {{tags: ...}}`")
     order = sorted(sorts, key=lambda sort: (-sort[1], sort[0]))

@@ -22,19 +22,11 @@ _MOST = 100_000
 def command(
     paths: Annotated[list[Path], Argument(help="Missions, or folders with missions below.")],
     *,
-    seeds: Annotated[
-        str, Option(help="Seeds of each mission: `0..99`, `3`, or `0,7,20..29`.")
-    ] = "0",
-    jobs: Annotated[
-        int | None, Option(min=1, help="Flights at a time; else one a processor.")
-    ] = None,
+    seeds: Annotated[str, Option(help="Of each mission: `0..99`, `3`, or `0,7,20..29`.")] = "0",
+    jobs: Annotated[int | None, Option(min=1, help="Flights at a time; else one a core.")] = None,
     junit: Annotated[Path | None, Option(help="Write JUnit XML to this file.")] = None,
-    full: Annotated[
-        bool, Option("--full", help="Fail on states or transitions never taken.")
-    ] = False,
-    out: Annotated[Path, Option(help="Where folders of flights that fail are kept.")] = Path(
-        "runs"
-    ),
+    full: Annotated[bool, Option("--full", help="Fail on what no flight has taken.")] = False,
+    out: Annotated[Path, Option(help="Where flights that fail are kept.")] = Path("runs"),
     keep: Annotated[bool, Option("--keep", help="Keep every run folder.")] = False,
     target: Target = None,
     sets: Sets,

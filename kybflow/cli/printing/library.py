@@ -17,7 +17,7 @@ from kybflow.api.library import (
     read_file,
     text_of,
 )
-from kybflow.cli.output import columns
+from kybflow.cli.output import columns, grouped
 from kybflow.core.errors import KybflowError
 from kybflow.dsl.diagnostics.render import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
@@ -40,9 +40,8 @@ def list_shipped() -> str:
 def _contents(one: Shipped) -> Iterator[str]:
     """The name of a file and what it offers, a line each."""
     yield f"{one.name}  {one.summary}".rstrip()
-    by_section: dict[str, list[str]] = {}
-    for section, name, entry in one.entries():
-        by_section.setdefault(section, []).append(f"{name}{_signature(entry.value)}")
+    entries = one.entries()
+    by_section = grouped((s, f"{name}{_signature(entry.value)}") for s, name, entry in entries)
     if one.root and one.root.get("parameters") is not None:
         by_section["with"] = [_signature(one.root)[1:-1]]
     for section, names in by_section.items():

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from kybflow.cli.keys.offered import Offer
 from kybflow.cli.keys.terminal_commander import Saying, TerminalCommander
+from kybflow.cli.output import grouped
 from kybflow.cli.printing.run import sentence
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Event
@@ -126,12 +127,9 @@ def _below(engine: Engine) -> Iterator[str]:
     ]
     if phases:
         yield f"phases     {'   '.join(phases)}"
-    reasons: dict[str, list[str]] = {}
-    for vehicle in engine.vehicles:
-        activity = vehicle.activity
-        if activity.hold is None and activity.behavior.waits_for is not None:
-            reasons.setdefault(activity.behavior.waits_for, []).append(vehicle.name)
-    if reasons:
+    free = [vehicle for vehicle in engine.vehicles if vehicle.activity.hold is None]
+    waits = ((vehicle.activity.behavior.waits_for, vehicle.name) for vehicle in free)
+    if reasons := grouped(wait for wait in waits if wait[0] is not None):
         whom = (f"{', '.join(names)} for {reason}" for reason, names in reasons.items())
         yield f"waiting    {'; '.join(whom)}"
 
@@ -139,9 +137,7 @@ def _below(engine: Engine) -> Iterator[str]:
 def keys_drawn(offers: Sequence[Offer], saying: Saying, width: int, most: int) -> Iterator[Text]:
     """At most `most` lines, each at most `width` letters wide: the offers by their groups, a line
     ending between two, then what is said of the last key, in as many lines as that takes."""
-    groups: dict[str, list[Offer]] = {}
-    for offer in offers:
-        groups.setdefault(offer.group, []).append(offer)
+    groups = grouped((offer.group, offer) for offer in offers)
     lines: list[Text] = []
     for name, members in groups.items():
         line = Text(f"{name[: _LABEL - 1]:{_LABEL}}", style="dim")

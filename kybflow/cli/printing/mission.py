@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from kybflow.cli.output import columns
+from kybflow.cli.output import columns, grouped
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, LENGTH, MASS, format_quantity
@@ -145,10 +145,11 @@ def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list
     sets, and its transitions."""
     rows, names = [], {of: name for name, of in groups.items()}
     for name, phase in flow.phases.items():
-        states: dict[str, list[str]] = {}
-        for vehicle, state in phase.run.items():
-            goal = _goal(phase.chains.get(vehicle, state), phase.values.get(vehicle, ()))
-            states.setdefault(goal, []).append(vehicle)
+        chains, values = phase.chains, phase.values
+        states = grouped(
+            (_goal(chains.get(vehicle, state), values.get(vehicle, ())), vehicle)
+            for vehicle, state in phase.run.items()
+        )
         steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
         steps += [f"arrive {phase.arrive}"] if phase.arrive else []
         steps += [f"give {vehicle} to {of}" for vehicle, of in phase.give.items()]

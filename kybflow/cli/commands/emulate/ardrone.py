@@ -9,14 +9,7 @@ from typing import Annotated
 from typer import Option
 
 from kybflow.cli.arguments import Seed, failing, repeated
-from kybflow.cli.commands.emulate.serving import (
-    Count,
-    Mission,
-    Pace,
-    breaks_of,
-    seats_for,
-    served,
-)
+from kybflow.cli.commands.emulate.serving import Count, Mission, Pace, breaks_of, seats_for, served
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import DRIVER_FAILED
 
@@ -25,22 +18,11 @@ def command(
     *,
     mission: Mission = None,
     count: Count = 1,
-    host: Annotated[
-        str,
-        Option(
-            help="The loopback address of the first; each has the next, with a drone's own ports."
-        ),
-    ] = "127.0.0.2",
+    host: Annotated[str, Option(help="The loopback address of the first.")] = "127.0.0.2",
     latency: Annotated[float, Option(min=0.0, max=1.0, help="Of a datagram, seconds.")] = 0.0,
     jitter: Annotated[float, Option(min=0.0, max=1.0, help="How much it differs at most.")] = 0.0,
     loss: Annotated[float, Option(min=0.0, max=0.9, help="The share that is lost.")] = 0.0,
-    video: Annotated[
-        bool,
-        Option(
-            "--video",
-            help="Send what the airframe's camera `front` or `down` sees, to who connects for it.",
-        ),
-    ] = False,
+    video: Annotated[bool, Option("--video", help="Send what their cameras see.")] = False,
     fail: Annotated[
         list[str],
         repeated(
@@ -55,8 +37,9 @@ def command(
     """Emulate AR.Drones 2.0 on simulated vehicles until Ctrl-C.
 
     Commands at UDP 5556, navigation data at UDP 5554, the configuration at TCP 5559, video at TCP
-    5555, each drone on a loopback address of its own: any client flies them that can be given an
-    address.
+    5555, each drone on a loopback address of its own, the next after that of the one before: any
+    client flies them that can be given an address. With --video each sends what its airframe's
+    camera `front` or `down` sees, to who connects for it.
 
     \b
     Examples:

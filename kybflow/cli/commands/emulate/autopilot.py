@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 from typer import BadParameter, Option
 
 from kybflow.cli.arguments import Seed, failing, refusing, repeated
-from kybflow.cli.commands.emulate.serving import (
-    Count,
-    Mission,
-    Pace,
-    breaks_of,
-    seats_for,
-    served,
-)
+from kybflow.cli.commands.emulate.serving import Count, Mission, Pace, breaks_of, seats_for, served
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import DRIVER_FAILED
 from kybflow.drivers import firmware_names
@@ -50,24 +43,9 @@ def command(
         str, Option(help="An airframe of the standard library, where there is no mission.")
     ] = "mk_quadro",
     count: Count = 1,
-    address: Annotated[
-        list[str],
-        repeated(
-            "--address",
-            help="Where it speaks, as `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`;"
-            " can be repeated. Of several vehicles each listens 10 ports above the one before."
-            " By default as the firmware's own simulator does.",
-        ),
-    ],
+    address: Annotated[list[str], repeated("--address", help="Where it speaks; can be repeated.")],
     system: Annotated[int, Option(min=1, max=200, help="System id of the first.")] = 1,
-    gps: Annotated[
-        bool,
-        Option(
-            help="Whether it has GPS and is as the firmware comes; else it is set up for flight"
-            " indoors, and its position comes from the client, as `kybflow run --target px4`"
-            " wants it."
-        ),
-    ] = True,
+    gps: Annotated[bool, Option(help="Whether it has GPS and is as the firmware comes.")] = True,
     param: Annotated[
         list[Setting],
         repeated(
@@ -95,6 +73,11 @@ def command(
     MAVLink 2 on the addresses at which the firmware's own simulator is found: any client can arm,
     take off, fly by set-points, land. It is made for tests and dry runs; only the firmware itself
     shows what the firmware does.
+
+    An address is `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`; by default it speaks
+    as the firmware's own simulator does. Of several vehicles each listens 10 ports above the one
+    before. With --no-gps it is set up for flight indoors, and its position comes from the client,
+    as `kybflow run --target px4` wants it.
 
     \b
     Examples:

@@ -11,7 +11,7 @@ from typer import Exit, Option
 
 from kybflow.cli.arguments import wrong
 from kybflow.cli.commands.mavlink import meeting
-from kybflow.cli.output import columns, echo
+from kybflow.cli.output import columns, echo, grouped
 from kybflow.core.exit_codes import FAILED
 from kybflow.drivers import firmware_names
 
@@ -27,11 +27,9 @@ else:
 
 def command(
     vehicle: Annotated[Firmware, Option(help="Whose firmware it is.")],
-    address: Annotated[
-        str | None, Option(help="Where it is; where the firmware's own simulator is by default.")
-    ] = None,
+    address: Annotated[str | None, Option(help="Where it is; else where its simulator is.")] = None,
     system: Annotated[
-        int | None, Option(min=1, max=254, help="Its system id; needed where several are heard.")
+        int | None, Option(min=1, max=254, help="Its id, where there are several.")
     ] = None,
     write: Annotated[bool, Option("--write", help="Write what is wrong and read it back.")] = False,
     simulator: Annotated[
@@ -135,9 +133,7 @@ def verdict(
     rows: Sequence[ParameterRow], dangers: Sequence[str], *, written: bool
 ) -> Iterator[str]:
     """What is left to do, a line each."""
-    names: dict[str, list[str]] = {}
-    for row in rows:
-        names.setdefault(row.state, []).append(row.setting.name)
+    names = grouped((row.state, row.setting.name) for row in rows)
     yield from (f"DANGER: {danger}" for danger in dangers)
     if missing := names.get("MISSING"):
         yield (
