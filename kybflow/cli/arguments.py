@@ -137,12 +137,12 @@ def compiled(
 
 
 @contextmanager
-def failing(code: int, *errors: type[KybflowError]) -> Iterator[None]:
-    """Tell an error of such a kind and exit with `code`."""
+def failing(code: int, *errors: type[KybflowError], word: str = "error: ") -> Iterator[None]:
+    """Tell an error of such a kind, after `word`, and exit with `code`."""
     try:
         yield
     except errors as error:
-        echo(f"error: {error}", err=True)
+        echo(f"{word}{error}", err=True)
         raise Exit(code) from None
 
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from math import degrees
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Exit, Option
+from typer import Argument, Option
 
-from kybflow.cli.arguments import WrongUsage
+from kybflow.cli.arguments import WrongUsage, failing
 from kybflow.cli.output import echo, grouped
 from kybflow.core.errors import CommandUnreadable
 from kybflow.core.exit_codes import FAILED
@@ -89,19 +89,18 @@ def command(
             parse(asked)
         except CommandUnreadable as error:
             raise WrongUsage(str(error)) from None
-    try:
-        with RunClient(find_run(run), commander_here(), keeps_lease=True) as client:
-            if asked == STATE:
-                found = client.state()
-                echo(json.dumps(found, indent=2) if as_json else "\n".join(described(found)))
-            elif asked == WATCH:
-                _watch(client, as_json=as_json)
-            else:
-                answer = client.command(asked, take=take)
-                echo(f"accepted, but {answer.reason}" if answer.reason else "accepted")
-    except CommandRefused as error:
-        echo(f"refused: {error}", err=True)
-        raise Exit(FAILED) from None
+    with (
+        failing(FAILED, CommandRefused, word="refused: "),
+        RunClient(find_run(run), commander_here(), keeps_lease=True) as client,
+    ):
+        if asked == STATE:
+            found = client.state()
+            echo(json.dumps(found, indent=2) if as_json else "\n".join(described(found)))
+        elif asked == WATCH:
+            _watch(client, as_json=as_json)
+        else:
+            answer = client.command(asked, take=take)
+            echo(f"accepted, but {answer.reason}" if answer.reason else "accepted")
 
 
 def _watch(client: RunClient, *, as_json: bool) -> None:

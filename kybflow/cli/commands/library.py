@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Exit
+from typer import Argument
 
-from kybflow.cli.arguments import unknown
+from kybflow.cli.arguments import failing, unknown
 from kybflow.cli.output import echo
 from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import INVALID
@@ -40,12 +40,9 @@ def command(
     if name is None:
         echo(list_shipped())
         return
-    try:
-        is_file = Path(name).suffix in (".yaml", ".yml")
+    is_file = Path(name).suffix in (".yaml", ".yml")
+    with failing(INVALID, KybflowError, word=""):
         text = show_file(Path(name)) if is_file else show_shipped(name) or show_import(name)
-    except KybflowError as error:
-        echo(str(error), err=True)
-        raise Exit(INVALID) from None
     if text is None:
         raise unknown("nothing at hand is called", name, known_names(), "NAME")
     echo(text)

@@ -7,7 +7,10 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from kybflow.cli.arguments import failing
 from kybflow.cli.output import echo
+from kybflow.core.errors import KybflowError
+from kybflow.core.exit_codes import INVALID
 
 
 def command(
@@ -28,6 +31,8 @@ def command(
     """
     from kybflow.api.scaffold import scaffold
 
-    for path in scaffold(name, origin, Path()):
+    with failing(INVALID, KybflowError, word="kybflow: "):
+        written = scaffold(name, origin, Path())
+    for path in written:
         echo(f"wrote {path}")
     echo(f"fly it: kybflow run {name}.yaml")

@@ -143,7 +143,8 @@ def fly_plan(
 
     tell, complain = teller(sys.stdout), teller(sys.stderr)
     listeners: list[Callable[[Event], None]] = []
-    observers, servers = list[Observer](), list[Server]()
+    observers: list[Observer] = []
+    servers: list[Server] = []
     if serves:
         from kybflow.command_server.server import CommandServer
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
-from typer import BadParameter, Option
+from typer import Option
 
-from kybflow.cli.arguments import duration
+from kybflow.cli.arguments import quantity, wrong
 from kybflow.cli.commands.mavlink import meeting
 from kybflow.cli.output import echo
+from kybflow.core.units import DURATION
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time
@@ -20,19 +21,9 @@ SHOWN = 3
 """Of what an autopilot said, the newest."""
 
 
-def patience(text: str) -> float:
-    """How long to listen, seconds."""
-    seconds = duration(text)
-    if not 0.0 < seconds <= LONGEST:
-        raise BadParameter(f"`{text}` is not within 0 s to {LONGEST} s")
-    return seconds
-
-
 def command(
     address: Annotated[str, Option(help="Where to listen, such as udpin:127.0.0.1:14540.")],
-    lasts: Annotated[
-        float, Option("--for", parser=patience, metavar="TIME", help="How long, such as 5s.")
-    ] = 5.0,
+    lasts: Annotated[str, Option("--for", metavar="TIME", help="How long.")] = "5s",
     own_system: meeting.OwnSystem = 245,
     key: meeting.Key = None,
 ) -> None:
@@ -51,8 +42,11 @@ def command(
     """
     from kybflow.core.signals import NS
 
+    seconds = quantity(lasts, DURATION, "--for")
+    if not 0.0 < seconds <= LONGEST:
+        raise wrong("--for", f"`{lasts}` is not within 0 s to {LONGEST} s")
     with meeting.meeting(address, None, own_system, key) as discovery:
-        listen_to(discovery, meeting.ticks(), round(lasts * NS))
+        listen_to(discovery, meeting.ticks(), round(seconds * NS))
 
 
 def listen_to(discovery: Discovery, steps: Iterator[Time], patience: Time) -> None:
