@@ -4,6 +4,7 @@ Everything heavy is imported where it is needed."""
 from __future__ import annotations
 
 import errno
+import functools
 import gc
 import inspect
 import math
@@ -17,7 +18,7 @@ from types import FrameType, ModuleType
 from typing import Annotated, Any, TextIO, cast
 
 from typer import BadParameter, Exit, Option, Typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 from typer.main import get_command
 
 from kybflow import __version__
@@ -36,20 +37,9 @@ _SHOWN = 100
 _NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
 
 
-class Command(TyperCommand):
-    """A command that gets no path at which nothing can ever be, and no number that isn't finite."""
-
-    def invoke(self, ctx: Any) -> Any:
-        for param in self.params:
-            given = ctx.params.get(param.name)
-            for value in given if isinstance(given, (list, tuple)) else [given]:
-                if reason := _useless(value):
-                    raise BadParameter(reason, ctx=ctx, param=param)
-        return super().invoke(ctx)
-
-
 def _useless(value: object) -> str:
-    """Why nothing can be done with a value; empty where something can."""
+    """Why no command can do anything with a value: a number that isn't finite, or a path at which
+    nothing can ever be. Empty where one can."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{value} is not finite"
     if isinstance(value, Path):
@@ -80,9 +70,19 @@ class Commands(TyperGroup):
         own = Typer(rich_markup_mode=None, add_completion=False)
         summary = " ".join((inspect.getdoc(module.command) or "").partition("\n\n")[0].split())
         settings = getattr(module, "SETTINGS", None)
-        declare = own.command(cmd_name, cls=Command, short_help=summary, context_settings=settings)
-        declare(module.command)
-        return get_command(own)
+
+        @own.command(cmd_name, short_help=summary, context_settings=settings)
+        @functools.wraps(module.command)
+        def checked(**given: Any) -> None:
+            for param in command.params:
+                values = given[str(param.name)]
+                for value in values if isinstance(values, list) else [values]:
+                    if reason := _useless(value):
+                        raise BadParameter(reason, param=param)
+            module.command(**given)
+
+        command = get_command(own)
+        return command
 
 
 app = Typer(

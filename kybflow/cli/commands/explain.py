@@ -15,8 +15,9 @@ def command(
     write_to: WriteTo = None,
     check: Check = None,
 ) -> None:
-    """What a finding means and how to mend it; without a code, all of them by family. What is
-    written is the page of all codes.
+    """What a finding means and how to mend it; without a code, all of them by family.
+
+    What is written is the page of all codes.
 
     \b
     Examples:

@@ -16,7 +16,9 @@ def command(
     check: Check = None,
 ) -> None:
     """What behaviors, estimators, processors, trackers, supervisors, drivers, faults and actions
-    there are. What is written is the page of kybflow's own parts.
+    there are.
+
+    What is written is the page of kybflow's own parts.
 
     \b
     Examples:

@@ -18,8 +18,9 @@ def command(
     target: Target = None,
     sets: Sets,
 ) -> None:
-    """What a mission does: its vehicles, states and parameters; or all of it, line by line, after
-    imports and defaults, with origins.
+    """What a mission does: its vehicles, states and parameters; or all of it, line by line.
+
+    All of it is the mission after imports and defaults, with the origin of each line.
 
     \b
     Examples:

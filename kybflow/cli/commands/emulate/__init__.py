@@ -1,3 +1,3 @@
 """Stand in for something that isn't there."""
 
-COMMANDS = ("autopilot", "ardrone")
+COMMANDS = ("ardrone", "autopilot")

@@ -1,3 +1,3 @@
 """Meet an autopilot: hear it, and set its parameters."""
 
-COMMANDS = ("setup", "listen")
+COMMANDS = ("listen", "setup")
