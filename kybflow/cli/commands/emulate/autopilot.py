@@ -19,18 +19,18 @@ else:
     Firmware = Literal[firmware_names("emulated_autopilot")]
 
 
-class Setting(NamedTuple):
+class AutopilotParameter(NamedTuple):
     """A parameter of the autopilot."""
 
     name: str
     value: float
 
 
-def setting(text: str) -> Setting:
+def setting(text: str) -> AutopilotParameter:
     """The parameter of `NAME=VALUE`."""
     name, _, value = text.partition("=")
     try:
-        return Setting(name.strip(), float(value))
+        return AutopilotParameter(name.strip(), float(value))
     except ValueError:
         raise BadParameter(f"`{text}` is not NAME=VALUE, with a number") from None
 
@@ -47,7 +47,7 @@ def command(
     system: Annotated[int, Option(min=1, max=200, help="System id of the first.")] = 1,
     gps: Annotated[bool, Option(help="Whether it has GPS and is as the firmware comes.")] = True,
     param: Annotated[
-        list[Setting],
+        list[AutopilotParameter],
         repeated(
             "--param", parser=setting, metavar="NAME=VALUE", help="A parameter of the autopilot."
         ),
