@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -13,9 +13,6 @@ from kybflow.cli.output import echo
 from kybflow.core.exit_codes import FAILED
 from kybflow.core.files import write_whole
 from kybflow.vision import WAY_OUT
-
-if TYPE_CHECKING:
-    pass
 
 
 def command(

@@ -8,8 +8,16 @@ from typing import Annotated
 
 from typer import Option
 
-from kybflow.cli.arguments import Seed, failing, repeated
-from kybflow.cli.commands.emulate.serving import Count, Mission, Pace, breaks_of, seats_for, served
+from kybflow.cli.arguments import Seed, failing
+from kybflow.cli.commands.emulate.serving import (
+    Count,
+    Mission,
+    Pace,
+    breaks_of,
+    fails,
+    seats_for,
+    served,
+)
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import DRIVER_FAILED
 
@@ -25,11 +33,7 @@ def command(
     video: Annotated[bool, Option("--video", help="Send what their cameras see.")] = False,
     fail: Annotated[
         list[str],
-        repeated(
-            "--fail",
-            metavar="NAME[=VALUE][@SECONDS]",
-            help="What fails, and when: silent, deaf, drop, battery, cutout, heal.",
-        ),
+        fails("silent, deaf, drop, battery, cutout, heal"),
     ],
     speed: Pace = 1.0,
     seed: Seed = 0,
@@ -60,10 +64,8 @@ def command(
         sys.stdout.flush()
 
     breaks = breaks_of(fail, DroneFailures)
-    seats, radio = (
-        seats_for(mission, "emulated_ardrone", "ardrone", count),
-        Radio(latency, jitter, loss),
-    )
+    seats = seats_for(mission, "emulated_ardrone", "ardrone", count)
+    radio = Radio(latency, jitter, loss)
     with (
         failing(DRIVER_FAILED, DriverError),
         drones(seats, radio, host, seed, told, video=video) as fleet,

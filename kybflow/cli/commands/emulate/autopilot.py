@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 from typer import BadParameter, Option
 
 from kybflow.cli.arguments import Seed, failing, refusing, repeated
-from kybflow.cli.commands.emulate.serving import Count, Mission, Pace, breaks_of, seats_for, served
+from kybflow.cli.commands.emulate.serving import (
+    Count,
+    Mission,
+    Pace,
+    breaks_of,
+    fails,
+    seats_for,
+    served,
+)
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import DRIVER_FAILED
 from kybflow.drivers import firmware_names
@@ -58,12 +66,7 @@ def command(
     key: Annotated[Path | None, Option(help="File with the secret of signed messages.")] = None,
     fail: Annotated[
         list[str],
-        repeated(
-            "--fail",
-            metavar="NAME[=VALUE][@SECONDS]",
-            help="What fails, and when: silent, deaf, blind, battery, refuse, bar, drop, tilt,"
-            " pilot, heal.",
-        ),
+        fails("silent, deaf, blind, battery, refuse, bar, drop, tilt, pilot, heal"),
     ],
     speed: Pace = 1.0,
     seed: Seed = 0,
