@@ -60,6 +60,16 @@ class Commands(TyperGroup):
         names: Any = dict.fromkeys(package.COMMANDS)
         self.commands, self._package = names, package
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for word in args:
+            try:
+                is_text = b"\0" not in os.fsencode(word)
+            except UnicodeError:
+                is_text = False
+            if not is_text:  # no shell gives it, and paths in typer would raise
+                raise BadParameter(f"{word[:_SHOWN]!r} is no text")
+        return super().parse_args(ctx, args)
+
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands:
             return None
