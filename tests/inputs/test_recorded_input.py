@@ -6,8 +6,8 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from plans import part
+from typer.testing import CliRunner
 
 from kybflow.api.recorded_input import InputUnknown, input_named, record_input
 from kybflow.cli.app import app

@@ -11,10 +11,10 @@ from typing import ClassVar
 
 import numpy
 import pytest
-from click.testing import CliRunner
 from failsafe_parts import alarming
 from plans import part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
+from typer.testing import CliRunner
 
 from kybflow.api.flight import inspect
 from kybflow.cli.app import app

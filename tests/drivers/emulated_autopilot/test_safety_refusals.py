@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from click.testing import CliRunner
 from dry_runs import AUTOPILOTS, DRIVER, UP, DryRun, supervised
 from plans import part, state, then
 from short_flights import down, hold, up
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.drivers.mavlink.firmware import profile_of

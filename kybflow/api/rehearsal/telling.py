@@ -1,9 +1,9 @@
-"""What `kybflow rehearse` prints, and the line that the preflight has of it."""
+"""A rehearsal as text for people and for programs, and as a line of the preflight."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.diagnostics.diagnostic import Severity
@@ -12,6 +12,19 @@ from kybflow.dsl.diagnostics.render import render_all, to_json
 if TYPE_CHECKING:
     from kybflow.api.rehearsal.rehearse import Rehearsal
     from kybflow.runtime.preflight import PreflightResult
+
+
+def told(rehearsal: Rehearsal, texts: dict[str, str], format: str) -> Iterable[str]:
+    """What came of a rehearsal, in the format `text`, `json`, `sarif` or `github`."""
+    from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
+
+    if format == "text":
+        return reports(rehearsal, texts)
+    if format == "json":
+        return [as_json(rehearsal)]
+    if format == "sarif":
+        return [to_sarif(rehearsal.diagnostics)]
+    return map(to_annotation, rehearsal.diagnostics)
 
 
 def reports(rehearsal: Rehearsal, texts: dict[str, str]) -> Iterator[str]:
