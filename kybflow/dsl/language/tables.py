@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from kybflow.core.params import (
@@ -50,15 +51,15 @@ def _innermost(kind: ValueType) -> ValueType:
     return _innermost(kind.item) if isinstance(kind, ListOf | MappingOf) else kind
 
 
-def with_tables(page: str) -> str:
-    """The page with its tables as the records declare them. Raises KeyError for a table of what is
-    no record."""
+def with_tables(page: Path) -> str:
+    """The text of a page with its tables as the records declare them. Raises KeyError for a table
+    of what is no record."""
     known = records()
 
     def table(match: re.Match[str]) -> str:
         return "\n".join((f"{match[1]}{_HEAD}", *_rows(known[match[2]]), match[3]))
 
-    return _PLACE.sub(table, page)
+    return _PLACE.sub(table, page.read_text(encoding="utf-8"))
 
 
 def missing_tables(page: str) -> list[str]:

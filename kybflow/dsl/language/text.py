@@ -83,7 +83,8 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
             at = texts[index].span.at if isinstance(item, str) else at
             yield f"{inner}- {_text(item, kind.item, field)}", at
     else:
-        yield f"{head} {_text(value, kind, field)}", came_from
+        notes = _notes(value) if isinstance(value, Record) else ""
+        yield f"{head} {_text(value, kind, field)}", came_from + notes
 
 
 def _named(record: Record, field: Field, name: str, item: Any, indent: str) -> Iterator[YamlLine]:
@@ -154,9 +155,13 @@ def _origin(record: Record) -> str:
     """The places that a record and its values came from; each value that took the place of a
     `$name` is named."""
     own = record if isinstance(record, PartPlan) else getattr(record, "part", record)
-    entries = {**entries_of(own.source.node), **entries_of(record.source.node)}
-    notes = (_given(key, entry.value.span) for key, entry in entries.items())
-    return own.span.at + "".join(notes)
+    return str(own.span.at) + _notes(record)
+
+
+def _notes(record: Record) -> str:
+    own = record if isinstance(record, PartPlan) else getattr(record, "part", record)
+    entries = {**own.source.node.entries, **record.source.node.entries}
+    return "".join(_given(key, entry.value.span) for key, entry in entries.items())
 
 
 def _given(name: str, span: Span) -> str:
