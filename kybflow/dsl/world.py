@@ -24,13 +24,13 @@ from kybflow.core.units import (
 )
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.reading.calibration import read_calibration
-from kybflow.dsl.reading.occupancy_map import read_image, read_info
-from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.dsl.reading.tag_table import LARGEST, read_tags
 from kybflow.vision.families import FAMILIES
 from kybflow.world.cameras import Camera
 from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.occupancy_map import read_image, read_info
 from kybflow.world.point_cloud import FARTHEST
+from kybflow.world.point_cloud_file import read_points
 from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import Tag
 

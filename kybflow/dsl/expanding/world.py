@@ -18,8 +18,6 @@ from kybflow.dsl.expanding.tags import tags_of_entry
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
-from kybflow.dsl.reading.occupancy_map import occupied_places, read_image, read_info
-from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.dsl.reading.values import decode, origin
 from kybflow.dsl.world import (
     Corners,
@@ -32,7 +30,9 @@ from kybflow.dsl.world import (
 )
 from kybflow.world.columns import Columns
 from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.occupancy_map import occupied_places, read_image, read_info
 from kybflow.world.point_cloud import FARTHEST, METRES, MOST, PointCloud, placed, thinned
+from kybflow.world.point_cloud_file import read_points
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 CODES = {
