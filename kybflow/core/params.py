@@ -26,8 +26,9 @@ from typing import (
 
 from kybflow.core.errors import PartError
 from kybflow.core.files import File, FilePath
+from kybflow.core.matrices import asymmetry, is_positive_definite
 from kybflow.core.sources import hints_of
-from kybflow.core.units import NUMBER, Dimension, Matrix, Rows, Vec3
+from kybflow.core.units import NUMBER, Dimension, Rows, RowsOfNumbers, Vec3
 
 T = TypeVar("T")
 _KEY = "kybflow"
@@ -35,7 +36,8 @@ _LANGUAGE = "_kybflow_language"
 RESERVED = frozenset(
     {
         "do", "use", "as", "then", "next", "failed", "within", "for", "at", "on", "inject", "when",
-        "estimators", "buttons", "dead_man", "silent_after", "stuck_after",
+        "estimators", "buttons", "dead_man", "silent_after", "stuck_after", "healthy",
+        "recover_after", "for_at_most",
     }
 )  # fmt: skip
 Tightens = Literal["up", "down"]
@@ -151,6 +153,7 @@ class Field:
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
+    is_definite: bool = False
     read_only: bool = False
     tightens: Tightens | None = None
     names: Named | None = None
@@ -218,6 +221,19 @@ class Field:
             return f"must be at most {self.at_most:g}"
         return None
 
+    def flaw(self, value: Any) -> str | None:
+        """Return what is wrong with a value as a whole whose numbers are within bounds, in words,
+        or None: of a matrix that is to be symmetric and positive definite."""
+        if not self.is_definite or value is None:
+            return None
+        if (place := asymmetry(value)) is not None:
+            i, j = place
+            return (
+                f"must be symmetric, but row {i + 1} has {value[i][j]:g} in column {j + 1}"
+                f" and row {j + 1} has {value[j][i]:g} in column {i + 1}"
+            )
+        return None if is_positive_definite(value) else "must be positive definite"
+
 
 def key(
     help: str,
@@ -227,6 +243,7 @@ def key(
     at_least: float | None = None,
     below: float | None = None,
     at_most: float | None = None,
+    is_definite: bool = False,
     read_only: bool = False,
     tightens: Tightens | None = None,
     names: Named | None = None,
@@ -244,8 +261,8 @@ def key(
 ) -> Any:
     """Declare one key of a record, or one parameter of a part.
 
-    default and bounds are SI; bounds hold for each number of a vector or matrix. read_only: it
-    can't change during a run. tightens: in flight it may change in that direction only. names: the
+    default and bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a
+    matrix is symmetric and positive definite. read_only: it can't change during a run. tightens: in flight it may change in that direction only. names: the
     compiler checks that a text names such a thing. reads: the compiler checks a file with this
     reader. limited_by: the parameter beside it that it may not exceed, or the part never succeeds.
     room: the length says nothing where it is more than half of the fence's longest side (`across`),
@@ -257,7 +274,7 @@ def key(
     """
     facts = Field(
         help=help, above=above, at_least=at_least, below=below, at_most=at_most,
-        read_only=read_only, tightens=tightens, names=names, reads=reads, limited_by=limited_by,
+        is_definite=is_definite, read_only=read_only, tightens=tightens, names=names, reads=reads, limited_by=limited_by,
         room=room, binary=binary, key=key, examples=examples, each=each, least=least,
         each_examples=each_examples,
         needed=needed, names_like=names_like,
@@ -299,7 +316,8 @@ def type_of(field: Field) -> str:
     if isinstance(kind, Numbers):
         name = kind.dimension.name
         if kind.shape == "matrix":
-            name = f"{kind.size[0]} x {kind.size[1]} matrix of {name}"
+            definite = "positive definite " if field.is_definite else ""
+            name = f"{definite}{kind.size[0]} x {kind.size[1]} matrix of {name}"
         elif kind.size:
             name = f"{kind.shape} of {name}"
         return f"{name} [{kind.dimension.si}]" if kind.dimension.si else name
@@ -362,6 +380,9 @@ def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: 
     if declared.name in RESERVED and not is_language:
         raise PartError(f"{where}: a parameter may not be called `{declared.name}`")
     kind, optional = _type(where, hint)
+    sides = kind.size if isinstance(kind, Numbers) and kind.shape == "matrix" else ()
+    if facts.is_definite and len(set(sides)) != 1:
+        raise PartError(f"{where}: only a square matrix is positive definite")
     default, factory = declared.default, declared.default_factory
     if factory is not dataclasses.MISSING:
         default = factory()
@@ -397,7 +418,7 @@ def _marked(where: str, hint: Any, mark: Any) -> ValueType | None:
         return MappingOf("mapping", False, _type(where, get_args(hint)[0])[0], False)
     if isinstance(mark, ValueType):
         return mark
-    if hint == Matrix and isinstance(mark, Rows):
+    if hint == RowsOfNumbers and isinstance(mark, Rows):
         return Numbers("matrix", False, mark.dimension, (mark.rows, mark.columns))
     if hint in _SIZES and isinstance(mark, Dimension):
         return numbers(mark, _SIZES[hint][0])

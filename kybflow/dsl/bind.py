@@ -186,7 +186,7 @@ def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> Phas
         give={name: goal for who, goal in phase.give.items() for name in plan.members(who)},
         options=tuple(
             SetOption(option.name, value)
-            for target in phase.targets("set")
+            for target in phase.pairs("set")
             for option, value in option_values(*target, plan, catalog, Findings())
         ),
         transitions=tuple(_transition(transition, scope) for transition in phase.transitions),

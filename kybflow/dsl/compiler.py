@@ -1,11 +1,11 @@
 """Text to plan: the passes, in order. One that follows errors is skipped.
 
 read      text and `--set` to a tree in which every node has its place
-judge     the tree by the language's schema
+judge     the tree by the shape of the language's records
 resolve   imports, `like`, stacks, chains and parameters away
-shape     the tree to a typed document, in SI
-check     what can be proven of the document before take-off
-lower     the document to the plan, from which `kybflow.dsl.machine` assembles state machines
+expand    the tree to the plan as written, in SI
+check     what can be proven of the plan before take-off
+bind      names to what they mean: the plan that the runtime sees
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def _passes(
     sets: Sequence[str],
     found: Findings,
 ) -> Plan | None:
-    """The passes up to the checked document, a line each. Returns None for a library."""
+    """The passes up to the checked plan, a line each. Returns None for a library."""
     found.add(source.found)
     settings, root = parse_settings(sets, found), source.root
     found.stop_if_errors()

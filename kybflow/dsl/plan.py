@@ -10,7 +10,6 @@ it is empty for what nobody wrote.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -52,7 +51,7 @@ from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 Cause = Literal["next", "then", "failed", "within"]
 END = "end"
 """Where a transition of a phase leads to end its flow."""
-MERGES = "mappings merge, lists are replaced, null removes."
+MERGES = "mappings merge, lists are replaced, `null` removes."
 
 
 @dataclass(frozen=True)
@@ -246,6 +245,22 @@ class Body(Record):
 
 
 @record
+class Place(Record):
+    """How a vehicle is reached."""
+
+    title: ClassVar[str] = "vehicle's target"
+
+    driver: Annotated[PartPlan | None, part_of("drivers")] = key("What flies it.", default=None)
+    tracker: Annotated[PartPlan | None, part_of("trackers")] = key(
+        "What turns the setpoint into a command there.", default=None
+    )
+    sensors: dict[str, Annotated[tuple[PartPlan, ...], SENSORS]] = key(
+        "Sensors beside the driver, under the names of estimators.", default={},
+        each="Where the estimator's measurements come from: one, or a list of them.",
+    )  # fmt: skip
+
+
+@record
 class VehiclePlan(Record):
     """What flies, what it trusts, what it does.
 
@@ -294,6 +309,8 @@ class VehiclePlan(Record):
     sensors: tuple[SensorPlan, ...] = ()
     chains: dict[str, ChainPlan] = field(default_factory=dict)
     own_tracker: PartPlan | None = None
+    reached: Place = Place()
+    """How it is reached on the target: as its own entry there says, else as that of `all`."""
     requested: frozenset[str] = frozenset()
     requested_first: frozenset[str] = frozenset()
 
@@ -613,13 +630,6 @@ class PhasePlan(Record):
     otherwise: Goal = key("The phase to go to when it lasts longer, or `end`.", default=None)
     transitions: Ways = ()
     options: tuple[SetOption, ...] = ()
-
-    def targets(self, key: str) -> Iterator[tuple[Text, Node]]:
-        """(name, value) of each entry of a mapping, with their places."""
-        written = self.entry(key)
-        for entry in entries_of(None if written is None else written.value).values():
-            yield entry.key.as_text, entry.value
-
     ends: bool = False
     at: str = ""
 
@@ -649,23 +659,7 @@ class FlowPlan(Record):
 
 
 @record
-class Place(Record):
-    """How a vehicle is reached."""
-
-    title: ClassVar[str] = "vehicle's target"
-
-    driver: Annotated[PartPlan | None, part_of("drivers")] = key("What flies it.", default=None)
-    tracker: Annotated[PartPlan | None, part_of("trackers")] = key(
-        "What turns the setpoint into a command there.", default=None
-    )
-    sensors: dict[str, Annotated[tuple[PartPlan, ...], SENSORS]] = key(
-        "Sensors beside the driver, under the names of estimators.", default={},
-        each="Where the estimator's measurements come from: one, or a list of them.",
-    )  # fmt: skip
-
-
-@record
-class Target(Record):
+class TargetKeys(Record):
     """One target: `all`, or a vehicle's name."""
 
     title: ClassVar[str] = "target"
@@ -849,7 +843,7 @@ class Plan(Shared):
         default=(),
     )
     expect: tuple[str, ...] = key("What must hold for the mission to succeed.", default=())
-    targets: dict[str, Target] = key(
+    targets: dict[str, TargetKeys] = key(
         "Where the mission can fly; `sim` and those of the drivers are implied.", default={}
     )
     target: str

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 from kybflow.core.errors import OptionRefused, UnitError
 from kybflow.core.params import Field, Numbers, fields_of, type_of
 from kybflow.core.text import nearest
-from kybflow.core.units import format_quantity, parse_quantity
+from kybflow.core.units import article, format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts.events import OptionChanged, OptionRefusedEvent
 from kybflow.runtime.events import Events
@@ -200,6 +200,9 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
     elif kind.fixed:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
     _check_bounds(name, () if field.choices else field.numbers(value), field)
+    flaw = field.flaw(value)
+    if flaw is not None:
+        raise OptionRefused(f"`{name}` {flaw}")
     return value
 
 
@@ -207,25 +210,37 @@ def _array(name: str, value: Any, field: Field, size: tuple[int | None, ...]) ->
     """Return a number, or lists of them as deep as `size` is long."""
     if not size:
         return _number(name, value, field)
-    text = value.strip().removeprefix("[").removesuffix("]") if isinstance(value, str) else ""
-    items = _ITEM.findall(text) if isinstance(value, str) else tuple(value)
-    items = [item for item in items if not isinstance(item, str) or item.strip()]
-    if len(items) != size[0]:
-        needed = (
-            "three numbers"
-            if size == (3,)
-            else f"{size[0]} {'numbers' if len(size) == 1 else 'rows'}"
-        )
-        raise OptionRefused(f"`{name}` has {needed}, not {len(items)}")
+    items = _items(value)
+    if items is None or len(items) != size[0]:
+        raise OptionRefused(f"`{name}` has {_many(value, items, field, len(size))}")
     return tuple(_array(name, item, field, size[1:]) for item in items)
 
 
+def _many(value: Any, items: list[Any] | None, field: Field, depth: int) -> str:
+    """How many numbers are needed, and what there is."""
+    found = f"`{value}`" if items is None else f"{len(items)}"
+    if field.shape != "matrix" or not isinstance(field.type, Numbers):
+        return f"three numbers, not {found}"
+    if items is not None:
+        rows = "1 row" if len(items) == 1 else f"{found} rows"
+        found = rows if depth == 2 else f"a row of {found}"
+    return "{} rows of {} numbers, not {}".format(*field.type.size, found)
+
+
+def _items(value: Any) -> list[Any] | None:
+    """What a list, or its text, is of; None for what is no list."""
+    if isinstance(value, str):
+        text = value.strip().removeprefix("[").removesuffix("]")
+        return [item for item in _ITEM.findall(text) if item.strip()]
+    return list(value) if isinstance(value, Iterable) else None
+
+
 def _number(name: str, value: Any, field: Field) -> float:
-    if not isinstance(value, str):
-        return float(value)
     assert field.dimension is not None
     try:
-        return parse_quantity(value, field.dimension)
+        return parse_quantity(value, field.dimension) if isinstance(value, str) else float(value)
+    except TypeError:
+        raise OptionRefused(f"`{name}` is {article(field.dimension.name)}, not `{value}`") from None
     except UnitError as error:
         raise OptionRefused(f"`{name}`: {error}; {error.hint}") from None
 

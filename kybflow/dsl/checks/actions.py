@@ -193,4 +193,4 @@ def sets_of(case: Case) -> Iterator[tuple[Text, Node]]:
         yield action.target_text, action.value_node
     for flow in case.plan.flows:
         for phase in flow.phases.values():
-            yield from phase.targets("set")
+            yield from phase.pairs("set")

@@ -272,7 +272,7 @@ def phases(plan: Plan) -> Iterator[tuple[FlowPlan, PhasePlan]]:
 
 def goals_of(phase: PhasePlan, key: Asked) -> Iterator[tuple[Text, Text]]:
     """(vehicle or group, the state or the flow) of each entry of `run` or `give`."""
-    for who, goal in phase.targets(key):
+    for who, goal in phase.pairs(key):
         if not is_null(goal):
             yield who, _name(goal)
 

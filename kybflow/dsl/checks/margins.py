@@ -24,7 +24,7 @@ from kybflow.flight.loops.margins import Margins, in_words
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.world.inner_loop import InnerLoop
 
-GAINS = ("proportional", "derivative", "integral")
+GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"
 _SWINGS = Margins(1.1, radians(10.0), 0.0)
 """Below these a loop swings long after each disturbance."""
 
@@ -51,7 +51,8 @@ def _loops(case: Case) -> Iterator[_Closed]:
         outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
         if outer is not None:
             found = margins_of(outer, inner)
-            yield _Closed(vehicle, outer, inner, found, any(map(_is_chosen, _gains(tracker))))
+            is_chosen = outer.stiffness is not None or any(map(_is_chosen, _gains(tracker)))
+            yield _Closed(vehicle, outer, inner, found, is_chosen)
 
 
 def _gains(tracker: PartPlan) -> Iterator[tuple[float | None, float | None]]:
@@ -107,12 +108,12 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
     if holds(loop.margins, _SWINGS):
         little = "little" if code == "KYB324" else "too little"
         what = f"leaves `{name}` {little} margin"
-    written = (key for key in (*GAINS, "observer") if tracker.is_written(key))
+    written = (key for key in (MATRIX, *GAINS, "observer") if tracker.is_written(key))
     return Diagnostic(
         code,
         f"`{tracker.name}` {what}",
         tracker.span_of(next(written, "")),
-        label=in_words(loop.margins),
+        label=margins_in_words(loop.outer, loop.margins),
         notes=(f"at least {in_words(bound)} are asked for",),
         help=_way_out(loop, bound),
     )
@@ -126,10 +127,12 @@ def _way_out(loop: _Closed, bound: Margins) -> str:
     if holds(margins_of(outer._replace(observer=0.0), inner), bound):
         return f"give `observer: {quickest_observer(outer, inner, bound):g} Hz` at most"
     gains = designed(outer, inner)
-    k, d, i = gains
-    best = outer._replace(proportional=k, derivative=d, integral=i)
-    if not holds(margins_of(best, inner), PLANNED):
+    if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
         return "no gains suit this loop: make it answer sooner"
+    if outer.stiffness is not None:
+        k, d, i = (f"{gain:.3g}" for gain in gains)
+        start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"
+        return f"start at `{MATRIX}: {start}`, `derivative: {d}`, `integral: {i}`"
     if outer.proportional != loop.vehicle.tracker.params.proportional:
         return "give smaller gains: start at half of them"
     return "give at most " + ", ".join(f"`{n}: {v:.3g}`" for n, v in zip(GAINS, gains, strict=True))

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.decode import Decoder
@@ -30,7 +31,7 @@ CODES = {
     "KYB461": "A callback that says neither an event nor a condition, or what needs the other one.",
     "KYB180": "A fault that does not say when, or says it twice.",
 }
-_CALLBACK_KEYS = frozenset({"event", "when", "for", "do"})
+_CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
 
 def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:

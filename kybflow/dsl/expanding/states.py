@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.decode import Decoder
@@ -22,7 +23,7 @@ from kybflow.parts.observables import chains_of
 CODES = {
     "KYB143": "A transition that says nothing of when, or how long of nothing.",
 }
-_OF_CHAINS = frozenset({"then", "next", "failed", "within"})
+OF_CHAINS = frozenset(field.key for field in fields_of(ChainPlan))
 
 
 class States(NamedTuple):
@@ -63,10 +64,10 @@ def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> Chai
     name, body = entry.key.text, entry.value
     assert isinstance(body, Mapping)
     for key, inner in body.entries.items():
-        if key not in _OF_CHAINS:
+        if key not in OF_CHAINS:
             message, hint = (
                 f"`{key}` is no key of a chain's own entry",
-                did_you_mean(key, _OF_CHAINS),
+                did_you_mean(key, OF_CHAINS),
             )
             decoder.found.report("KYB101", message, inner.key.span, help=hint)
     chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)

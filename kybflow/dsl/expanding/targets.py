@@ -8,13 +8,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kybflow.core.errors import KybflowError
+from kybflow.core.params import fields_of
 from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
-from kybflow.dsl.plan import InputPlan, PartPlan, SensorPlan, VehiclePlan
+from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
@@ -39,6 +40,8 @@ _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
 """The name of the file that the span of an unknown target points into."""
 Entries = dict[str, MappingEntry]
+_OWN = frozenset(field.key for field in fields_of(TargetKeys))
+"""The keys of a target that are no vehicles."""
 
 
 class Target:
@@ -52,31 +55,30 @@ class Target:
         name = target or "sim"
         self.is_written = name in self._targets
         self._entries = entries_of(self._targets[name].value) if self.is_written else {}
+        self._places = self._decoded(self._entries, decoder)
         self.name = Text(name, root.entries["mission"].key.span, verbatim=False)
         if self.is_written:
             self.name = self._targets[name].key.as_text
         elif name != "sim" and name not in (implied := implied_targets(catalog)):
             known = {*self._targets, *implied, "sim"}
-            message, asked = (
-                f"the mission has no target `{name}`",
-                Span(FILE, 1, 1, 1, len(name) + 1),
-            )
+            message = f"the mission has no target `{name}`"
+            asked = Span(FILE, 1, 1, 1, len(name) + 1)
             self._found.report("KYB150", message, asked, help=did_you_mean(name, known))
 
     def drivers(self) -> dict[str, PartPlan]:
         """The driver of each vehicle: its own entry, else that of `all`, else the one that the
         target's name implies."""
-        decoded = self._decoded_drivers(self._entries, self._decoder)
-        if "all" not in decoded and not self._vehicles.keys() <= decoded.keys():
+        written = {n: p.driver for n, p in self._places.items() if p.entry("driver") is not None}
+        if "all" not in written and not self._vehicles.keys() <= written.keys():
             implied = self._implied()
             if implied is not None:
-                decoded["all"] = implied
+                written["all"] = implied
         drivers: dict[str, PartPlan] = {}
         for name in self._vehicles:
-            driver = decoded.get(name, decoded.get("all"))
+            driver = written.get(name, written.get("all"))
             if driver is not None:
                 drivers[name] = driver
-            elif self.is_written and name not in decoded and "all" not in decoded:
+            elif self.is_written and name not in written and "all" not in written:
                 message = f"`{name}` has no driver on the target `{self.name.text}`"
                 self._found.report("KYB151", message, self.name.span)
         return drivers
@@ -91,23 +93,31 @@ class Target:
         driver, values = implied[name]
         return self._decoder.part("drivers", _node({"use": driver, **values}, span))
 
-    def _decoded_drivers(self, entries: Entries, decoder: Decoder) -> dict[str, PartPlan | None]:
-        """The drivers that are written; trackers are looked at as well."""
-        decoded: dict[str, PartPlan | None] = {}
+    def _decoded(self, entries: Entries, decoder: Decoder) -> dict[str, Place]:
+        """How `all` and each vehicle are reached on a target."""
+        places: dict[str, Place] = {}
         for name, entry in entries.items():
-            if name == "inputs":
+            if name in _OWN:
                 continue
-            driver = entry.value.get("driver") if isinstance(entry.value, Mapping) else None
-            tracker = _tracker(entry)
-            if tracker is not None:
-                decoder.part("trackers", tracker)
-            if name != "all" and name not in self._vehicles:
+            place: Place = decoder.record(Place, entry.value, entry.key.span)
+            if name == "all":
+                known = [label for e in self._vehicles.values() for label in _estimators(e.value)]
+            elif name in self._vehicles:
+                known = list(_estimators(self._vehicles[name].value))
+            else:
                 hint = did_you_mean(name, [*self._vehicles, "all"])
                 message = f"no vehicle is called `{name}`"
                 decoder.found.report("KYB151", message, entry.key.span, help=hint)
-            elif driver is not None:
-                decoded[name] = decoder.part("drivers", driver)
-        return decoded
+                continue
+            places[name] = place
+            for label, _ in place.pairs("sensors"):
+                if label.text in place.sensors and label.text not in known:
+                    whose = "no vehicle has an" if name == "all" else f"`{name}` has no"
+                    message = f"{whose} estimator `{label.text}`"
+                    hint = did_you_mean(label.text, known)
+                    hint = hint or "name one under `estimators` of the vehicle"
+                    decoder.found.report("KYB390", message, label.span, help=hint)
+        return places
 
     def judge_others(self) -> None:
         """Report what is wrong with the targets that are not flown on; what is not installed here,
@@ -117,8 +127,7 @@ class Target:
                 continue
             found, entries = Findings(), entries_of(entry.value)
             decoder = Decoder(self._decoder.catalog, found)
-            self._decoded_drivers(entries, decoder)
-            self._sensors_of(entries, decoder)
+            self._decoded(entries, decoder)
             for own in _inputs(entries).values():
                 if not is_null(own.value):
                     decoder.record(InputPlan, own.value, own.key.span, name="", buttons={})
@@ -134,70 +143,26 @@ class Target:
         driver brings. The tracker is that of the vehicle's own entry, else that of `all`, else the
         one that the driver asks for, else the mission's.
         """
-        decoded = self._sensors_of(self._entries, self._decoder)
+        everybody = self._places.get("all", Place())
         for vehicle in vehicles:
+            own = self._places.get(vehicle.name, Place())
             labels = set(_estimators(self._vehicles[vehicle.name].value))
-            named = {k: v for k, v in decoded.get("all", {}).items() if k in labels}
-            lists = {**named, **decoded.get(vehicle.name, {})}.values()
+            named = {k: v for k, v in _sensors(everybody).items() if k in labels}
+            lists = {**named, **_sensors(own)}.values()
             sensors = [use for several in lists for use in several]
             sensors += self._brought(vehicle, sensors)
-            tracker = self._tracker(vehicle)
-            own = None if tracker is None else vehicle.tracker
-            if sensors or tracker is not None:
-                yield vehicle.but(sensors=tuple(sensors), tracker=tracker or vehicle.tracker,
-                    own_tracker=own,
-                )  # fmt: skip
-            else:
-                yield vehicle
+            tracker = own.tracker or everybody.tracker or self._asked_for(vehicle.driver)
+            yield vehicle.but(
+                sensors=tuple(sensors),
+                tracker=tracker or vehicle.tracker,
+                own_tracker=None if tracker is None else vehicle.tracker,
+                reached=_over(everybody, own),
+            )
 
-    def _tracker(self, vehicle: VehiclePlan) -> PartPlan | None:
-        """The tracker in place of the mission's."""
-        node = _tracker(self._entries.get(vehicle.name)) or _tracker(self._entries.get("all"))
-        driver = vehicle.driver
-        asked = driver.cls.tracker(driver.params) if node is None else None
-        if asked is not None:
-            node = _node(asked, driver.span)
-        return None if node is None else self._decoder.part("trackers", node)
-
-    def _sensors_of(
-        self, target: Entries, decoder: Decoder
-    ) -> dict[str, dict[str, list[SensorPlan]]]:
-        """The sensors of each entry of a target, by estimator."""
-        decoded: dict[str, dict[str, list[SensorPlan]]] = {}
-        vehicles = self._vehicles
-        for name, entry in target.items():
-            if name == "all":
-                known = [label for e in vehicles.values() for label in _estimators(e.value)]
-            elif name in vehicles:
-                known = list(_estimators(vehicles[name].value))
-            else:
-                continue
-            decoded[name] = self._decoded_sensors(name, entry.value, known, decoder)
-        return decoded
-
-    def _decoded_sensors(
-        self, name: str, target: Node, known: list[str], decoder: Decoder
-    ) -> dict[str, list[SensorPlan]]:
-        decoded: dict[str, list[SensorPlan]] = {}
-        sensors = target.get("sensors") if isinstance(target, Mapping) else None
-        for label, entry in entries_of(sensors).items():
-            if is_null(entry.value):
-                continue
-            if label not in known:
-                whose = "no vehicle has" if name == "all" else f"`{name}` has no"
-                message = f"{whose} {'an ' if name == 'all' else ''}estimator `{label}`"
-                hint = did_you_mean(label, known) or "name one under `estimators` of the vehicle"
-                decoder.found.report("KYB390", message, entry.key.span, help=hint)
-            nodes = items_of(entry.value) or (entry.value,)
-            parts = [decoder.part("sensors", node) for node in nodes]
-            if label in known:
-                source = Source(entry.key.span)
-                decoded[label] = [
-                    SensorPlan(part, (label,), i, source=source)
-                    for i, part in enumerate(parts)
-                    if part is not None
-                ]
-        return decoded
+    def _asked_for(self, driver: PartPlan) -> PartPlan | None:
+        """The tracker that a driver asks for."""
+        asked = driver.cls.tracker(driver.params)
+        return None if asked is None else self._decoder.part("trackers", _node(asked, driver.span))
 
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
         """The sensors that the driver brings for what nothing else gives an estimator; they stand
@@ -222,17 +187,13 @@ class Target:
         for entry in self._targets.values():
             for name, other in _inputs(entries_of(entry.value)).items():
                 if name not in own:
-                    hint = (
-                        did_you_mean(name, own) or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
-                    )
-                    message, span = f"the mission has no input `{name}`", other.key.span
-                    self._found.report("KYB400", message, span, "unknown", help=hint)
+                    hint = did_you_mean(name, own)
+                    hint = hint or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
+                    message = f"the mission has no input `{name}`"
+                    self._found.report("KYB400", message, other.key.span, "unknown", help=hint)
             if "inputs" in self._vehicles:
-                message, span = (
-                    "a vehicle can't be called `inputs`",
-                    self._vehicles["inputs"].key.span,
-                )
-                self._found.report("KYB400", message, span, help="give it another name")
+                span, hint = self._vehicles["inputs"].key.span, "give it another name"
+                self._found.report("KYB400", "a vehicle can't be called `inputs`", span, help=hint)
         replaced = _inputs(self._entries)
         inputs: list[InputPlan] = []
         for name, entry in own.items():
@@ -283,8 +244,23 @@ def _node(values: dict[str, str], span: Span) -> Mapping:
     return Mapping(entries, span)
 
 
-def _tracker(entry: MappingEntry | None) -> Node | None:
-    return entry.value.get("tracker") if entry and isinstance(entry.value, Mapping) else None
+def _sensors(place: Place) -> dict[str, list[SensorPlan]]:
+    """The sensors of an entry of a target, by estimator."""
+    return {
+        label.text: [
+            SensorPlan(part, (label.text,), index, source=Source(label.span))
+            for index, part in enumerate(place.sensors.get(label.text, ()))
+            if part is not None
+        ]
+        for label, _ in place.pairs("sensors")
+    }
+
+
+def _over(everybody: Place, own: Place) -> Place:
+    """How a vehicle is reached: as its own entry says, else as that of `all`."""
+    own_keys = {field.name for field in fields_of(Place) if own.is_written(field.key)}
+    values = {field.name: getattr(everybody, field.name) for field in fields_of(Place)}
+    return own.but(**{name: value for name, value in values.items() if name not in own_keys})
 
 
 def _inputs(target: Entries) -> Entries:

@@ -10,7 +10,7 @@ from typing import Any
 
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
-from kybflow.core.params import fields_of
+from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
@@ -44,7 +44,7 @@ CODES = {
     "KYB545": "Something scanned of which nothing is left, or more than can be kept away from.",
 }
 _ORDER = "each number of `from` must be below that of `to`"
-_KINDS = tuple(f.key for f in fields_of(Obstacle) if f.key != "contact")
+_KINDS = tuple(f.key for f in fields_of(Obstacle) if isinstance(f.type, RecordOf))
 
 
 def world_of(node: Node | None, decoder: Decoder) -> World:

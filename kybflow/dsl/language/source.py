@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -121,6 +122,12 @@ class Record:
         if found is None or not isinstance(value := found.value, Scalar) or value.is_null:
             return None
         return value.as_text
+
+    def pairs(self, key: str) -> Iterator[tuple[Text, Node]]:
+        """(name, value) of each entry of a mapping, with their places."""
+        written = self.entry(key)
+        for entry in entries_of(None if written is None else written.value).values():
+            yield entry.key.as_text, entry.value
 
     def texts_of(self, key: str) -> tuple[Text, ...]:
         """The texts of a list, each with its place."""

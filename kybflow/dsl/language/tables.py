@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,11 +71,11 @@ def missing_tables(page: str) -> list[str]:
 
 def _rows(cls: Any) -> Iterator[str]:
     if getattr(cls, "like", ""):
-        yield _row("like", cls.like, "name", "")
+        yield _row("`like`", cls.like, "name", "")
     for field in fields_of(cls):
         if isinstance(field.type, RecordOf) and field.type.flat:
             title = field.type.cls.__name__.lower()
-            yield _row("...", f"The numbers of the {title}: see [parts](parts.md).", "", "")
+            yield _row("`...`", f"The numbers of the {title}: see [parts](parts.md).", "", "")
             continue
         is_shown = not field.required and field.default not in (None, (), {}, "")
         is_plain = is_shown and isinstance(field.default, str | int | float | tuple)
@@ -82,8 +83,13 @@ def _rows(cls: Any) -> Iterator[str]:
         bounds = bounds_of(field)
         value = f"{_words(field.type, field)}, {bounds}" if bounds else _words(field.type, field)
         yield _row(
-            f"`{field.key}`", field.help, value, "needed" if is_needed(cls, field) else default
+            f"`{field.key}`", field.help, value, "needed" if _is_needed(cls, field) else default
         )
+
+
+def _is_needed(cls: Any, field: Field) -> bool:
+    """Whether a key must be written, in the file itself or in what it is `like`."""
+    return is_needed(cls, field) or (field.required and field.needed is None)
 
 
 def _row(*cells: str) -> str:
@@ -93,14 +99,14 @@ def _row(*cells: str) -> str:
 def _words(kind: ValueType, field: Field) -> str:
     """What may stand there, in words."""
     if isinstance(kind, Numbers | Choice):
-        return type_of(field)
+        return type_of(replace(field, type=kind))
     if isinstance(kind, PartOf):
         return f"{article(kind.kind[:-1])} with its parameters"
     if isinstance(kind, ListOf):
-        return f"list: {_words(kind.item, field)}"
+        return f"list of {_words(kind.item, field)}"
     if isinstance(kind, MappingOf):
         return f"names, each with {_words(kind.item, field)}"
     if isinstance(kind, RecordOf):
-        name = f"{article(kind.cls.title)}"
+        name = article(kind.cls.title)
         return f"{name}, or the name of one" if kind.or_name else name
     return " or ".join(kind.kinds) if isinstance(kind, AnyOf) else kind.shape

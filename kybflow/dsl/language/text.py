@@ -21,7 +21,7 @@ from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.schema import NAMES
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.language.types import EVENT_FIELD, STATE, PartOf, UsesOf
-from kybflow.dsl.plan import Action, Body, PartPlan, Plan, Request, SensorPlan
+from kybflow.dsl.plan import Action, Body, PartPlan, Place, Plan, Request, SensorPlan
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.imports import without_homes
 from kybflow.dsl.world import World
@@ -117,7 +117,8 @@ def _target(plan: Plan) -> Iterator[YamlLine]:
         driver, named = vehicle.driver, [use for use in vehicle.sensors if use.estimators]
         is_implied = driver.span == name.span and not is_written
         came_from = "" if is_implied else _origin(driver)
-        if not named and vehicle.own_tracker is None:
+        plain = [*_plain_keys(vehicle.reached, "      ")]
+        if not named and not plain and vehicle.own_tracker is None:
             yield f"    {vehicle.name}: {{driver: {_part(driver)}}}", came_from
             continue
         yield f"    {vehicle.name}:", came_from
@@ -128,10 +129,18 @@ def _target(plan: Plan) -> Iterator[YamlLine]:
                 f"      tracker: {_part(tracker)}",
                 "" if tracker.span == driver.span else _origin(tracker),
             )
+        yield from plain
         if named:
             yield "      sensors:", named[0].span.at
         for estimator in dict.fromkeys(use.estimators[0] for use in named):
             yield from _sensors([use for use in named if use.estimators[0] == estimator])
+
+
+def _plain_keys(place: Place, indent: str) -> Iterator[YamlLine]:
+    """What a target says of a vehicle beside its parts."""
+    for field in fields_of(Place):
+        if field.key not in ("driver", "tracker", "sensors"):
+            yield from _entry(place, field, getattr(place, field.name), indent)
 
 
 def _sensors(uses: list[SensorPlan]) -> Iterator[YamlLine]:

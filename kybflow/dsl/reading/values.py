@@ -65,6 +65,7 @@ _SHAPES = {
     "file": "the name of a file",
     "file path": "the name of a file",
 }
+_ROWS = {"matrix": "{} rows of {} numbers, `[[...], ...]`", "row": "{} rows of {} numbers"}
 
 
 QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
@@ -85,7 +86,12 @@ _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 
 def decode(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; None, and a finding, when it is none."""
-    return _value(node, field, field.type, found)
+    value = _value(node, field, field.type, found)
+    flaw = field.flaw(value)
+    if flaw is None:
+        return value
+    found.report("KYB105", f"`{field.key}` {flaw}", node.span)
+    return None
 
 
 def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
@@ -129,7 +135,9 @@ def _numbers(
         return _number(node, field, dimension, found)
     is_whole = isinstance(node, Sequence) and size[0] in (None, len(node.items)) and node.items
     if not is_whole:
-        _wrong(node, field, found, "vector" if size == (3,) else field.shape)
+        is_row = field.shape == "matrix" and len(size) == 1
+        shape = "row" if is_row else "vector" if size == (3,) else field.shape
+        _wrong(node, field, found, shape)
     items = [_numbers(item, field, dimension, size[1:], found) for item in items_of(node)]
     return tuple(items) if is_whole and None not in items else None
 
@@ -214,11 +222,12 @@ def origin(node: Scalar) -> tuple[str, ...]:
 def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
     dimension, shape = field.dimension, shape or field.shape
     needed = _SHAPES.get(shape) or (article(dimension.name) if dimension else "one value")
-    if shape == "matrix" and isinstance(field.type, Numbers):
-        needed = "{} rows of {} numbers, `[[...], ...]`".format(*field.type.size)
+    if isinstance(field.type, Numbers) and shape in _ROWS:
+        needed = _ROWS[shape].format(*field.type.size)
     size = f" of {len(node.items)}" if isinstance(node, Sequence) else ""
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
-    message = f"`{field.key}` must be {needed}, but this is {describe(node)}{size}{text}"
+    what = "a row" if size and shape == "row" else describe(node)
+    message = f"`{field.key}` must be {needed}, but this is {what}{size}{text}"
     hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
     if field.type is INTEGER:
         hint = f"write it like `{NUMBER.example}`"

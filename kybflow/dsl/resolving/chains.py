@@ -12,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import NamedTuple
 
-from kybflow.core.params import RESERVED
+from kybflow.core.params import RESERVED, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.exports import Exports, chain_of
 from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
@@ -31,7 +32,7 @@ CODES = {
 MAX_USES = 2000
 END = "end"
 """The goal that leaves a chain."""
-_TRANSITIONS = frozenset({"then", "next", "failed", "within"})
+_TRANSITIONS = frozenset(field.key for field in fields_of(ChainPlan))
 _KEYS = _TRANSITIONS | {"do", "estimators"}
 
 
