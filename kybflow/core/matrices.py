@@ -1,12 +1,20 @@
-"""Small matrices as rows of floats: whether one pulls back along every direction, and how strongly
-along each."""
+"""Small matrices as rows of floats: whether one pulls back along every direction, and how much."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import acos, cos, hypot, pi, sqrt
 
+from kybflow.core.units import Vec3
+
 Rows = Sequence[Sequence[float]]
+
+
+def transform(matrix: Rows, v: Vec3) -> Vec3:
+    """Return a 3 x 3 matrix times `v`."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y, z = v
+    return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
 def asymmetry(matrix: Rows) -> tuple[int, int] | None:
@@ -36,7 +44,7 @@ def eigenvalues2(matrix: Rows) -> tuple[float, float]:
 
 
 def eigenvalues3(matrix: Rows) -> tuple[float, float, float]:
-    """Return the eigenvalues of a symmetric 3 x 3 matrix, rising (Smith, Comm. ACM 4 (1961), 168)."""
+    """Return the eigenvalues of a symmetric 3 x 3 matrix, rising (Smith, Comm. ACM 4, 1961)."""
     (a, d, f), (_, b, e), (_, _, c) = matrix
     mean = (a + b + c) / 3.0
     a, b, c = a - mean, b - mean, c - mean

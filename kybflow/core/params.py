@@ -232,7 +232,9 @@ class Field:
                 f"must be symmetric, but row {i + 1} has {value[i][j]:g} in column {j + 1}"
                 f" and row {j + 1} has {value[j][i]:g} in column {i + 1}"
             )
-        return None if is_positive_definite(value) else "must be positive definite"
+        if not is_positive_definite(value):
+            return "must be positive definite, with every eigenvalue above 0"
+        return None
 
 
 def key(
@@ -262,22 +264,22 @@ def key(
     """Declare one key of a record, or one parameter of a part.
 
     default and bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a
-    matrix is symmetric and positive definite. read_only: it can't change during a run. tightens: in flight it may change in that direction only. names: the
-    compiler checks that a text names such a thing. reads: the compiler checks a file with this
-    reader. limited_by: the parameter beside it that it may not exceed, or the part never succeeds.
-    room: the length says nothing where it is more than half of the fence's longest side (`across`),
-    or more than its height (`up`). binary: the file need not be text. key: its spelling in YAML,
-    where Python forbids the field's name. examples: values that editors offer. each: what each
-    item of a list or a mapping is, with `each_examples`. least: how many items it has at least.
-    needed: whether a file must have it; unless said, one without a default of a record that is
-    whole in each file. names_like: how the names of a mapping are formed.
+    matrix is symmetric and positive definite. read_only: it can't change during a run. tightens: in
+    flight it may change in that direction only. names: the compiler checks that a text names such a
+    thing. reads: the compiler checks a file with this reader. limited_by: the parameter beside it
+    that it may not exceed, or the part never succeeds. room: the length says nothing where it is
+    more than half of the fence's longest side (`across`), or more than its height (`up`). binary:
+    the file need not be text. key: its spelling in YAML, where Python forbids the field's name.
+    examples: values that editors offer. each: what each item of a list or a mapping is, with
+    `each_examples`. least: how many items it has at least. needed: whether a file must have it;
+    unless said, one without a default of a record that is whole in each file. names_like: how the
+    names of a mapping are formed.
     """
     facts = Field(
         help=help, above=above, at_least=at_least, below=below, at_most=at_most,
-        is_definite=is_definite, read_only=read_only, tightens=tightens, names=names, reads=reads, limited_by=limited_by,
-        room=room, binary=binary, key=key, examples=examples, each=each, least=least,
-        each_examples=each_examples,
-        needed=needed, names_like=names_like,
+        is_definite=is_definite, read_only=read_only, tightens=tightens, names=names, reads=reads,
+        limited_by=limited_by, room=room, binary=binary, key=key, examples=examples, each=each,
+        each_examples=each_examples, least=least, needed=needed, names_like=names_like,
     )  # fmt: skip
     kept: dict[str, Any] = {"default": default}
     if isinstance(default, dict):

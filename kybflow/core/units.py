@@ -109,7 +109,9 @@ RowsOfNumbers = tuple[tuple[float, ...], ...]
 if TYPE_CHECKING:
     from typing_extensions import TypeAliasType
 
-    _R, _C, _U = TypeVar("_R"), TypeVar("_C"), TypeVar("_U")
+    _R = TypeVar("_R")
+    _C = TypeVar("_C")
+    _U = TypeVar("_U")
     Matrix = TypeAliasType("Matrix", tuple[tuple[_U, ...], ...], type_params=(_R, _C, _U))
 else:
 

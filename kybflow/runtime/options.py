@@ -231,7 +231,7 @@ def _items(value: Any) -> list[Any] | None:
     """What a list, or its text, is of; None for what is no list."""
     if isinstance(value, str):
         text = value.strip().removeprefix("[").removesuffix("]")
-        return [item for item in _ITEM.findall(text) if item.strip()]
+        return [item.strip() for item in _ITEM.findall(text) if item.strip()]
     return list(value) if isinstance(value, Iterable) else None
 
 

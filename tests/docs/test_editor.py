@@ -178,7 +178,7 @@ def test_every_dimension_of_a_part_is_completed() -> None:
     fields = [field for kind, name in PARTS for field in CATALOG.get(kind, name).fields]
     kinds = {(f.dimension.name, f.shape) for f in fields if f.dimension is not None}
     assert {"length", "speed", "duration", "angle", "acceleration"} <= {name for name, _ in kinds}
-    assert {"scalar", "vector", "path"} == {shape for _, shape in kinds}
+    assert {"scalar", "vector", "path", "matrix"} == {shape for _, shape in kinds}
 
 
 @pytest.mark.parametrize(
@@ -245,6 +245,26 @@ def test_it_offers_no_null_for_a_vehicle(server: Server, key: str, expected: set
 def test_what_is_wrong_is_told_in_words(server: Server, state: str, said: str) -> None:
     name = "words_" + re.sub(r"\W", "", state)
     uri, _ = opened(server, name, f"      up: {{do: {state}}}\n")
+    found = [finding["message"] for finding in server.report(uri)]
+    assert len(found) == bool(said)
+    assert all(message.startswith(said) for message in found)
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [
+        ("[[4, 0, 0], [0, 4, 0], [0, 0, 4]]", ""),
+        ("4", "`[[...], ...]` is needed, 3 rows of 3, each a number, like `2`."),
+        ("[[4, 0, 0], [0, 4, 0]]", "`[[...], ...]` is needed, 3 rows of 3"),
+        ("[[4, 0], [0, 4, 0], [0, 0, 4]]", "A row of 3 is needed, `[...]`, each a number"),
+        ("[[4, 0, 0], [0, four, 0], [0, 0, 4]]", "A number, like `2`, is needed."),
+    ],
+)
+def test_what_is_wrong_with_a_matrix_is_told_in_words(server: Server, gain: str, said: str) -> None:
+    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+    text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    tracker:\n"
+    text += f"      use: cascade\n      position_gain: {gain}\n"
+    uri = server.open(REPO / "missions" / f"matrix_{len(gain)}.yaml", text)
     found = [finding["message"] for finding in server.report(uri)]
     assert len(found) == bool(said)
     assert all(message.startswith(said) for message in found)

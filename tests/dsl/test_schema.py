@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -138,7 +139,7 @@ def test_what_an_editor_inserts_is_right() -> None:
             whole = {**judged, "$defs": SCHEMA["$defs"]}
             assert list(Draft202012Validator(whole).iter_errors(to_json(node))) == [], path
             name = str(judged.get("$ref")).rpartition("/")[2]
-            dimensions.add(name.removesuffix("_vector").removesuffix("_path"))
+            dimensions.add(re.sub("_(vector|path|matrix)$", "", name))
     declared = {name.replace(" ", "_") for name in DIMENSIONS} & SCHEMA["$defs"].keys()
     assert declared <= dimensions
     assert {"length", "mass", "inertia", "force", "rate_constant", "angle"} <= dimensions

@@ -139,9 +139,9 @@ def test_too_much_through_like_is_refused(tmp_path: Path) -> None:
 
 def test_show_resolved_says_where_each_phase_came_from() -> None:
     result = CliRunner().invoke(app, ["show", str(SHARED), "--resolved"])
-    lines = dict(
-        re.findall(r"^ +(\w+): \{(?:run|give|set|next).*# .*?(\w+\.yaml):\d+$", result.output, re.M)
-    )
+    line = r"^ +(\w+): \{(?:run|give|set|next).*# .*?(\w+\.yaml):\d+(, within from \S+)?$"
+    found = re.findall(line, result.output, re.M)
+    lines = {phase: file for phase, file, _ in found}
     own, library = "shared_flow.yaml", "flows.yaml"
     assert lines == {"launch": library, "gather": own, "hold": library, "land": library}
     assert "within: 15 s" in result.output

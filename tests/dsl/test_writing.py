@@ -22,7 +22,7 @@ from kybflow.core.units import (
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.text import quantity
-from kybflow.dsl.plan import ExpectationPlan, Plan
+from kybflow.dsl.plan import ExpectationPlan, Place, Plan
 from kybflow.dsl.reading.nodes import Mapping, Scalar, Sequence, to_json
 from kybflow.parts.catalog import load_catalog
 
@@ -31,10 +31,11 @@ MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 
 AS_WRITTEN = {
     Plan: {"sources", "resolved", "control", "target_text", "values"},
+    Place: {"driver"},
     ExpectationPlan: {"text"},
 }
-"""What says how a mission was written: files and its own text, the `control` and the target that it
-may leave out, its parameters, an expectation with `$name`."""
+"""What says how a mission was written: files and its own text, what it may leave out (`control`, the
+target and its drivers, which its vehicles have), its parameters, an expectation with `$name`."""
 
 
 def without_places(value: object) -> object:

@@ -123,10 +123,9 @@ def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
 )
 def test_a_release_that_does_not_come_about_fails_with_its_reason(run, way, reason) -> None:
     own, opened = driver(way)
-    _, told = run(
-        vehicle("a", [up("drop"), drop("drop", TransitionPlan(target="down", cause="failed")), down()],
-                driver=own, payload=PARCEL)
-    )  # fmt: skip
+    failed = TransitionPlan(target="down", cause="failed")
+    states = [up("drop"), drop("drop", failed), down()]
+    _, told = run(vehicle("a", states, driver=own, payload=PARCEL))
     assert path(told, "a") == ["up", "drop", "down", "landed"]
     [failed] = named(told, "behavior_failed")
     assert failed.fields["reason"] == reason

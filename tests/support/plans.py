@@ -9,6 +9,7 @@ from typing import Any
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.world import Obstacle, World
 from kybflow.parts import Behavior, Leg, Link, Seat, Session
 from kybflow.parts.catalog import load_catalog
 from kybflow.world.shapes import Box
@@ -126,6 +127,7 @@ def vehicle(name: str, states: list[StatePlan], **more: Any) -> VehiclePlan:
 
 
 def plan(*vehicles: VehiclePlan, **more: Any) -> Plan:
+    obstacles = more.get("obstacles", {})
     facts: dict[str, Any] = {
         "mission": "test",
         "summary": "",
@@ -138,6 +140,9 @@ def plan(*vehicles: VehiclePlan, **more: Any) -> Plan:
         "expectations": (),
         "sources": (),
         "resolved": "",
+        "world": World(
+            obstacles=tuple(Obstacle(name=name, shape=shape) for name, shape in obstacles.items())
+        ),
         **more,
     }
     return Plan(vehicles=vehicles, **facts)

@@ -92,10 +92,14 @@ def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
     outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
     if outer is None:
         return
-    k, d, i = outer.proportional, outer.derivative, outer.integral
-    yield f"  gains      proportional {k:.3g}, derivative {d:.3g}, integral {i:.3g}"
+    d, i, matrix = outer.derivative, outer.integral, outer.stiffness
+    all_of = (outer.proportional,) if matrix is None else (*matrix.level, *matrix.up)
+    k = " to ".join(f"{gain:.3g}" for gain in sorted({min(all_of), max(all_of)}))
+    yield f"  gains      proportional {k}, derivative {d:.3g}, integral {i:.3g}"
     if inner is not None:
-        yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}"
+        is_coupled = matrix is not None and matrix.is_coupled
+        about = ", estimated: the height is coupled with x and y" if is_coupled else ""
+        yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}{about}"
 
 
 def _loosened(part: PartPlan) -> Iterator[str]:

@@ -84,6 +84,8 @@ def _types() -> Iterator[tuple[str, ...]]:
             base, dimension = get_args(hint)
             known = ", ".join(f"`{unit}`" for unit in dimension.units) or "none"
             yield dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`"
+    size, like = "3 rows of 3, `[[...], ...]`", "`[[1, 0, 0], [0, 1, 0], [0, 0, 1]]`"
+    yield "matrix of any of these", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
 
 
 def _in_flight(field: Field) -> str:

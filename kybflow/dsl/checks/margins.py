@@ -113,10 +113,15 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
         code,
         f"`{tracker.name}` {what}",
         tracker.span_of(next(written, "")),
-        label=margins_in_words(loop.outer, loop.margins),
-        notes=(f"at least {in_words(bound)} are asked for",),
+        label=in_words(loop.margins),
+        notes=(f"at least {in_words(bound)} are asked for", *_estimated(loop)),
         help=_way_out(loop, bound),
     )
+
+
+def _estimated(loop: _Closed) -> Iterator[str]:
+    if loop.outer.stiffness is not None and loop.outer.stiffness.is_coupled:
+        yield f"estimated, because `{MATRIX}` couples the height with x and y"
 
 
 def _way_out(loop: _Closed, bound: Margins) -> str:

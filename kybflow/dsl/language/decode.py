@@ -19,7 +19,7 @@ from kybflow.core.params import (
     fields_of,
 )
 from kybflow.core.text import did_you_mean, nearest
-from kybflow.core.units import parse_quantity
+from kybflow.core.units import format_quantity, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
@@ -49,7 +49,7 @@ from kybflow.dsl.reading.nodes import (
     is_null,
     items_of,
 )
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.reading.values import decode, diagonal
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
@@ -435,9 +435,10 @@ def how_to_write(field: Field) -> str:
     example, kind = "...", field.type
     if isinstance(kind, Numbers):
         example = kind.dimension.example
-        if kind.size:
+        if field.shape == "matrix":
+            example = diagonal(kind.size, example, format_quantity(0.0, kind.dimension))
+        elif kind.size:
             example = f"[{', '.join([example] * 3)}]"
-        if len(kind.size) == 2:
-            example = f"[{example}, ...]"
+            example = f"[{example}, ...]" if len(kind.size) == 2 else example
     how = f"write `{field.key}: {example}`"
     return f"{how}: {about[:1].lower()}{about[1:]}" if about else how

@@ -15,7 +15,7 @@ from kybflow.core.errors import UnitError
 from kybflow.core.params import Field
 from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
 from kybflow.dsl.language.schema import BOUNDS, NAME, Schema, field_schema
-from kybflow.dsl.reading.values import quantity_field, shown_value
+from kybflow.dsl.reading.values import diagonal, quantity_field, shown_value
 
 _DEFAULT = "x-default"
 Shared = dict[str, Schema]
@@ -27,6 +27,12 @@ _KINDS = {
 }  # fmt: skip
 _DATA = frozenset({"examples", "enum", "const", "required", "type"})
 _NAMED = "A name has letters, digits and `_`, and begins with no digit."
+_LISTS = {
+    "vector": "`[x, y, z]` is needed",
+    "path": "`[[x, y, z], ...]` is needed",
+    "matrix": "`[[...], ...]` is needed, {} rows of {}",
+    "row": "A row of {} is needed, `[...]`",
+}
 _NOTHING: Schema = {"type": "null"}
 
 
@@ -118,42 +124,52 @@ def _choices(schema: Schema) -> list[Any]:
     return list(schema.get("anyOf", [{}])[0].get("enum", ()))
 
 
-def _judging(schema: Schema, shared: Shared) -> Schema:
-    """What judges a value, and says in words what is wrong with it."""
+def _judging(schema: Schema, shared: Shared, *, is_row: bool = False) -> Schema:
+    """What judges a value, or a row of a matrix, and says in words what is wrong with it."""
     dimension = DIMENSIONS.get(_innermost(schema).get("x-dimension", ""))
     left_out = (*_SAID, *BOUNDS, "x-dimension", _DEFAULT)
     judged = {key: one for key, one in schema.items() if key not in left_out}
     bounds = {key: schema[key] for key in BOUNDS if key in schema}
     if "items" in schema:
-        judged["items"] = _judging(schema["items"], shared)
+        judged["items"] = _judging(schema["items"], shared, is_row=_is_matrix(schema))
     if dimension is None:
         words = [f"`{choice}`" for choice in _choices(schema) if isinstance(choice, str)]
         needed = "One of " + ", ".join(words) + " is needed." if words else _kinds(_types(schema))
         either = {"anyOf": [{**one, "errorMessage": needed} for one in judged.pop("anyOf", ())]}
         needed = _NAMED if schema.get("pattern") == NAME else needed
         return {**judged, **bounds, **(either if words else {}), "errorMessage": needed}
-    name = dimension.name.replace(" ", "_") + ("", "_vector", "_path")[_depth(schema)]
-    judged["errorMessage"] = _needed(dimension, _depth(schema))
+    shape = "row" if is_row else _shape(schema)
+    name = "_".join([*dimension.name.split(), *([shape] if shape else [])])
+    judged["errorMessage"] = _needed(dimension, schema, shape)
     while shared.setdefault(name, judged) != judged:
         name += "_"
     return {"$ref": f"#/$defs/{name}", **bounds}
 
 
 def _depth(schema: Schema) -> int:
-    """0 for a quantity, 1 for a vector, 2 for a path."""
+    """0 for a quantity, 1 for a vector, 2 for a path or a matrix."""
     return 1 + _depth(schema["items"]) if "items" in schema else 0
 
 
+def _is_matrix(schema: Schema) -> bool:
+    return _depth(schema) == 2 and "maxItems" in schema
+
+
+def _shape(schema: Schema) -> str:
+    """The word for lists of numbers; empty for a quantity."""
+    return "matrix" if _is_matrix(schema) else ("", "vector", "path")[_depth(schema)]
+
+
 def _innermost(schema: Schema) -> Schema:
-    """The schema of one number of a vector or path."""
+    """The schema of one number of a vector, path or matrix."""
     return _innermost(schema["items"]) if "items" in schema else schema
 
 
-def _needed(dimension: Dimension, depth: int) -> str:
+def _needed(dimension: Dimension, schema: Schema, shape: str) -> str:
     one = f"{article(dimension.name)}, like `{dimension.example}`"
-    if depth:
-        shape = ("", "`[x, y, z]`", "`[[x, y, z], ...]`")[depth]
-        return f"{shape} is needed, each {one}."
+    if shape in _LISTS:
+        sizes = schema.get("minItems"), schema["items"].get("minItems")
+        return f"{_LISTS[shape].format(*sizes)}, each {one}."
     units = f"; its units are {', '.join(dimension.units)}" if dimension.units else ""
     return f"{one[:1].upper()}{one[1:]}, is needed{units}."
 
@@ -176,6 +192,8 @@ def _inserted(schema: Schema) -> str:
     one = _fitting(own, dimension)
     zero = format_quantity(0.0, dimension)
     first = zero if _is_inside(zero, own, dimension) else one
+    if _is_matrix(schema):
+        return diagonal((schema["minItems"], schema["items"]["minItems"]), one, first)
     return ("[" * depth + f"{first}, {first}, {one}" + "]" * depth) if depth else one
 
 

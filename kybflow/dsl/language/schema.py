@@ -262,7 +262,7 @@ def _sized(dimension: Dimension, size: tuple[int | None, ...], field: Field, abo
     return {
         "description": _described(about, dimension) if is_row else about,
         "type": ["array", "string"],
-        "pattern": _PLACE if size == (3,) else f"^{_PARAMETER}$",
+        "pattern": _PLACE if size == (3,) and field.shape != "matrix" else f"^{_PARAMETER}$",
         "items": _sized(dimension, size[1:], field, "One number." if is_row else about),
         "minItems": least,
         **({"maxItems": least} if size[0] else {}),

@@ -217,7 +217,8 @@ def _are_numbers(node: Node, kind: Any, field: Field) -> bool:
 
 def _are_sized(node: Node, kind: Numbers, size: tuple[int | None, ...], field: Field) -> bool:
     if isinstance(node, Scalar):
-        if (PLACE if size == (3,) else PARAMETER).match(node.text):
+        is_place = size == (3,) and field.shape != "matrix"
+        if (PLACE if is_place else PARAMETER).match(node.text):
             return True
         return not size and _is_quantity(node, kind, field)
     if not size or not isinstance(node, Sequence) or not node.items:

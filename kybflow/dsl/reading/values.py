@@ -228,7 +228,9 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     what = "a row" if size and shape == "row" else describe(node)
     message = f"`{field.key}` must be {needed}, but this is {what}{size}{text}"
-    hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
+    hint = (
+        "" if isinstance(node, Mapping) or dimension is None else _example(node, field, dimension)
+    )
     if field.type is INTEGER:
         hint = f"write it like `{NUMBER.example}`"
     if shape == "vector":
@@ -276,13 +278,29 @@ def _decimal_commas(node: Sequence) -> str:
     return f"write `[{', '.join(texts)}]`, with a decimal point"
 
 
-def _example(field: Field, dimension: Dimension) -> str:
-    shape = {
-        "vector": "[{0}, {0}, {0}]",
-        "path": "[[{0}, {0}, {0}], ...]",
-        "matrix": "[[{0}, ...], ...]",
-    }
-    return f"write it like `{shape.get(field.shape, '{0}').format(dimension.example)}`"
+def _example(node: Node, field: Field, dimension: Dimension) -> str:
+    one, example = dimension.example, "{0}"
+    if isinstance(field.type, Numbers) and field.shape == "matrix":
+        is_one = isinstance(node, Scalar) and _is_quantity(node.text, dimension)
+        one = node.text if isinstance(node, Scalar) and is_one else one
+        example = diagonal(field.type.size, "{0}", format_quantity(0.0, dimension))
+    shape = {"vector": "[{0}, {0}, {0}]", "path": "[[{0}, {0}, {0}], ...]"}
+    return f"write it like `{shape.get(field.shape, example).format(one)}`"
+
+
+def _is_quantity(text: str, dimension: Dimension) -> bool:
+    try:
+        parse_quantity(text, dimension)
+    except UnitError:
+        return False
+    return True
+
+
+def diagonal(size: tuple[int | None, ...], one: str, other: str) -> str:
+    """The text of a matrix with `one` in its diagonal and `other` beside it."""
+    rows, columns = (range(side or 1) for side in size)
+    inner = (", ".join(one if i == j else other for j in columns) for i in rows)
+    return f"[{', '.join(f'[{row}]' for row in inner)}]"
 
 
 def shown_value(value: Any, field: Field) -> str:

@@ -59,8 +59,8 @@ class OuterLoop(NamedTuple):
     attitude: rates per angle of the attitude's error, 1/s, where the tracker closes that loop
     itself. turning: the part of the change of its feedback that it commands as rates. drag: 1/s.
     period: of the control, s. climb: climb rate per error of the height, 1/s, where the tracker
-    commands that instead of thrust. stiffness: in place of `proportional`, where it differs with the
-    direction."""
+    commands that instead of thrust. stiffness: in place of `proportional`, of a
+    law that has a matrix of it."""
 
     proportional: float
     derivative: float

@@ -1,6 +1,6 @@
-"""The decoder takes a file exactly where `jsonschema` finds nothing wrong with it by the schema that
-is generated from the same records: for every mission and library, with values, keys and whole
-branches changed."""
+"""A file is taken exactly where `jsonschema` finds nothing wrong with it by the schema that is
+generated from the same records: for every mission and library, with values, keys and whole branches
+changed."""
 
 from __future__ import annotations
 

@@ -17,6 +17,9 @@ from typing import Any, NamedTuple
 import pytest
 
 import kybflow
+from kybflow.core.params import RESERVED, fields_of
+from kybflow.dsl.language.tables import records
+from kybflow.dsl.language.types import PartOf
 
 ROOT = Path(__file__).parents[3]
 
@@ -113,7 +116,7 @@ KEYS = {
     "option": Key(
         file="runtime/behaviors/hover.py",
         before="    for_time: Duration | None = param(",
-        line="stiffness: Annotated[Matrix, Rows(2, 2, LENGTH)] = "
+        line="stiffness: Matrix[Literal[2], Literal[2], Length] = "
         'param("How it gives way.", default=((1.0, 0.0), (0.0, 1.0)), at_least=0.0)',
         record="",
         said="How it gives way. Default: [[1 m, 0 m], [0 m, 1 m]]. At least 0 m.",
@@ -147,22 +150,62 @@ vehicles:
 flows:
   team:
     phases:
-      launch: {run: {a: up}, PHASE, next: [{when: a in landed, go: end}], within: 60 s, otherwise: end}
+      launch: {run: {a: up}, PHASE, next: [{when: a in landed, go: end}], within: 60 s,
+               otherwise: end}
 targets:
   sim: {a: {driver: sim, TARGET}}
 """
-PROBE = """\
+IN_EACH = """\
+kybflow: 1
+mission: in_each
+spare_plan: V
+import: {std: library/airframes.yaml}
+world:
+  spare_world: V
+  fence: {from: [-5, -5, 0], to: [5, 5, 4], spare_corners: V}
+  obstacles:
+    post: {cylinder: {at: [4, 4, 0], radius: 10 cm, height: 1 m, spare_cylinderparams: V}}
+    ball: {sphere: {at: [4, -4, 1], radius: 10 cm, spare_sphereparams: V}, spare_obstacle: V}
+    wall: {plane: {at: [0, -4.9, 0], facing: [0, 1, 0], spare_planeparams: V}}
+  tags:
+    floor: {grid: {family: 36h11, count: [2, 2], size: 10 cm, spacing: 2 cm, spare_gridparams: V}}
+    one: {tag: {family: 36h11, id: 9, size: 5 cm, at: [2, 2, 0], spare_tagparams: V}, spare_tags: V}
+airframes:
+  quad:
+    like: std.mk_quadro
+    spare_body: V
+    cameras:
+      down: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 70 deg, spare_cameraplan: V}
+chains: {pause: {behaviors: {wait: {do: hover, for_time: 1 s}}}}
+inputs: {stick: {use: keyboard, spare_inputplan: V}}
+vehicles:
+  a:
+    airframe: quad
+    spare_vehicleplan: V
+    start: {at: [0, 0, 0], spare_start: V}
+    estimators: [{use: mocap, spare_estimatorplan: V}]
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: stay, within: 15 s, spare_stateplan: V}
+      stay: {do: chain.pause, then: down, spare_chainplan: V}
+      down: {do: land}
+flows:
+  team:
+    spare_flowplan: V
+    phases:
+      go: {run: {a: up}, spare_phaseplan: V, next: [{after: 9 s, go: end, spare_transitionplan: V}]}
+on: [{event: a.landed, do: [{log: down}], spare_callbackplan: V}]
+faults: [{at: 5 s, on: a, inject: gust, velocity: [0.1, 0, 0], spare_faultplan: V}]
+targets: {sim: {a: {driver: sim, spare_place: V}}}
+"""
+"""A mission with a key more in each record that a plan is made of."""
+NAMES = re.findall(r"spare_\w+", IN_EACH)
+COMPILING = """\
 import json, sys
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
-from kybflow.cli.printing.parts import page
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.language.published import mission_schema
-from kybflow.dsl.language.schema import params_schema, record_schema
-from kybflow.dsl.language.tables import records, with_tables
 from kybflow.parts.catalog import load_catalog
-from kybflow.runtime.options import check_options
 
 catalog = load_catalog()
 
@@ -187,6 +230,28 @@ def values(value, key):
             yield from values(inner, key)
 
 
+def judged(name, keys):
+    "What a mission is as it is written, and as it is written out."
+    plan, found = compiled(name)
+    told = {"found": found}
+    if plan is not None:
+        told |= {"resolved": plan.resolved, "values": {k: [*values(plan, k)] for k in keys}}
+        Path("missions/again.yaml").write_text(plan.resolved, encoding="utf-8")
+        again, told["found_again"] = compiled("again")
+        told["resolved_again"] = again and again.resolved
+    return plan, told
+
+
+"""
+"""Python of the copy, run beside it."""
+PROBE = """\
+from kybflow.cli.printing.parts import page
+from kybflow.dsl.language.published import mission_schema
+from kybflow.dsl.language.schema import params_schema, record_schema
+from kybflow.dsl.language.tables import records, with_tables
+from kybflow.runtime.options import check_options
+
+
 def options(plan, wanted):
     try:
         check_options(plan, wanted)
@@ -196,9 +261,8 @@ def options(plan, wanted):
 
 docs, names = Path("language.md"), dict(json.loads(sys.argv[1]))
 docs.write_text("".join(f"<!-- keys: {t} -->\\n<!-- end -->\\n" for t in records()))
-plan, found = compiled("right")
-told = {
-    "found": found,
+plan, told = judged("right", names.values())
+told |= {
     "published": mission_schema(catalog),
     "records": {title: record_schema(cls)["properties"] for title, cls in records().items()},
     "tables": with_tables(docs),
@@ -207,12 +271,6 @@ told = {
     "wrong": {kind: compiled(f"wrong_{kind}")[1] for kind in names},
 }
 if plan is not None:
-    told["resolved"] = plan.resolved
-    told["values"] = {key: [*values(plan, key)] for key in names.values()}
-    Path("missions/again.yaml").write_text(plan.resolved, encoding="utf-8")
-    again, told["found_again"] = compiled("again")
-    if again is not None:
-        told["resolved_again"] = again.resolved
     told["options"] = [
         options(plan, [("a.behaviors.stay.stiffness", "[[3 m, 0], [0, 40 cm]]")]),
         options(plan, [("a.behaviors.stay.stiffness", "[[3 m, 0], [0, -4 cm]]")]),
@@ -235,35 +293,69 @@ def place_of(value: str, text: str) -> tuple[int, int]:
     return line, text.splitlines()[line - 1].index(value) + 1
 
 
-@pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a copy of the package with these lines says of them."""
-    copy = tmp_path_factory.mktemp("copy")
+def copied(copy: Path, missions: dict[str, str]) -> Path:
+    """A copy of the package with missions beside it."""
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(Path(kybflow.__file__).parent, copy / "kybflow", ignore=ignored)
     shutil.copytree(ROOT / "missions" / "library", copy / "missions" / "library")
-    for key in KEYS.values():
-        file = copy / "kybflow" / key.file
-        text = file.read_text(encoding="utf-8")
-        assert text.count(key.before) == 1, key.before
-        text = text.replace(key.before, f"    {key.line}\n{key.before}")
-        if key.file != "dsl/plan.py":
-            names = "from typing import Annotated\nfrom kybflow.core.units import LENGTH, Matrix, Rows\n"
-            text = text.replace("import annotations\n", f"import annotations\n{names}", 1)
-        file.write_text(text.replace("import Angle,", "import Angle, Length,"), encoding="utf-8")
-    missions = {"right": mission()}
-    missions |= {f"wrong_{kind}": mission(**{kind: key.wrong}) for kind, key in KEYS.items()}
     for name, text in missions.items():
         (copy / "missions" / f"{name}.yaml").write_text(text, encoding="utf-8")
-    names = json.dumps({kind: key.name for kind, key in KEYS.items()})
+    return copy
+
+
+def told_by(copy: Path, program: str, given: Any) -> dict[str, Any]:
+    """What a program in the copy prints."""
     done = subprocess.run(
-        [sys.executable, "-c", PROBE, names],
+        [sys.executable, "-c", f"{COMPILING}{program}", json.dumps(given)],
         env={**os.environ, "PYTHONPATH": str(copy)},
         cwd=copy, text=True, capture_output=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a copy of the package with these lines says of them."""
+    missions = {"right": mission()}
+    missions |= {f"wrong_{kind}": mission(**{kind: key.wrong}) for kind, key in KEYS.items()}
+    copy = copied(tmp_path_factory.mktemp("copy"), missions)
+    for key in KEYS.values():
+        file = copy / "kybflow" / key.file
+        text = file.read_text(encoding="utf-8")
+        assert text.count(key.before) == 1, key.before
+        text = text.replace(key.before, f"    {key.line}\n{key.before}")
+        if key.file != "dsl/plan.py":
+            names = "from typing import Literal\nfrom kybflow.core.units import Length, Matrix\n"
+            text = text.replace("import annotations\n", f"import annotations\n{names}", 1)
+        file.write_text(text.replace("import Angle,", "import Angle, Length,"), encoding="utf-8")
+    return told_by(copy, PROBE, {kind: key.name for kind, key in KEYS.items()})
+
+
+@pytest.fixture(scope="module")
+def in_each(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a copy of the package says in which every record has a key more."""
+    missions = {"right": IN_EACH.replace(" V", " 2 m"), "wrong": IN_EACH.replace(" V", " 9 m")}
+    copy = copied(tmp_path_factory.mktemp("copy"), missions)
+    for name in ("plan.py", "world.py"):
+        file = copy / "kybflow" / "dsl" / name
+        first = r"(@record\nclass (\w+)\((?:(?!\n@).)*?\n)(    \w+: [^\n]* = key\()"
+        head, mark, records = file.read_text(encoding="utf-8").partition("\n@record\n")
+        records = re.sub(first, with_a_key_more, f"{mark[1:]}{records}", flags=re.DOTALL)
+        names = "from kybflow.core.units import Length\n"
+        head = head.replace("import annotations\n", f"import annotations\n{names}", 1)
+        file.write_text(f"{head}\n{records}", encoding="utf-8")
+    program = (
+        'told = judged("right", json.loads(sys.argv[1]))[1]\n'
+        'print(json.dumps({**told, "wrong": compiled("wrong")[1]}))\n'
+    )
+    return told_by(copy, program, NAMES)
+
+
+def with_a_key_more(match: re.Match[str]) -> str:
+    line = 'Length = key("Not used.", default=1.0, above=0.0, at_most=5.0)'
+    return f"{match[1]}    spare_{match[2].lower()}: {line}\n{match[3]}"
 
 
 def everywhere(schema: Any) -> Iterator[tuple[str, Any]]:
@@ -354,3 +446,27 @@ def test_an_option_of_a_part_is_set_by_a_person(told: dict[str, Any]) -> None:
     assert told["options"] == [
         None, "`a.behaviors.stay.stiffness` must be at least 0, not -0.04 m"
     ]  # fmt: skip
+
+
+def test_one_line_is_enough_in_each_record_of_a_plan(in_each: dict[str, Any]) -> None:
+    assert in_each["found"] == []
+    assert [name for name in NAMES if 2.0 not in in_each["values"][name]] == []
+    assert [name for name in NAMES if f"{name}: 2 m" not in in_each["resolved"]] == []
+    assert in_each["found_again"] == []
+    assert without_origins(in_each["resolved_again"]) == without_origins(in_each["resolved"])
+
+
+def test_a_wrong_value_is_found_in_each_record_of_a_plan(in_each: dict[str, Any]) -> None:
+    lines = [
+        line for line, text in enumerate(IN_EACH.splitlines(), 1) for _ in text.split(" V")[1:]
+    ]
+    found = [(code, int(at.rpartition(":")[2])) for code, at, _ in in_each["wrong"]]
+    assert found == [("KYB105", line) for line in lines]
+
+
+@pytest.mark.parametrize("title", records())
+def test_no_parameter_of_a_part_is_called_like_a_key_beside_it(title: str) -> None:
+    """The one thing that is said in a second place, because `core` knows no record."""
+    fields = fields_of(records()[title])
+    if any(isinstance(f.type, PartOf) and f.type.word == f.key for f in fields):
+        assert {field.key for field in fields} - RESERVED == set()
