@@ -28,7 +28,7 @@ from kybflow.core.errors import PartError
 from kybflow.core.files import File, FilePath
 from kybflow.core.matrices import asymmetry, is_positive_definite
 from kybflow.core.sources import hints_of
-from kybflow.core.units import NUMBER, Dimension, Rows, RowsOfNumbers, Vec3
+from kybflow.core.units import NUMBER, Dimension, MatrixOf, RowsOfNumbers, Vec3
 
 T = TypeVar("T")
 _KEY = "kybflow"
@@ -420,7 +420,7 @@ def _marked(where: str, hint: Any, mark: Any) -> ValueType | None:
         return MappingOf("mapping", False, _type(where, get_args(hint)[0])[0], False)
     if isinstance(mark, ValueType):
         return mark
-    if hint == RowsOfNumbers and isinstance(mark, Rows):
+    if hint == RowsOfNumbers and isinstance(mark, MatrixOf):
         return Numbers("matrix", False, mark.dimension, (mark.rows, mark.columns))
     if hint in _SIZES and isinstance(mark, Dimension):
         return numbers(mark, _SIZES[hint][0])

@@ -97,7 +97,7 @@ Path = Annotated[tuple[Vec3, ...], LENGTH]
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class MatrixOf:
     """The size of a matrix and the dimension of its numbers."""
 
     rows: int
@@ -126,7 +126,7 @@ else:
             is_sized = len(sizes) == 2 and all(isinstance(s, int) and s > 0 for s in sizes)
             if not is_sized or get_args(unit)[:1] != (float,):
                 raise PartError("a matrix is declared like `Matrix[3, 3, Damping]`")
-            return Annotated[RowsOfNumbers, Rows(*sizes, dimension)]
+            return Annotated[RowsOfNumbers, MatrixOf(*sizes, dimension)]
 
 
 # A number and then a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
@@ -199,7 +199,7 @@ def format_quantity(value: float, dimension: Dimension) -> str:
         return f"{value / DEG:.4g} {'deg' if dimension is ANGLE else 'deg/s'}"
     if dimension is RATIO:
         return f"{value * 100:.4g} %"
-    return f"{value:.4g} {dimension.si}".rstrip()
+    return f"{float(f'{value:.4g}'):g} {dimension.si}".rstrip()
 
 
 _READABLE = {"rad": (1 / DEG, "deg"), "rad/s": (1 / DEG, "deg/s")}

@@ -20,7 +20,7 @@ from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
 from kybflow.dsl.names.option_names import option_values
 from kybflow.dsl.names.scopes import Scopes
 from kybflow.dsl.plan import (
-    Action,
+    ActionKeys,
     ActionPlan,
     Call,
     CallbackPlan,
@@ -217,7 +217,7 @@ def _awaited(event: str, plan: Plan) -> tuple[str, tuple[str, ...]]:
     return (name, vehicles) if dot and vehicles else (event, ("",))
 
 
-def _actions(action: Action, plan: Plan, catalog: Catalog) -> Iterator[ActionPlan]:
+def _actions(action: ActionKeys, plan: Plan, catalog: Catalog) -> Iterator[ActionPlan]:
     name, target, value = action.name, action.target, action.value
     if action.part is not None:
         yield Call(action.part)

@@ -96,13 +96,15 @@ class TransitionPlan(Record):
     when: Annotated[Expression | None, CONDITION] = key(
         "A condition, like `state.altitude > 1 m`.", default=None
     )
-    event: Annotated[str | None, EVENT] = key("An event to hear.", default=None)
-    after: Duration | None = key("Time in the behavior.", default=None, at_least=0.0)
+    event: Annotated[str | None, EVENT] = key("The event to hear.", default=None)
+    after: Duration | None = key("How long it must have lasted.", default=None, at_least=0.0)
     hold: Duration = key("How long the condition must hold.", default=0.0, at_least=0.0, key="for")
     emit: str | None = key(
-        "An event of the mission's own, told when this way is taken.", default=None
+        "An event of the mission's own, emitted when this way is taken.", default=None
     )
-    target: Annotated[str, STATE] = key("The behavior to go to.", key="go")
+    target: Annotated[str, STATE] = key(
+        "The behavior or phase to go to; `end` leaves a chain or a flow.", key="go"
+    )
     implied: bool = False
     at: str = ""
     since: str = ""
@@ -118,7 +120,7 @@ class TransitionPlan(Record):
 Ways = tuple[TransitionPlan, ...]
 Goal = Annotated[str | None, STATE]
 _THEN, _NEXT = "Where to go when it is done.", "Ways out, asked from the top in every tick."
-_FAILED, _WITHIN = "Where to go when it fails.", "It fails when it takes longer."
+_FAILED, _WITHIN = "Where to go when it fails.", "Time after which it has failed."
 
 
 @record
@@ -177,10 +179,9 @@ class ChainPlan(Record):
 
 @record
 class EstimatorPlan(Record):
-    """One of them.
+    """An estimator with its health.
 
-    An estimator with its health: healthy while the condition holds, and again only after
-    `recover_after` seconds.
+    It is healthy while the condition holds, and again only after `recover_after` seconds.
     """
 
     title: ClassVar[str] = "estimator"
@@ -188,12 +189,14 @@ class EstimatorPlan(Record):
 
     part: Annotated[PartPlan, part_of("estimators")] = key("Name of the part.", key="use")
     healthy: Annotated[Expression | None, CONDITION] = key(
-        "A condition: the estimate may be used, like `age < 100 ms`.", default=None
+        "The condition under which the estimate may be used, like `age < 100 ms`.", default=None
     )
     recover_after: Duration = key(
-        "Healthy so long before it is used again.", default=0.0, at_least=0.0
+        "How long it must be healthy before it is used again.", default=0.0, at_least=0.0
     )
-    for_at_most: Duration | None = key("Use it no longer than this.", default=None, above=0.0)
+    for_at_most: Duration | None = key(
+        "The longest that it is used at a stretch.", default=None, above=0.0
+    )
 
 
 Estimators = Annotated[tuple[EstimatorPlan, ...], UsesOf("list", item=record_of(EstimatorPlan))]
@@ -250,9 +253,13 @@ class Place(Record):
 
     title: ClassVar[str] = "vehicle's target"
 
-    driver: Annotated[PartPlan | None, part_of("drivers")] = key("What flies it.", default=None)
+    driver: Annotated[PartPlan | None, part_of("drivers")] = key(
+        "What flies it; without it the one that the target's name implies.", default=None
+    )
     tracker: Annotated[PartPlan | None, part_of("trackers")] = key(
-        "What turns the setpoint into a command there.", default=None
+        "What turns the setpoint into a command there; without it the one that the driver asks"
+        " for, else the vehicle's own.",
+        default=None,
     )
     sensors: dict[str, Annotated[tuple[PartPlan, ...], SENSORS]] = key(
         "Sensors beside the driver, under the names of estimators.", default={},
@@ -292,8 +299,13 @@ class VehiclePlan(Record):
     tracker: Annotated[PartPlan, part_of("trackers", is_needed=False)] = key(
         "What turns the setpoint into a command.", needed=False
     )
-    supervisors: Supervisors = key("What watches a bound.", default=())
-    begin: Annotated[str, STATE] = key("The first behavior; without it the topmost.", needed=False)
+    supervisors: Supervisors = key(
+        "What watches a bound, beside the supervisors that every vehicle has.", default=()
+    )
+    begin: Annotated[str, STATE] = key(
+        "The first behavior; without it the topmost, or `landed` for a vehicle that a flow drives.",
+        needed=False,
+    )
     behaviors: dict[str, StatePlan] = key(
         "The vehicle's state machine: exactly one is active.", default={}, names_like="dotted"
     )
@@ -427,7 +439,7 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText
 
 
 @record
-class Action(Record):
+class ActionKeys(Record):
     """What to do: one action.
 
     One of its keys is written; of `switch`, `set` and `perform` each target is an action. `name` is
@@ -462,14 +474,16 @@ class Action(Record):
         default=None, least=1, each="The phase.",
     )  # fmt: skip
     perform: dict[str, str] = key(
-        "Vehicles or groups, and what each is asked to perform: an act of its driver, like"
+        "Vehicles or groups, and the act that the driver of each is asked for, like"
         " `leds_blink_red`.",
         default={}, least=1, names_like="any", each="The act.", examples=({"a": "leds_blink_red"},),
     )  # fmt: skip
     log: str | None = key(
-        "A text for the record, with `{vehicle}`, `{time}` and the event's own.", default=None
+        "A text for the record; `{event}`, `{time}`, `{vehicle}` and the event's fields in it are"
+        " filled in.",
+        default=None,
     )
-    stop: str | None = key("Why the run ends here: every vehicle lands.", default=None)
+    stop: str | None = key("The reason why the run ends: every vehicle lands.", default=None)
 
     @property
     def value_text(self) -> Text:
@@ -505,8 +519,9 @@ class CallbackPlan(Record):
     terse: ClassVar[bool] = True
 
     event: Annotated[str, EVENT] = key(
-        "What to hear: `VEHICLE.NAME`, `any.NAME` of every vehicle, `operator.NAME` of a person, "
-        "or the bare name of an event of the run, or of one that a mission emits.",
+        "What to hear: `VEHICLE.NAME`, `GROUP.NAME`, `any.NAME` of every vehicle, "
+        "`operator.NAME` of a person, or the bare name of an event of the run, or of "
+        "one that a mission emits.",
         needed=False,
     )
     vehicles: tuple[str, ...]
@@ -514,14 +529,15 @@ class CallbackPlan(Record):
     fields: tuple[tuple[str, str], ...] = ()
     when: Annotated[Expression | None, CONDITION] = key(
         "A condition that must hold too, like `a in landed`; vehicles go by their names. Without "
-        "`event`, the actions are done when it begins to hold.",
+        "`event`, the actions are done when it begins to hold, and again only after it has not "
+        "held.",
         default=None,
     )
     hold: Duration = key(
         "How long a condition without an `event` must hold.",
         default=0.0, at_least=0.0, key="for",
     )  # fmt: skip
-    do: tuple[Action, ...] = key(
+    do: tuple[ActionKeys, ...] = key(
         "The actions, each a mapping with one key.", default=(), needed=True,
         examples=([{"log": "hello"}, {"stop": "enough"}],),
         each_examples=([{"log": "hello"}, {"stop": "enough"}],),
@@ -533,7 +549,7 @@ class CallbackPlan(Record):
 class InputPlan(Record):
     """A device, or a script of one.
 
-    buttons: the mission's name of each of the device's buttons. dead_man: the button, by the
+    button_names: the mission's name of each of the device's buttons. dead_man: the button, by the
     mission's name, without which nothing is steered; None for none. It is lost when it is silent
     for longer than `silent_after` seconds, and stuck after `stuck_after` (None: never).
     """
@@ -543,18 +559,19 @@ class InputPlan(Record):
 
     name: str
     part: Annotated[PartPlan, part_of("inputs")] = key("Name of the part.", key="use")
-    buttons: dict[str, str]
+    button_names: dict[str, str]
     silent_after: Duration = key("Lost when it is silent for longer.", default=0.3, above=0.0)
     stuck_after: Duration | None = key(
-        "Lost when an axis away from its centre doesn't change for longer.",
+        "Lost when an axis away from its centre doesn't change for longer; unless said, the"
+        " device's own: 10 s for gamepads and transmitters.",
         default=None, above=0.0,
     )  # fmt: skip
     dead_man: str | None = key(
         "The button without which nothing is steered: released means brake.", default=None
     )
-    renamed: dict[str, str] = key(
+    buttons: dict[str, str] = key(
         "What the mission calls buttons of the device, like `{leave: a}`.",
-        default={}, key="buttons", each="The device's name of it.",
+        default={}, each="The device's name of it.",
     )  # fmt: skip
     at: str = ""
 
@@ -577,15 +594,18 @@ class FaultPlan(Record):
     is_whole: ClassVar[bool] = True
 
     when: Annotated[Expression | None, CONDITION] = key(
-        "A condition: the first time that it holds, like `behavior == hop`.", default=None
+        "It begins when this condition of the vehicle first holds, like `behavior == hop`.",
+        default=None,
     )
-    time: Duration | None = key("Time of the run.", default=None, at_least=0.0, key="at")
-    vehicle: str = key("The vehicle.", key="on")
+    time: Duration | None = key(
+        "It begins at this time of the run.", default=None, at_least=0.0, key="at"
+    )
+    vehicle: str = key("The vehicle that it strikes.", key="on")
     part: Annotated[PartPlan, part_of("faults", "inject")] = key(
         "The fault; its parameters are keys beside it.", key="inject"
     )
     duration: Duration | None = key(
-        "How long it lasts; to the end without it.", default=None, above=0.0, key="for"
+        "How long it lasts; without it to the end of the run.", default=None, above=0.0, key="for"
     )
     at: str = ""
 
@@ -613,7 +633,7 @@ class PhasePlan(Record):
         default={}, each="The flow; it gives back when it ends.",
     )  # fmt: skip
     set: dict[str, Annotated[Any, OPTION_VALUE]] = key(
-        "Options, like `swarm.processors.limit_speed.speed`, and values.",
+        "Options, like `swarm.processors.limit_speed.speed`, and their new values.",
         default={}, least=1, names_like="any",
     )  # fmt: skip
     run: dict[str, Annotated[Request, REQUEST]] = key(
@@ -626,7 +646,9 @@ class PhasePlan(Record):
         default=None,
     )
     next: Ways = key("Ways out, asked from the top in every tick; `end` ends the flow.", default=())
-    within: Duration | None = key("The longest that it lasts.", default=None, above=0.0)
+    within: Duration | None = key(
+        "The longest that it lasts; then it goes to `otherwise`.", default=None, above=0.0
+    )
     otherwise: Goal = key("The phase to go to when it lasts longer, or `end`.", default=None)
     transitions: Ways = ()
     options: tuple[SetOption, ...] = ()
@@ -660,13 +682,13 @@ class FlowPlan(Record):
 
 @record
 class TargetKeys(Record):
-    """One target: `all`, or a vehicle's name."""
+    """How each vehicle is reached: `all`, or by a vehicle's name."""
 
     title: ClassVar[str] = "target"
     others: ClassVar[object] = record_of(Place)
 
     inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
-        "What people steer with and give events by, by name.", default=()
+        "What people steer with and whose buttons are events, by name.", default=()
     )
 
 
@@ -707,12 +729,15 @@ class ParameterKeys(Record):
     title: ClassVar[str] = "parameter"
     is_whole: ClassVar[bool] = True
 
-    type: str = key("What kind of value.", examples=tuple(TYPES))
+    type: str = key(
+        "Its type: a quantity such as `length`, or `position`, `integer`, `text` or `boolean`.",
+        examples=tuple(TYPES),
+    )
     default: Annotated[Any, PARAMETER_VALUE] = key("The value when nothing sets it.", default=None)
-    above: Annotated[Any, BOUND] = key("A bound.", default=None)
-    at_least: Annotated[Any, BOUND] = key("A bound.", default=None)
-    below: Annotated[Any, BOUND] = key("A bound.", default=None)
-    at_most: Annotated[Any, BOUND] = key("A bound.", default=None)
+    above: Annotated[Any, BOUND] = key("The value must be greater.", default=None)
+    at_least: Annotated[Any, BOUND] = key("The value must be this or greater.", default=None)
+    below: Annotated[Any, BOUND] = key("The value must be less.", default=None)
+    at_most: Annotated[Any, BOUND] = key("The value must be this or less.", default=None)
     help: str | None = key("What it is.", default=None)
 
 
@@ -727,7 +752,11 @@ class ImportKeys(Record):
     is_whole: ClassVar[bool] = True
     word: ClassVar[str] = "from"
 
-    file: str = key("The library's file.", key="from")
+    file: str = key(
+        "The library: of an installed package, `kybflow/stacks`, or a file beside this one,"
+        " `library/lab.yaml`.",
+        key="from",
+    )
     values: Annotated[Any, AnyOf("value", kinds=("object",))] = key(
         "Values of its parameters, by name.", default=None, key="with"
     )
@@ -816,19 +845,21 @@ class Plan(Shared):
         default=None, above=0.0,
     )  # fmt: skip
     hover_limit: Duration = key(
-        "A hover that was entered by default lands after this.",
+        "How long the built-in hover waits before it lands.",
         default=30.0, above=0.0,
     )  # fmt: skip
-    time_limit: Duration = key("The run ends after this at the latest.", default=600.0, above=0.0)
+    time_limit: Duration = key(
+        "When it has passed, what still flies lands, and the run ends.", default=600.0, above=0.0
+    )
     world: Annotated[World, OR_NAME] = key(
-        "Name of a library's world, or what bounds the flight, stands in its way and has a name.",
+        "A library's world by its name, or the fence, points, obstacles and tags of this one.",
         default=World(),
     )
     vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key(
         "What flies, by name.", default=(), least=1, needed=True
     )
     inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
-        "What people steer with and give events by, by name.", default=()
+        "What people steer with and whose buttons are events, by name.", default=()
     )
     groups: dict[str, tuple[str, ...]] = key(
         "Vehicles that go by one name, as in `all swarm in hover`.",
@@ -844,7 +875,9 @@ class Plan(Shared):
     )
     expect: tuple[str, ...] = key("What must hold for the mission to succeed.", default=())
     targets: dict[str, TargetKeys] = key(
-        "Where the mission can fly; `sim` and those of the drivers are implied.", default={}
+        "Where the mission can fly, chosen by `--target NAME`; `sim` and those of the drivers are"
+        " implied.",
+        default={},
     )
     target: str
     simulated: bool

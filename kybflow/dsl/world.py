@@ -103,7 +103,7 @@ class GridParams(Record):
         "Where the rows go from the first tag: `up` to the tags' upper edges, or `down`.",
         default="up",
     )
-    leave_out: tuple[int, ...] = key("Numbers that are missing on the floor.", default=())
+    leave_out: tuple[int, ...] = key("Numbers that are not there.", default=())
 
 
 @record
@@ -230,7 +230,7 @@ class SphereParams(Record):
 
 @record
 class PlaneParams(Record):
-    """A wall without end."""
+    """A wall without end: all behind it is solid."""
 
     title: ClassVar[str] = "plane"
 
@@ -255,7 +255,7 @@ class Obstacle(Record):
     box: BoxParams | None = key("A box along the axes.", default=None)
     cylinder: CylinderParams | None = key("An upright cylinder.", default=None)
     sphere: SphereParams | None = key("A ball.", default=None)
-    plane: PlaneParams | None = key("A wall without end.", default=None)
+    plane: PlaneParams | None = key("A wall without end: all behind it is solid.", default=None)
     point_cloud: PointCloudParams | None = key(
         "What a scanner saw: balls around points.", default=None
     )

@@ -170,7 +170,7 @@ def test_completing_a_parameter_inserts_a_right_value_with_its_unit(
             found = Findings()
             node = compose(value, "editor", found)
             assert node is not None
-            found.take(decode(node, field))
+            decode(node, field, found)
             assert found.all == [], field.name
 
 
@@ -255,8 +255,9 @@ def test_what_is_wrong_is_told_in_words(server: Server, state: str, said: str) -
     [
         ("[[4, 0, 0], [0, 4, 0], [0, 0, 4]]", ""),
         ("4", "`[[...], ...]` is needed, 3 rows of 3, each a number, like `2`."),
-        ("[[4, 0, 0], [0, 4, 0]]", "`[[...], ...]` is needed, 3 rows of 3"),
-        ("[[4, 0], [0, 4, 0], [0, 0, 4]]", "A row of 3 is needed, `[...]`, each a number"),
+        ("[[4, 0, 0], [0, 4, 0], 4]", "A row of 3 is needed, `[...]`, each a number, like `2`."),
+        ("[[4, 0, 0], [0, 4, 0]]", "Array has too few items. Expected 3 or more."),
+        ("[[4, 0], [0, 4, 0], [0, 0, 4]]", "Array has too few items. Expected 3 or more."),
         ("[[4, 0, 0], [0, four, 0], [0, 0, 4]]", "A number, like `2`, is needed."),
     ],
 )

@@ -34,8 +34,9 @@ AS_WRITTEN = {
     Place: {"driver"},
     ExpectationPlan: {"text"},
 }
-"""What says how a mission was written: files and its own text, what it may leave out (`control`, the
-target and its drivers, which its vehicles have), its parameters, an expectation with `$name`."""
+"""What says how a mission was written: files and its own text, what it may leave out (`control`,
+the target and its drivers, which its vehicles have), its parameters, an expectation with
+`$name`."""
 
 
 def without_places(value: object) -> object:

@@ -57,7 +57,9 @@ def plan() -> Any:
     ]
     watch = PartPlan("watch", Watch, None, "processors.watch")
     flier = vehicle("a", states, processors=(part("processors", "fence"), watch))
-    inputs = (InputPlan(name="stick", part=pad, buttons={"a": "a", "b": "b"}, silent_after=0.3),)
+    inputs = (
+        InputPlan(name="stick", part=pad, button_names={"a": "a", "b": "b"}, silent_after=0.3),
+    )
     return whole(flier, inputs=inputs)
 
 

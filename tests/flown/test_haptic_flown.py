@@ -28,7 +28,7 @@ def flown_by_hand(run: Any, rate: int, **more: Any) -> dict[float, float]:
     """The force along x at each time, as a share of the largest."""
     device = part("inputs", "haptic", device="simulated", hand=File("hand.csv", "1", HAND))
     own = replace(device, label="inputs.hand")
-    inputs = (InputPlan(name="hand", part=own, buttons={"end": "end"}, silent_after=0.3),)
+    inputs = (InputPlan(name="hand", part=own, button_names={"end": "end"}, silent_after=0.3),)
     end = TransitionPlan(target="down", event="hand.end")
     steered = part("behaviors", "steer", input="hand", speed=0.5)
     states = [

@@ -89,7 +89,7 @@ def hand(say: Say, stuck: float | None = STUCK) -> dict[str, Any]:
     return {
         "inputs": (
             InputPlan(
-                name="stick", part=own, buttons=names, silent_after=SILENT, stuck_after=stuck
+                name="stick", part=own, button_names=names, silent_after=SILENT, stuck_after=stuck
             ),
         )
     }

@@ -27,7 +27,7 @@ TEXT = "t,x,buttons,lost\n0,0,,\n1,0.5,a,\n2,,,unplugged\n3,0.25,,\n"
 
 def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> None:
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    plan = InputPlan(name="stick", part=script, buttons={"a": "leave"}, silent_after=0.3)
+    plan = InputPlan(name="stick", part=script, button_names={"a": "leave"}, silent_after=0.3)
     out, shown = tmp_path / "mine.csv", list[float]()
     rows = record_input(plan, out, 5.0, lambda now, *_: shown.append(now / NS), SimulatedClock(250))
     said = parse(out.read_text(encoding="utf-8"))
@@ -44,7 +44,10 @@ def test_a_device_that_cannot_be_opened_leaves_an_earlier_table(tmp_path: Path) 
 
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
     plan = InputPlan(
-        name="stick", part=dataclasses.replace(script, cls=Unplugged), buttons={}, silent_after=0.3
+        name="stick",
+        part=dataclasses.replace(script, cls=Unplugged),
+        button_names={},
+        silent_after=0.3,
     )
     out = tmp_path / "mine.csv"
     out.write_text(TEXT, encoding="utf-8")
@@ -59,7 +62,8 @@ def test_the_only_input_needs_no_name() -> None:
 
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
     one, other = (
-        InputPlan(name=name, part=script, buttons={}, silent_after=0.3) for name in ("one", "other")
+        InputPlan(name=name, part=script, button_names={}, silent_after=0.3)
+        for name in ("one", "other")
     )
     flier = vehicle("a", [up("down"), down()])
     assert one is input_named(plan(flier, inputs=(one,)), None)

@@ -19,7 +19,7 @@ from part_bench import DT, INPUTS, SITE, at_rest, entry, estimate
 from kybflow.core.events import Emitting
 from kybflow.core.files import File
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
-from kybflow.core.params import Field
+from kybflow.core.params import Field, Numbers
 from kybflow.core.signals import (
     NS,
     Alarm,
@@ -137,7 +137,7 @@ def test_every_parameter_has_help_a_unit_and_a_valid_default(spec: PartSpec) -> 
     for field in spec.fields:
         assert field.help[0].isupper(), field.name
         assert field.help.endswith("."), field.name
-        assert (field.dimension is not None) == (field.shape in ("scalar", "vector", "path"))
+        assert (field.dimension is not None) == isinstance(field.type, Numbers)
         if field.required or field.default is None:
             assert field.required or field.optional, field.name
             continue

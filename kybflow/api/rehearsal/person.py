@@ -134,6 +134,6 @@ def _buttons(plan: Plan) -> Iterator[tuple[str, str]]:
     """Each button of an input that a person moves, as the event that it is, with its line."""
     for own in plan.inputs:
         if own.part.cls.real_time(own.part.params):
-            buttons: Mapping[str, str] = own.buttons
+            buttons: Mapping[str, str] = own.button_names
             for button in buttons.values():
                 yield f"{own.name}.{button}", own.at

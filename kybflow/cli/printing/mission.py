@@ -138,7 +138,7 @@ def _point(point: Vec3) -> str:
 
 def _input(own: InputPlan) -> str:
     """`stick: gamepad (a is take; dead man: right_shoulder)`."""
-    renamed = [f"{button} is {name}" for button, name in own.buttons.items() if button != name]
+    renamed = [f"{button} is {name}" for button, name in own.button_names.items() if button != name]
     held = [] if own.dead_man is None else [f"dead man: {own.dead_man}"]
     known = "; ".join((*renamed, *held))
     return f"{own.name}: {own.part.name}" + (f" ({known})" if known else "")

@@ -11,7 +11,7 @@ from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.names.option_names import option_values, unknown_vehicle
-from kybflow.dsl.plan import Action
+from kybflow.dsl.plan import ActionKeys
 from kybflow.dsl.reading.nodes import Node
 from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
@@ -181,7 +181,7 @@ def _acts_of(case: Case, vehicle: str) -> Mapping[str, Act]:
     return acts
 
 
-def actions_of(case: Case, name: str) -> Iterator[Action]:
+def actions_of(case: Case, name: str) -> Iterator[ActionKeys]:
     """The actions of every callback that are called `name`."""
     for callback in case.plan.callbacks:
         yield from (action for action in callback.do if action.name == name)

@@ -17,7 +17,7 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import options_named
-from kybflow.dsl.plan import Action, CallbackPlan
+from kybflow.dsl.plan import ActionKeys, CallbackPlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
 from kybflow.parts.events import AWAITED_EVENTS
 
@@ -203,7 +203,7 @@ class _Said(NamedTuple):
 class _Way(NamedTuple):
     """From a callback to another one that hears what `action` of the first brings about."""
 
-    action: Action
+    action: ActionKeys
     to: int
 
 
@@ -235,7 +235,7 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _key_span(callback: CallbackPlan, action: Action) -> Span:
+def _key_span(callback: CallbackPlan, action: ActionKeys) -> Span:
     """The place of an action's key; several targets may share it."""
     do = callback.entry("do")
     items = () if do is None else items_of(do.value)
@@ -265,7 +265,7 @@ def _passes(callback: CallbackPlan, said: _Said) -> bool:
     return all(said.fields.get(field) == value for field, value in callback.fields)
 
 
-def _said(case: Case, action: Action) -> Iterator[_Said]:
+def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:
     name, target, value = action.name, action.target, action.value
     if name == "emit":
         yield _Said("", value, {})

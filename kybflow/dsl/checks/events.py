@@ -196,7 +196,7 @@ def given_by_a_person(event: str, plan: Plan) -> bool:
     """Whether a person gives an event, by command or by a button."""
     first, _, button = event.partition(".")
     use = plan.inputs_by_name.get(first)
-    return event.startswith(OPERATOR) or (use is not None and button in use.buttons.values())
+    return event.startswith(OPERATOR) or (use is not None and button in use.button_names.values())
 
 
 class KnownEvents:
@@ -212,7 +212,7 @@ class KnownEvents:
     def custom(self) -> frozenset[str]:
         plan = self._plan
         ends = {f"{flow.name}.finished" for flow in plan.flows}
-        pressed = {f"{use.name}.{b}" for use in plan.inputs for b in use.buttons.values()}
+        pressed = {f"{use.name}.{b}" for use in plan.inputs for b in use.button_names.values()}
         return emitted(plan) | ends | pressed
 
     @property

@@ -69,7 +69,7 @@ def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
     for use in case.plan.inputs:
         device = use.part.cls.buttons(use.part.params)
         wrong = [(name, device) for name in _renamed(use) if name.text not in device]
-        known, dead_man = tuple(use.buttons.values()), use.text_of("dead_man")
+        known, dead_man = tuple(use.button_names.values()), use.text_of("dead_man")
         if dead_man is not None and dead_man.text not in known:
             wrong.append((dead_man, known))
         for name, choices in wrong:

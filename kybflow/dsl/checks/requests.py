@@ -9,7 +9,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import LANDED, KnownEvents, known_events
 from kybflow.dsl.checks.reachability import PHRASES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import Action, CallbackPlan, VehiclePlan
+from kybflow.dsl.plan import ActionKeys, CallbackPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 _STARTED, _ENDED, _TOOK_OFF = "behavior_started", "behavior_ended", "took_off"
@@ -80,7 +80,7 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _switched(case: Case) -> Iterator[tuple[CallbackPlan, Action, VehiclePlan]]:
+def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:
     """Every request of a callback that hears the very vehicle that it asks."""
     plan = case.plan
     for callback in plan.callbacks:

@@ -11,7 +11,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
-from kybflow.dsl.plan import Action, CallbackPlan, FaultPlan, PartPlan
+from kybflow.dsl.plan import ActionKeys, CallbackPlan, FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
@@ -35,11 +35,12 @@ _CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
 
 def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:
-    """The callbacks of `on:`."""
-    return tuple(_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
+    """The callbacks of `on:`; one whose event is no name is left out."""
+    callbacks = (_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
+    return tuple(callback for callback in callbacks if callback is not None)
 
 
-def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan:
+def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
     event, items, found = node.get("event"), items_of(node.get("do")), decoder.found
     _judge_occasion(node, found)
     if not items:
@@ -53,16 +54,9 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan:
         and not is_null(entry.value)
     )
     actions = tuple(action for item in items for action in _actions(item, decoder))
-    name = event.text if isinstance(event, Scalar) else ""
-    callback: CallbackPlan = decoder.record(
-        CallbackPlan,
-        node,
-        node.span,
-        event=name,
-        fields=fields,
-        do=actions,
-        vehicles=(),
-        actions=(),
+    own: dict[str, Any] = {"event": ""} if event is None else {}
+    callback: CallbackPlan | None = decoder.record(
+        CallbackPlan, node, node.span, fields=fields, do=actions, vehicles=(), actions=(), **own
     )
     return callback
 
@@ -85,7 +79,7 @@ def _judge_occasion(node: Mapping, found: Findings) -> None:
             found.report("KYB461", message, entry.key.span, help=hint)
 
 
-def _actions(node: Node, decoder: Decoder) -> Iterator[Action]:
+def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
     """The actions of one item: `switch`, `set` and `perform` may name several things."""
     found = decoder.found
     if not isinstance(node, Mapping) or len(node.entries) != 1:
@@ -98,13 +92,13 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[Action]:
     if name not in BUILT_IN:
         part = _part(entry, decoder)
         if part is not None:
-            yield Action(name=name, part=part, source=source)
+            yield ActionKeys(name=name, part=part, source=source)
     elif isinstance(value, Mapping):
         for target, said in named_values(entry, decoder):
             at = Source(target.key.span, Mapping({target.key.text: target}, target.key.span))
-            yield Action(name=name, target=target.key.text, value=said, source=at)
+            yield ActionKeys(name=name, target=target.key.text, value=said, source=at)
     elif isinstance(value, Scalar) and not value.is_null:
-        yield Action(name=name, value=value.text, source=source)
+        yield ActionKeys(name=name, value=value.text, source=source)
     else:
         found.report("KYB171", f"`{name}` says nothing", entry.key.span)
 

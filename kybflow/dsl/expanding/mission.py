@@ -10,6 +10,7 @@ from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.expanding.callbacks import callbacks_of, faults_of
 from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
+from kybflow.dsl.expanding.inputs import inputs_of
 from kybflow.dsl.expanding.targets import Target, needed_rate
 from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
 from kybflow.dsl.expanding.world import with_coordinates, with_points, world_of
@@ -47,7 +48,8 @@ def mission_of(
     plan: Plan | None = decoder.record(
         Plan, root, root.span, imports={}, parameters={}, chains={}, stacks={},
         airframes=airframes_of(root, decoder), world=world, vehicles=vehicles,
-        inputs=chosen.inputs(root), flows=flows_of(root.get("flows"), decoder),
+        inputs=inputs_of(root, chosen.name.text, decoder),
+        flows=flows_of(root.get("flows"), decoder),
         callbacks=callbacks_of(root.get("on"), decoder),
         faults=faults_of(root.get("faults"), decoder), targets={}, target=chosen.name.text,
         simulated=all(vehicle.driver.cls.simulated for vehicle in vehicles),

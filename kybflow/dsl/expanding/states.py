@@ -156,7 +156,7 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
 
 def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
     """The transition that an item of `next` is, judged alone."""
-    is_timed = way.after is not None or way.is_written("after")
+    is_timed = way.after is not None or way.entry("after") is not None
     if way.when is None and way.event is None and not is_timed:
         message = f"nothing says when to go to `{way.target}`"
         hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"

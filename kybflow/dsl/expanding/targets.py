@@ -1,5 +1,5 @@
-"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, its
-inputs, and the control rate that the drivers need."""
+"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, and
+the control rate that the drivers need."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.expanding.inputs import inputs_in
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
@@ -33,8 +34,6 @@ CODES = {
     "KYB150": "A target that the mission doesn't have.",
     "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
     "KYB390": "A sensor under a name that no estimator of the vehicle has.",
-    "KYB400": "A target replaces an input that the mission doesn't have, or a vehicle is called "
-    "`inputs`, which a target needs for itself.",
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
@@ -128,9 +127,9 @@ class Target:
             found, entries = Findings(), entries_of(entry.value)
             decoder = Decoder(self._decoder.catalog, found)
             self._decoded(entries, decoder)
-            for own in _inputs(entries).values():
+            for own in inputs_in(entry.value).values():
                 if not is_null(own.value):
-                    decoder.record(InputPlan, own.value, own.key.span, name="", buttons={})
+                    decoder.record(InputPlan, own.value, own.key.span, name="", button_names={})
             self._found.add(
                 replace(d, severity=Severity.WARNING) if d.code in _NOT_HERE else d
                 for d in found.all
@@ -181,47 +180,6 @@ class Target:
                 brought.append(SensorPlan(part))
         return brought
 
-    def inputs(self, root: Mapping) -> tuple[InputPlan, ...]:
-        """The inputs, each its own or the target's in its place; one with errors is left out."""
-        own = entries_of(root.get("inputs"))
-        for entry in self._targets.values():
-            for name, other in _inputs(entries_of(entry.value)).items():
-                if name not in own:
-                    hint = did_you_mean(name, own)
-                    hint = hint or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
-                    message = f"the mission has no input `{name}`"
-                    self._found.report("KYB400", message, other.key.span, "unknown", help=hint)
-            if "inputs" in self._vehicles:
-                span, hint = self._vehicles["inputs"].key.span, "give it another name"
-                self._found.report("KYB400", "a vehicle can't be called `inputs`", span, help=hint)
-        replaced = _inputs(self._entries)
-        inputs: list[InputPlan] = []
-        for name, entry in own.items():
-            instead = replaced.get(name)
-            is_own = instead is None or is_null(instead.value)
-            value = entry.value if instead is None or is_own else instead.value
-            one = None if is_null(value) else self._input(entry.key, value)
-            if one is not None:
-                inputs.append(one)
-            if instead is not None and not is_null(entry.value):  # judged too, though it isn't used
-                self._input(entry.key, entry.value)
-        return tuple(inputs)
-
-    def _input(self, name: Scalar, node: Node) -> InputPlan | None:
-        one: InputPlan | None = self._decoder.record(
-            InputPlan, node, name.span, name=name.text, buttons={}
-        )
-        if one is None:
-            return None
-        cls, params = one.part.cls, one.part.params
-        stuck = cls.stuck_after if one.stuck_after is None else one.stuck_after
-        taken = {device: given for given, device in one.renamed.items()}
-        buttons = {
-            b: taken.get(b, b) for b in cls.buttons(params) if b in taken or b not in one.renamed
-        }
-        at = one.part.span.at
-        return one.but(stuck_after=stuck, buttons=buttons, at=at)
-
 
 def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
     """The targets that every mission has beside `sim`, each with its driver and that one's
@@ -261,10 +219,6 @@ def _over(everybody: Place, own: Place) -> Place:
     own_keys = {field.name for field in fields_of(Place) if own.is_written(field.key)}
     values = {field.name: getattr(everybody, field.name) for field in fields_of(Place)}
     return own.but(**{name: value for name, value in values.items() if name not in own_keys})
-
-
-def _inputs(target: Entries) -> Entries:
-    return entries_of(target["inputs"].value) if "inputs" in target else {}
 
 
 def _estimators(vehicle: Node) -> Iterator[str]:

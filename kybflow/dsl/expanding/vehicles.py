@@ -40,7 +40,6 @@ def vehicle_of(
     """The vehicle; None when it has errors."""
     name, body, found = entry.key, entry.value, decoder.found
     assert isinstance(body, Mapping)
-    states = _states(name, body, decoder)
     is_whole = driver is not None
     for key, hint in (
         ("airframe", "name one: `airframe: std.mk_quadro`"),
@@ -49,6 +48,7 @@ def vehicle_of(
         if body.get(key) is None or (key == "airframe" and isinstance(body.get(key), Scalar)):
             _missing(name, key, hint, found)
             is_whole = False
+    states = _states(name, body, decoder)
     begin = body.get("begin")
     named = begin.text if isinstance(begin, Scalar) else next(iter(states.states), "")
     inside = (state for state in states.states if named in chains_of(state))

@@ -1,5 +1,5 @@
-"""The shape of a file, judged before anything is resolved. The decoder takes a valid file whole;
-one that it doesn't take is judged by `jsonschema`, which says what is wrong, in our words.
+"""The shape of a file, judged before anything is resolved: by the records (`shape`), and what they
+don't take by `jsonschema`, which says what is wrong, in our words.
 """
 
 from __future__ import annotations

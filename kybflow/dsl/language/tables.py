@@ -75,7 +75,8 @@ def _rows(cls: Any) -> Iterator[str]:
     for field in fields_of(cls):
         if isinstance(field.type, RecordOf) and field.type.flat:
             title = field.type.cls.__name__.lower()
-            yield _row("`...`", f"The numbers of the {title}: see [parts](parts.md).", "", "")
+            place = f"[parts](parts.md#{title}s)"
+            yield _row("`...`", f"The numbers of the {title}, as in {place}.", "", "")
             continue
         is_shown = not field.required and field.default not in (None, (), {}, "")
         is_plain = is_shown and isinstance(field.default, str | int | float | tuple)
@@ -103,10 +104,17 @@ def _words(kind: ValueType, field: Field) -> str:
     if isinstance(kind, PartOf):
         return f"{article(kind.kind[:-1])} with its parameters"
     if isinstance(kind, ListOf):
-        return f"list of {_words(kind.item, field)}"
+        return f"a list of {_several(kind.item, field)}"
     if isinstance(kind, MappingOf):
         return f"names, each with {_words(kind.item, field)}"
     if isinstance(kind, RecordOf):
         name = article(kind.cls.title)
         return f"{name}, or the name of one" if kind.or_name else name
     return " or ".join(kind.kinds) if isinstance(kind, AnyOf) else kind.shape
+
+
+def _several(kind: ValueType, field: Field) -> str:
+    """What may stand there several times, in words."""
+    if isinstance(kind, PartOf):
+        return f"{kind.kind} with their parameters"
+    return f"{kind.cls.title}s" if isinstance(kind, RecordOf) else _words(kind, field)

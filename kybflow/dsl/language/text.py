@@ -21,7 +21,7 @@ from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.schema import NAMES
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.language.types import EVENT_FIELD, STATE, PartOf, UsesOf
-from kybflow.dsl.plan import Action, Body, PartPlan, Place, Plan, Request, SensorPlan
+from kybflow.dsl.plan import ActionKeys, Body, PartPlan, Place, Plan, Request, SensorPlan
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.imports import without_homes
 from kybflow.dsl.world import World
@@ -219,14 +219,14 @@ def _may_be_empty(field: Field) -> bool:
 
 def _flow(record: Any) -> str:
     """A record in one line."""
-    if isinstance(record, Action):
+    if isinstance(record, ActionKeys):
         return _action(record)
     is_terse = getattr(record, "terse", False)
     pairs = [pair for pair in _pairs(record, is_terse) if pair != "event: ''"]
     return "{" + ", ".join(pairs) + "}"
 
 
-def _action(action: Action) -> str:
+def _action(action: ActionKeys) -> str:
     if action.part is not None:
         return f"{{{action.name}: {{{', '.join(_pairs(action.part.params))}}}}}"
     value = action.value

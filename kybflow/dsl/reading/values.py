@@ -87,7 +87,7 @@ _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 def decode(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; None, and a finding, when it is none."""
     value = _value(node, field, field.type, found)
-    flaw = field.flaw(value)
+    flaw = field.flaw(value) if field.is_definite else None
     if flaw is None:
         return value
     found.report("KYB105", f"`{field.key}` {flaw}", node.span)

@@ -15,7 +15,7 @@ import kybflow
 from kybflow.core.text import nearest
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.language.judge import judge_file
-from kybflow.dsl.plan import Library as LibraryRecord
+from kybflow.dsl.plan import Library
 from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 
@@ -143,27 +143,27 @@ def _homes() -> dict[str, str]:
     return {f"{f}/": f"{name}/missions/library/" for name, f in folders.items() if f is not None}
 
 
-class Library(NamedTuple):
+class LibraryFile(NamedTuple):
     """A library file as read, and what is wrong with its shape."""
 
     source: ParsedFile
     findings: tuple[Diagnostic, ...]
 
 
-def judged(source: ParsedFile) -> Library:
+def judged(source: ParsedFile) -> LibraryFile:
     """The library with what is wrong with it."""
     root = source.root
     if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
-        return Library(source, source.found)
-    return Library(source, tuple(judge_file(root, LibraryRecord)))
+        return LibraryFile(source, source.found)
+    return LibraryFile(source, tuple(judge_file(root, Library)))
 
 
 @functools.lru_cache(maxsize=64)
-def _read(place: LibraryPath, _modified: int, _size: int) -> Library:
+def _read(place: LibraryPath, _modified: int, _size: int) -> LibraryFile:
     return judged(read(place.path, place.file))
 
 
-def read_library(place: LibraryPath) -> Library:
+def read_library(place: LibraryPath) -> LibraryFile:
     """A library file, read and judged again only when it changed."""
     try:
         status = place.path.stat()

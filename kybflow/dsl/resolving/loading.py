@@ -11,7 +11,7 @@ from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
 from kybflow.dsl.resolving.exports import EMPTY, Exports
 from kybflow.dsl.resolving.imports import (
-    Library,
+    LibraryFile,
     LibraryPath,
     find,
     installed,
@@ -143,7 +143,7 @@ class _Loader:
         return exports
 
 
-def library_root(library: Library, at: Span, found: Findings) -> Mapping | None:
+def library_root(library: LibraryFile, at: Span, found: Findings) -> Mapping | None:
     """The top level of a library file; None, and findings, when it is none."""
     found.add(library.findings)
     root = library.source.root

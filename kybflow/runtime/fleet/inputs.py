@@ -162,7 +162,7 @@ class _Input:
         return (None if reading is None else self._named(reading)), None
 
     def _named(self, reading: InputReading) -> InputReading:
-        names, dead_man = self.plan.buttons, self.plan.dead_man
+        names, dead_man = self.plan.button_names, self.plan.dead_man
         held = frozenset(names[button] for button in reading.held if button in names)
         return reading._replace(held=held, engaged=dead_man is None or dead_man in held)
 

@@ -102,13 +102,13 @@ class Cascade(Tracker[CascadeParams]):
             wx, wy, wz = position
             px, py, pz = estimate.position
             k, ex, ey = p.proportional, wx - px, wy - py
-            if p.position_gain is None:
+            if p.position_gain is not None:
+                kx, ky, kz = transform(p.position_gain, (ex, ey, wz - pz))
+                ax, ay, az = ax + kx, ay + ky, az + kz
+            else:
                 ax += k * ex
                 ay += k * ey
                 az += k * (wz - pz)
-            else:
-                kx, ky, kz = transform(p.position_gain, (ex, ey, wz - pz))
-                ax, ay, az = ax + kx, ay + ky, az + kz
             if self._steering.learns:
                 i, most = p.integral * dt, p.integral_limit
                 ix, iy = ix + i * ex, iy + i * ey
