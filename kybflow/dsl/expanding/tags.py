@@ -19,7 +19,7 @@ from kybflow.core.geometry import (
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.reading.nodes import MappingEntry, entries_of
+from kybflow.dsl.reading.nodes import MappingEntry, entries_of, is_null
 from kybflow.dsl.reading.tag_table import read_tags
 from kybflow.dsl.world import GridParams, TagParams, Tags
 from kybflow.vision.families import FAMILIES
@@ -50,7 +50,8 @@ def tags_of_entry(entry: MappingEntry, decoder: Decoder) -> Tags | None:
     """One entry of `world.tags` with the tags that it means; None, and a finding, where something
     is wrong with it."""
     name, found = entry.key, decoder.found
-    kinds = [kind for kind in entries_of(entry.value) if kind in _KINDS]
+    entries = entries_of(entry.value)
+    kinds = [kind for kind, own in entries.items() if kind in _KINDS and not is_null(own.value)]
     if len(kinds) != 1:
         what = " and ".join(f"a {kind}" for kind in kinds) or "nothing"
         hint = "write one of `grid`, `tag` and `file`"

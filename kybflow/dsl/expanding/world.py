@@ -17,7 +17,15 @@ from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.expanding.tags import tags_of_entry
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Parameter
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+    is_null,
+)
 from kybflow.dsl.reading.values import decode, origin
 from kybflow.dsl.world import (
     Corners,
@@ -58,7 +66,8 @@ def world_of(node: Node | None, decoder: Decoder) -> World:
     world = decoder.record(World, body, body.span, obstacles=made, tags=printed)
     if world is None:
         return World(obstacles=made, tags=printed)
-    lost = {n: ZERO for n in entries_of(body.get("points")) if n not in world.points}
+    points = entries_of(body.get("points"))
+    lost = {n: ZERO for n, e in points.items() if n not in world.points and not is_null(e.value)}
     box = None if world.fence is None else _box(world.fence)
     if box is not None and not _has_inside(box):
         decoder.found.report("KYB153", "the fence has no inside", world.fence.span, help=_ORDER)
@@ -81,7 +90,8 @@ def _has_inside(box: Box) -> bool:
 def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     """The obstacle with its shape; None, and a finding, where something is wrong with it."""
     name, found = entry.key, decoder.found
-    solids = [kind for kind in entries_of(entry.value) if kind in _KINDS]
+    entries = entries_of(entry.value)
+    solids = [kind for kind, own in entries.items() if kind in _KINDS and not is_null(own.value)]
     if len(solids) != 1:
         what = " and ".join(f"a {kind}" for kind in solids) or "nothing solid"
         hint = f"write one of {', '.join(f'`{kind}`' for kind in _KINDS[:-1])} and `{_KINDS[-1]}`"

@@ -161,8 +161,11 @@ class Decoder:
 
     def _plain(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
         if isinstance(kind, ListOf) and kind.item is TEXT:
-            for item in items_of(node):
-                self._misplaced(item, field)
+            points = [item for item in items_of(node) if isinstance(item, Sequence)]
+            for point in points:
+                self._misplaced(point, field)
+            if points:
+                return None
         return decode(node, field, self.found)
 
     def _text(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
