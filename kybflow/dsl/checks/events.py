@@ -21,7 +21,7 @@ from kybflow.parts.events import AWAITED_EVENTS, RUN_EVENTS, VEHICLE_EVENTS, Lan
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:
-    """KYB208: a transition or a callback waits for an event that nothing here tells, or that no
+    """KYB208: a transition or a callback waits for an event that nothing here emits, or that no
     tick follows, so that nothing ever comes of it.
 
     Known are the engine's events, those that the vehicles' parts declare, those that the mission's

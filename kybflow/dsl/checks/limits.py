@@ -32,7 +32,8 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     airframe's."""
     for vehicle in case.plan.vehicles:
         for part in (vehicle.tracker, *vehicle.processors):
-            yield from _beyond(vehicle, part)
+            if not LIMITS.isdisjoint(part.source.node.entries):
+                yield from _beyond(vehicle, part)
 
 
 def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:

@@ -33,10 +33,11 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
             yield no_state("KYB201", Text(vehicle.begin, _begins_at(vehicle)), vehicle)
         for state in vehicle.states.values():
             for transition in state.transitions:
-                goal = Text(transition.target, transition.target_span)
-                finding = wrong_goal("KYB201", goal, vehicle)
-                if finding is not None:
-                    yield finding
+                if vehicle.goal(transition.target) not in vehicle.states:
+                    goal = Text(transition.target, transition.target_span)
+                    finding = wrong_goal("KYB201", goal, vehicle)
+                    if finding is not None:
+                        yield finding
 
 
 def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:
@@ -173,8 +174,9 @@ def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]
     for state in vehicle.states.values():
         is_own = not state.inherited and not any(chains_of(state.name))
         is_open = all(t.cause in {"within", "failed"} for t in state.transitions)
-        flies = any(leg.end is AIR for leg in state.legs)
-        if state.name in reached and is_own and is_open and flies:
+        if not (state.name in reached and is_own and is_open):
+            continue
+        if any(leg.end is AIR for leg in state.legs):
             yield f"`{state.name}` has no `then` ({state.span.at})"
 
 
