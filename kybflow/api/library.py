@@ -12,7 +12,7 @@ from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.resolving.exports import SECTIONS
-from kybflow.dsl.resolving.imports import GROUP, LibraryPath, find, installed
+from kybflow.dsl.resolving.library_files import GROUP, LibraryPath, find, installed
 
 OWN = "kybflow"
 """The package whose missions need no package before their name."""

@@ -33,7 +33,7 @@ from kybflow.dsl.language.judge import is_library, judge_mission
 from kybflow.dsl.language.text import to_yaml
 from kybflow.dsl.plan import Parameter, Plan, SourceFile
 from kybflow.dsl.reading.reader import ParsedFile, read
-from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.imports import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names

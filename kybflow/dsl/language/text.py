@@ -23,7 +23,7 @@ from kybflow.dsl.language.source import Record
 from kybflow.dsl.language.types import EVENT_FIELD, STATE, PartOf, UsesOf
 from kybflow.dsl.plan import ActionKeys, Body, PartPlan, Place, Plan, Request, SensorPlan
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of
-from kybflow.dsl.resolving.imports import without_homes
+from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.dsl.world import World
 
 YamlLine = tuple[str, str]

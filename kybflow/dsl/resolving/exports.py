@@ -19,7 +19,7 @@ from kybflow.dsl.reading.nodes import (
     is_null,
     items_of,
 )
-from kybflow.dsl.resolving.imports import LibraryPath, installed, read_library
+from kybflow.dsl.resolving.library_files import LibraryPath, installed, read_library
 from kybflow.dsl.resolving.like import merge
 from kybflow.dsl.resolving.parameters import ParameterTable
 

@@ -14,9 +14,9 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entrie
 from kybflow.dsl.reading.reader import ParsedFile
 from kybflow.dsl.resolving.chains import Chains
 from kybflow.dsl.resolving.exports import EMPTY, Exports
-from kybflow.dsl.resolving.imports import judged
+from kybflow.dsl.resolving.imports import Files, library_root, load
+from kybflow.dsl.resolving.library_files import judged
 from kybflow.dsl.resolving.like import UseMarker
-from kybflow.dsl.resolving.loading import Files, library_root, load
 from kybflow.dsl.resolving.parameters import Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 

@@ -18,7 +18,7 @@ from kybflow.dsl.reading.nodes import (
     items_of,
     texts_in,
 )
-from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.imports import Files
 from kybflow.dsl.resolving.parameters import Setting
 
 CODES = {
