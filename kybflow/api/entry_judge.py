@@ -49,7 +49,8 @@ class PlanEntryJudge:
         entered = entered.but(behavior=entered.behavior.but(params=params))
         for point in points:
             begins = own.but(start=point, begin=state, states={state: entered.but(transitions=())},
-                estimators=(), supervisors=(), sensors=(),
+                estimators=(), supervisors=(), sensors=(), requested=frozenset(),
+                requested_first=frozenset(),
             )  # fmt: skip
             alone = self._plan.but(vehicles=(begins,), flows=(), callbacks=(), faults=(), inputs=(),
                 groups={}, moving={},

@@ -112,6 +112,7 @@ NAMED, FLAT, OR_NAME = ValueType("named"), ValueType("flat"), ValueType("name")
 in order; `Annotated[Airframe, FLAT]` has its keys beside those of the record that holds it;
 `Annotated[World, OR_NAME]` may be the name of one."""
 INTEGER, BOOLEAN, TEXT = ValueType("integer"), ValueType("boolean"), ValueType("text")
+_SEVERAL = {INTEGER: "integers", TEXT: "names"}
 FILE, FILE_PATH = ValueType("file", True), ValueType("file path", True)
 _TYPES: dict[Any, ValueType] = {
     int: INTEGER,
@@ -323,7 +324,9 @@ def type_of(field: Field) -> str:
         elif kind.size:
             name = f"{kind.shape} of {name}"
         return f"{name} [{kind.dimension.si}]" if kind.dimension.si else name
-    return f"list of {kind.item.shape}" if isinstance(kind, ListOf) else kind.shape
+    if isinstance(kind, ListOf):
+        return f"list of {_SEVERAL.get(kind.item, kind.item.shape)}"
+    return kind.shape
 
 
 def is_needed(cls: Any, field: Field) -> bool:

@@ -117,4 +117,7 @@ def _several(kind: ValueType, field: Field) -> str:
     """What may stand there several times, in words."""
     if isinstance(kind, PartOf):
         return f"{kind.kind} with their parameters"
-    return f"{kind.cls.title}s" if isinstance(kind, RecordOf) else _words(kind, field)
+    if isinstance(kind, RecordOf):
+        return f"{kind.cls.title}s"
+    words = _words(kind, field)
+    return words if isinstance(kind, Numbers | Choice) else f"{words}s"

@@ -136,7 +136,8 @@ def _numbers(
     is_whole = isinstance(node, Sequence) and size[0] in (None, len(node.items)) and node.items
     if not is_whole:
         is_row = field.shape == "matrix" and len(size) == 1
-        shape = "row" if is_row else "vector" if size == (3,) else field.shape
+        is_vector = size == (3,) and field.shape != "path"
+        shape = "row" if is_row else "vector" if is_vector else field.shape
         _wrong(node, field, found, shape)
     items = [_numbers(item, field, dimension, size[1:], found) for item in items_of(node)]
     return tuple(items) if is_whole and None not in items else None
