@@ -163,7 +163,7 @@ class Decoder:
         if isinstance(kind, ListOf) and kind.item is TEXT:
             points = [item for item in items_of(node) if isinstance(item, Sequence)]
             for point in points:
-                self._misplaced(point, field)
+                self._misplaced(point, field.key)
             if points:
                 return None
         return decode(node, field, self.found)
@@ -171,14 +171,14 @@ class Decoder:
     def _text(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
         if isinstance(node, Scalar):
             return Unparsed(node.as_text) if kind is CONDITION else node.text
-        self._misplaced(node, field)
+        self._misplaced(node, field.key)
         return None
 
-    def _misplaced(self, node: Node, field: Field) -> None:
+    def _misplaced(self, node: Node, key: str) -> None:
         """KYB103 for a point where a name is needed: a parameter or a point of the world brought it
         there after the shape of the file was judged."""
         if isinstance(node, Sequence):
-            message = f"`{field.key}` must be a name, but this is a point"
+            message = f"`{key}` must be a name, but this is a point"
             self.found.report("KYB103", message, node.span)
 
     def _as_written(self, node: Node, *_: Any) -> Any:
@@ -297,6 +297,9 @@ class Decoder:
         body = Mapping({}, node.span)
         if isinstance(node, Mapping):
             named = node.get(word)
+            if isinstance(named, Sequence):
+                self._misplaced(named, word)
+                return None
             name = named if isinstance(named, Scalar) else node
             beside = own | ({word, "as"} if word == "use" else {word})
             entries = {k: e for k, e in node.entries.items() if k not in beside}

@@ -139,7 +139,8 @@ def _numbers(
         is_vector = size == (3,) and field.shape != "path"
         shape = "row" if is_row else "vector" if is_vector else field.shape
         _wrong(node, field, found, shape)
-    items = [_numbers(item, field, dimension, size[1:], found) for item in items_of(node)]
+    inside = [item for item in items_of(node) if is_whole or isinstance(item, Scalar)]
+    items = [_numbers(item, field, dimension, size[1:], found) for item in inside]
     return tuple(items) if is_whole and None not in items else None
 
 
