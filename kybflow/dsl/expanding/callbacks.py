@@ -9,6 +9,7 @@ from typing import Any
 from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.expanding.world import report_point
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import ActionKeys, CallbackPlan, FaultPlan, PartPlan
@@ -17,6 +18,7 @@ from kybflow.dsl.reading.nodes import (
     MappingEntry,
     Node,
     Scalar,
+    Sequence,
     describe,
     entries_of,
     head_of,
@@ -46,19 +48,24 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
     if not items:
         told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
         found.report("KYB171", f"nothing is done {told}", head_of(node), help="write `do: [...]`")
-    fields = tuple(
-        (key, entry.value.text)
-        for key, entry in node.entries.items()
-        if key not in _CALLBACK_KEYS
-        and isinstance(entry.value, Scalar)
-        and not is_null(entry.value)
-    )
+    fields = tuple(_fields(node, found))
     actions = tuple(action for item in items for action in _actions(item, decoder))
     own: dict[str, Any] = {"event": ""} if event is None else {}
     callback: CallbackPlan | None = decoder.record(
         CallbackPlan, node, node.span, fields=fields, do=actions, vehicles=(), actions=(), **own
     )
     return callback
+
+
+def _fields(node: Mapping, found: Findings) -> Iterator[tuple[str, str]]:
+    """The fields that the event must have, each with its value."""
+    for key, entry in node.entries.items():
+        if key in _CALLBACK_KEYS or is_null(entry.value):
+            continue
+        if isinstance(entry.value, Scalar):
+            yield key, entry.value.text
+        else:
+            report_point(entry, found)
 
 
 def _judge_occasion(node: Mapping, found: Findings) -> None:
@@ -99,6 +106,8 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
             yield ActionKeys(name=name, target=target.key.text, value=said, source=at)
     elif isinstance(value, Scalar) and not value.is_null:
         yield ActionKeys(name=name, value=value.text, source=source)
+    elif isinstance(value, Sequence):
+        report_point(entry, found)
     else:
         found.report("KYB171", f"`{name}` says nothing", entry.key.span)
 
@@ -115,7 +124,10 @@ def named_values(entry: MappingEntry, decoder: Decoder) -> Iterator[tuple[Mappin
             value = decoder.request(target)
             if value is None:
                 continue
-        elif entry.key.text != "set" and isinstance(value, Scalar):
+        elif entry.key.text != "set":
+            if not isinstance(value, Scalar):
+                report_point(target, decoder.found)
+                continue
             value = value.text
         yield target, value
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.expanding.states import next_transition
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan, Ways
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
+from kybflow.dsl.reading.nodes import Mapping, Node, entries_of
 from kybflow.parts import GROUND
 
 CODES = {
@@ -34,18 +35,15 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
             inner = {n: e._replace(inherited=True) for n, e in entries_of(phases.value).items()}
             whole = phases._replace(value=Mapping(inner, phases.value.span))
             body = Mapping({**body.entries, "phases": whole}, body.span)
-        if not any(
-            isinstance(e.value, Mapping) for e in entries_of(phases and phases.value).values()
-        ):
+        named = entries_of(phases and phases.value).items()
+        written = [name for name, phase in named if isinstance(phase.value, Mapping)]
+        if not written:
             message = f"the flow `{name}` needs `phases`"
             hint = "write `phases: {...}`, or start from a flow that has some"
             decoder.found.report("KYB102", message, entry.key.span, help=hint)
             continue
-        begin = body.get("begin")
-        first = (
-            begin.text if isinstance(begin, Scalar) else next(iter(entries_of(body.get("phases"))))
-        )
-        flow = decoder.record(FlowPlan, body, entry.key.span, name=name, begin=first, vehicles=())
+        first: dict[str, Any] = {} if body.get("begin") is not None else {"begin": written[0]}
+        flow = decoder.record(FlowPlan, body, entry.key.span, name=name, vehicles=(), **first)
         if flow is not None:
             flows.append(_with_ways(flow, decoder.found))
     return tuple(flows)
@@ -72,7 +70,9 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
 def _limit(phase: PhasePlan, found: Findings) -> Ways:
     """The transition of `within` and `otherwise`; none where one of them is missing."""
     limit, goal = phase.entry("within"), phase.entry("otherwise")
-    if limit is not None and goal is not None and phase.otherwise is not None:
+    if limit is not None and goal is not None:
+        if phase.otherwise is None:
+            return ()  # told already: it is no name
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
         return (

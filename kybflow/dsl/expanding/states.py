@@ -156,12 +156,11 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
 
 def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
     """The transition that an item of `next` is, judged alone."""
-    is_timed = way.after is not None or way.entry("after") is not None
-    if way.when is None and way.event is None and not is_timed:
+    if all(way.entry(key) is None for key in ("when", "event", "after")):
         message = f"nothing says when to go to `{way.target}`"
         hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"
         found.report("KYB143", message, way.span_of("go"), help=hint)
-    elif way.when is None and way.entry("for") is not None:
+    elif way.entry("when") is None and way.entry("for") is not None:
         message = f"nothing says what must hold before it goes to `{way.target}`"
         found.report("KYB143", message, way.key_span("for"), help="`for` belongs to a `when`")
     return way

@@ -98,7 +98,6 @@ class Target:
         for name, entry in entries.items():
             if name in _OWN:
                 continue
-            place: Place = decoder.record(Place, entry.value, entry.key.span)
             if name == "all":
                 known = [label for e in self._vehicles.values() for label in _estimators(e.value)]
             elif name in self._vehicles:
@@ -108,6 +107,7 @@ class Target:
                 message = f"no vehicle is called `{name}`"
                 decoder.found.report("KYB151", message, entry.key.span, help=hint)
                 continue
+            place: Place = decoder.record(Place, entry.value, entry.key.span)
             places[name] = place
             for label, _ in place.pairs("sensors"):
                 if label.text in place.sensors and label.text not in known:

@@ -9,10 +9,11 @@ from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multip
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expanding.states import States, states_of
+from kybflow.dsl.expanding.world import report_point
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Body, PartPlan, Start, VehiclePlan
 from kybflow.dsl.reading.calibration import read_calibration
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, entries_of
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, Sequence, entries_of
 from kybflow.dsl.world import CameraPlan
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import DOWN, Camera, Lens
@@ -48,12 +49,16 @@ def vehicle_of(
         if body.get(key) is None or (key == "airframe" and isinstance(body.get(key), Scalar)):
             _missing(name, key, hint, found)
             is_whole = False
+    airframe = body.entries.get("airframe")
+    for written in (airframe, body.entries.get("begin")):
+        if written is not None and isinstance(written.value, Sequence):
+            report_point(written, found)
+            is_whole = False
     states = _states(name, body, decoder)
     begin = body.get("begin")
     named = begin.text if isinstance(begin, Scalar) else next(iter(states.states), "")
     inside = (state for state in states.states if named in chains_of(state))
     first = named if named in states.states else next(inside, named)
-    airframe = body.entries.get("airframe")
     whole = None
     if airframe is not None and isinstance(airframe.value, Mapping):
         whole = body_of(name.text, airframe.key.span, airframe.value, decoder)

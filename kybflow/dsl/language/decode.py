@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.params import (
     TEXT,
+    Choice,
     Field,
     ListOf,
     MappingOf,
@@ -160,12 +161,15 @@ class Decoder:
         return reader(self, node, kind, field, entry)
 
     def _plain(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
+        points: Iterable[Node] = ()
         if isinstance(kind, ListOf) and kind.item is TEXT:
             points = [item for item in items_of(node) if isinstance(item, Sequence)]
-            for point in points:
-                self._misplaced(point, field.key)
-            if points:
-                return None
+        elif isinstance(kind, Choice) and isinstance(node, Sequence):
+            points = (node,)
+        for point in points:
+            self._misplaced(point, field.key)
+        if points:
+            return None
         return decode(node, field, self.found)
 
     def _text(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
@@ -204,6 +208,9 @@ class Decoder:
                 return Request(asked.key.text, source=Source(place, asked.value))
             if is_null(asked.value):
                 return Request(asked.key.text, source=Source(place))
+        if isinstance(node, Sequence):
+            self._misplaced(node, field.key)
+            return None
         message = f"`{field.key}` is asked for what is no state with its values"
         hint = f"write `{field.key}: STATE` or `{field.key}: {{STATE: {{...}}}}`"
         self.found.report("KYB244", message, node.span, help=hint)
@@ -305,6 +312,9 @@ class Decoder:
             entries = {k: e for k, e in node.entries.items() if k not in beside}
             body = Mapping(entries, node.span)
             label = node.get("as") if word == "use" else None
+        if isinstance(node, Sequence):
+            self._misplaced(node, kind.kind[:-1])
+            return None
         if not isinstance(name, Scalar):
             message = f"a part is needed, but this is {describe(node)}"
             if isinstance(node, Mapping):

@@ -38,7 +38,7 @@ from kybflow.core.units import (
 )
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, items_of
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, items_of, to_json
 
 CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
@@ -171,6 +171,16 @@ def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
         return value
     message, hint = f"`{field.key}` must be {bounds_of(field)}", _way_inside(value, node, field)
     found.report("KYB105", message, node.span, f"`{node.text}`", origin(node), hint)
+    return None
+
+
+def _text(node: Scalar, field: Field, found: Findings) -> str | None:
+    """A text; what stands for a parameter is one however it is written."""
+    if node.parameter or isinstance(to_json(node), str):
+        return node.text
+    message = f"`{field.key}` must be text, but this is {describe(node)} `{node.text[:60]}`"
+    hint = f'write "{node.text[:60]}" in quotes if you mean the text'
+    found.report("KYB103", message, node.span, help=hint)
     return None
 
 
@@ -374,5 +384,5 @@ def _read(name: str, folder: Path, errors: str) -> File:
 _READERS: dict[ValueType, Callable[[Scalar, Field, Findings], Any]] = {
     FILE: _attached,
     FILE_PATH: _path_of,
-    TEXT: lambda node, *_: node.text,
+    TEXT: _text,
 }

@@ -10,7 +10,7 @@ from decimal import Decimal
 from math import inf
 from typing import Any, NamedTuple
 
-from kybflow.core.params import Field
+from kybflow.core.params import TEXT, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
 from kybflow.dsl.diagnostics.diagnostic import Findings
@@ -177,7 +177,8 @@ def _declare(
 
 def _value(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; a point's name stays itself until the world is known."""
-    if isinstance(node, Scalar) and field.shape == "vector" and node.text.startswith(PREFIX):
+    is_point = field.shape == "vector" and isinstance(node, Scalar) and node.text.startswith(PREFIX)
+    if isinstance(node, Scalar) and (is_point or field.type is TEXT):
         return node.text
     return decode(node, field, found)
 

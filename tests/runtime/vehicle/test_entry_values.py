@@ -127,6 +127,13 @@ def test_a_path_is_judged_from_where_it_begins() -> None:
     )
 
 
+def test_that_a_flow_asks_for_a_state_too_changes_nothing() -> None:
+    outside, params = (-2.5, 0.0, 1.0), goer().states["up"].behavior.params
+    asked = replace(goer(), requested=frozenset({"up"}), requested_first=frozenset({"up"}))
+    for judge in (JUDGE, PlanEntryJudge(plan(asked, obstacles=POLE))):
+        assert judge.objection("a", "up", params, [outside]) is None
+
+
 def test_a_built_in_state_takes_no_values() -> None:
     assert refusal("for_time=3 s", "hover") == "`hover` is built in and takes no values"
 
