@@ -17,6 +17,7 @@ from typing import (
     Annotated,
     Any,
     Literal,
+    ParamSpec,
     TypeVar,
     Union,
     dataclass_transform,
@@ -138,18 +139,30 @@ def numbers(dimension: Dimension, shape: str = "scalar") -> Numbers:
 
 @dataclass(frozen=True)
 class Field:
-    """One key of a record, or one parameter of a part.
+    """One key of a record, or one parameter of a part. `key` declares it; name, type, optional and
+    required follow from where that stands.
 
-    name: the field's in Python. key: its spelling in YAML. type: what may stand there. optional:
-    it may be null. Bounds are SI and hold for each number. `key` says what the others mean.
+    name: the field's in Python. type: what may stand there. optional: it may be null. default and
+    bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a matrix is
+    symmetric and positive definite. read_only: it can't change during a run. tightens: in flight it
+    may change in that direction only. names: the compiler checks that a text names such a thing.
+    reads: the compiler checks a file with this reader. limited_by: the parameter beside it that it
+    may not exceed, or the part never succeeds. room: the length says nothing where it is more than
+    half of the fence's longest side (`across`), or more than its height (`up`). binary: the file
+    need not be text. key: its spelling in YAML, where Python forbids the field's name. examples:
+    values that editors offer. each: what each item of a list or a mapping is, with `each_examples`.
+    least: how many items it has at least. needed: whether a file must have it; unless said, one
+    without a default of a record that is whole in each file. names_like: how the names of a mapping
+    are formed.
     """
 
+    help: str = ""
+    _: dataclasses.KW_ONLY
     name: str = ""
     type: ValueType = TEXT
     optional: bool = False
     required: bool = False
     default: Any = None
-    help: str = ""
     above: float | None = None
     at_least: float | None = None
     below: float | None = None
@@ -238,57 +251,24 @@ class Field:
         return None
 
 
-def key(
-    help: str,
-    *,
-    default: Any = dataclasses.MISSING,
-    above: float | None = None,
-    at_least: float | None = None,
-    below: float | None = None,
-    at_most: float | None = None,
-    is_definite: bool = False,
-    read_only: bool = False,
-    tightens: Tightens | None = None,
-    names: Named | None = None,
-    reads: Reads | None = None,
-    limited_by: str | None = None,
-    room: Room | None = None,
-    binary: bool = False,
-    key: str = "",
-    examples: tuple[Any, ...] = (),
-    each: str = "",
-    each_examples: tuple[Any, ...] = (),
-    least: int = 0,
-    needed: bool | None = None,
-    names_like: NamesLike = "name",
-) -> Any:
-    """Declare one key of a record, or one parameter of a part.
-
-    default and bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a
-    matrix is symmetric and positive definite. read_only: it can't change during a run. tightens: in
-    flight it may change in that direction only. names: the compiler checks that a text names such a
-    thing. reads: the compiler checks a file with this reader. limited_by: the parameter beside it
-    that it may not exceed, or the part never succeeds. room: the length says nothing where it is
-    more than half of the fence's longest side (`across`), or more than its height (`up`). binary:
-    the file need not be text. key: its spelling in YAML, where Python forbids the field's name.
-    examples: values that editors offer. each: what each item of a list or a mapping is, with
-    `each_examples`. least: how many items it has at least. needed: whether a file must have it;
-    unless said, one without a default of a record that is whole in each file. names_like: how the
-    names of a mapping are formed.
-    """
-    facts = Field(
-        help=help, above=above, at_least=at_least, below=below, at_most=at_most,
-        is_definite=is_definite, read_only=read_only, tightens=tightens, names=names, reads=reads,
-        limited_by=limited_by, room=room, binary=binary, key=key, examples=examples, each=each,
-        each_examples=each_examples, least=least, needed=needed, names_like=names_like,
-    )  # fmt: skip
-    kept: dict[str, Any] = {"default": default}
-    if isinstance(default, dict):
-        kept = {"default_factory": default.copy}
-    is_needed = default is dataclasses.MISSING
-    return dataclasses.field(metadata={_KEY: facts}, kw_only=not is_needed, **kept)
+_P = ParamSpec("_P")
 
 
+def _declares(make: Callable[_P, Field]) -> Callable[_P, Any]:
+    """What declares a key: a dataclass's field with the facts that `make` takes."""
+
+    def key(*args: _P.args, **facts: _P.kwargs) -> Any:
+        field = make(*args, **facts)
+        kept: dict[str, Any] = {"default": facts.get("default", dataclasses.MISSING)}
+        if isinstance(field.default, dict):
+            kept = {"default_factory": field.default.copy}
+        return dataclasses.field(metadata={_KEY: field}, kw_only="default" in facts, **kept)
+
+    return key
+
+
+key = _declares(Field)
+"""Declares one key of a record, with the facts of its `Field`."""
 param = key
 """A part's parameter is a key of its mapping."""
 
@@ -302,13 +282,18 @@ def params(cls: type[T]) -> type[T]:
 @dataclass_transform(
     frozen_default=True, kw_only_default=True, field_specifiers=(key, dataclasses.field)
 )
-def record(cls: type[T]) -> type[T]:
-    """Make `cls` a frozen dataclass for a mapping of the language that is no part. Its keys may
-    have `RESERVED` names, because no parameters stand beside them; fields without `key` are what
-    the compiler works out."""
-    whole = dataclass(frozen=True)(cls)
-    setattr(whole, _LANGUAGE, True)
-    return whole
+def record(title: str = "", **facts: Any) -> Callable[[type[T]], type[T]]:
+    """Make a class a frozen dataclass for a mapping of the language that is no part, called `title`
+    in reports. Its keys may have `RESERVED` names, because no parameters stand beside them; fields
+    without `key` are what the compiler works out. `facts`: see `Record`."""
+
+    def made(cls: type[T]) -> type[T]:
+        whole = dataclass(frozen=True)(cls)
+        for name, fact in {**facts, "title": title, _LANGUAGE: True}.items():
+            setattr(whole, name, fact)
+        return whole
+
+    return made
 
 
 def type_of(field: Field) -> str:

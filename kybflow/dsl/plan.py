@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
@@ -76,7 +76,7 @@ class PartPlan(Record):
         return fields_of(self.params.__class__)
 
 
-@record
+@record("transition", is_whole=True, terse=True)
 class TransitionPlan(Record):
     """One way out of a behavior: all of `when`, `event` and `after` that are written must hold.
 
@@ -87,10 +87,6 @@ class TransitionPlan(Record):
     phase `since` names the flow, whose way out of every phase this is. `enters` is the chain that
     the transition enters anew. `emit` is the event that is emitted when it is taken.
     """
-
-    title: ClassVar[str] = "transition"
-    is_whole: ClassVar[bool] = True
-    terse: ClassVar[bool] = True
 
     cause: Cause = field(default="next", kw_only=True)
     when: Annotated[Expression | None, CONDITION] = key(
@@ -123,15 +119,13 @@ _THEN, _NEXT = "Where to go when it is done.", "Ways out, asked from the top in 
 _FAILED, _WITHIN = "Where to go when it fails.", "Time after which it has failed."
 
 
-@record
+@record("behavior")
 class StatePlan(Record):
     """One state: what the vehicle does, and where it goes from there.
 
     `transitions` are asked in their order. `estimators` come before the vehicle's others, in this
     order, while the state is active.
     """
-
-    title: ClassVar[str] = "behavior"
 
     name: str
     behavior: Annotated[PartPlan, part_of("behaviors", "do", is_needed=False)] = key(
@@ -162,12 +156,10 @@ class StatePlan(Record):
         return self.footprints[entry]
 
 
-@record
+@record("chain's own entry")
 class ChainPlan(Record):
     """A behavior that is a chain of states, `NAME.INNER`. Its transitions are also among those of
     every state inside."""
-
-    title: ClassVar[str] = "chain's own entry"
 
     name: str
     transitions: Ways = ()
@@ -177,15 +169,12 @@ class ChainPlan(Record):
     within: Duration | None = key(_WITHIN, default=None, above=0.0)
 
 
-@record
+@record("estimator", is_whole=True)
 class EstimatorPlan(Record):
     """An estimator with its health.
 
     It is healthy while the condition holds, and again only after `recover_after` seconds.
     """
-
-    title: ClassVar[str] = "estimator"
-    is_whole: ClassVar[bool] = True
 
     part: Annotated[PartPlan, part_of("estimators")] = key("Name of the part.", key="use")
     healthy: Annotated[Expression | None, CONDITION] = key(
@@ -222,23 +211,17 @@ class SensorPlan(Record):
         return f"{name}.{self.index}" if self.index else name
 
 
-@record
+@record("start")
 class Start(Record):
     """Where the vehicle stands before take-off."""
-
-    title: ClassVar[str] = "start"
 
     at: Position = key("Position, world frame (ENU).", default=(0.0, 0.0, 0.0))
     heading: Angle = key("Angle of the nose from east, counter-clockwise.", default=0.0)
 
 
-@record
+@record("airframe", like="Start from this airframe.", block=True)
 class Body(Record):
     """An airframe with the cameras that it carries."""
-
-    title: ClassVar[str] = "airframe"
-    like: ClassVar[str] = "Start from this airframe."
-    block: ClassVar[bool] = True
 
     airframe: Annotated[Airframe, FLAT] = key("", default=None)
     cameras: Annotated[tuple[CameraPlan, ...], NAMED] = key(
@@ -247,11 +230,9 @@ class Body(Record):
     name: str = ""
 
 
-@record
+@record("vehicle's target")
 class Place(Record):
     """How a vehicle is reached."""
-
-    title: ClassVar[str] = "vehicle's target"
 
     driver: Annotated[PartPlan | None, part_of("drivers")] = key(
         "What flies it; without it the one that the target's name implies.", default=None
@@ -267,7 +248,7 @@ class Place(Record):
     )  # fmt: skip
 
 
-@record
+@record("vehicle", like=f"Start from this vehicle: {MERGES}", block=True)
 class VehiclePlan(Record):
     """What flies, what it trusts, what it does.
 
@@ -276,10 +257,6 @@ class VehiclePlan(Record):
     `requested` at any time; flows request `requested_first` while the vehicle waits on the ground
     at its start. `own_tracker` is the mission's, where the target has `tracker` in its place.
     """
-
-    title: ClassVar[str] = "vehicle"
-    like: ClassVar[str] = f"Start from this vehicle: {MERGES}"
-    block: ClassVar[bool] = True
 
     name: str
     body: Annotated[Body, OR_NAME] = key(
@@ -338,16 +315,12 @@ class VehiclePlan(Record):
 
     def goal(self, name: str) -> str:
         """The state that `name` means as a goal: a chain's name means its first state."""
-        if name in self.states:
-            return name
-        if "first states" not in self.known:
-            firsts: dict[str, str] = {}
-            for state in self.states:
-                for chain in chains_of(state):
-                    firsts.setdefault(chain, state)
-            self.known["first states"] = firsts
-        first: str = self.known["first states"].get(name, name)
-        return first
+        return name if name in self.states else self._firsts.get(name, name)
+
+    @functools.cached_property
+    def _firsts(self) -> dict[str, str]:
+        """The first state of each chain."""
+        return {chain: state for state in reversed(self.states) for chain in chains_of(state)}
 
 
 Values = tuple[tuple[str, Any], ...]
@@ -438,17 +411,13 @@ class Call:
 ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText | Stop | Call
 
 
-@record
+@record("action", least=1, others=AnyOf("value", kinds=("object", "null", *SCALARS, "array")))
 class ActionKeys(Record):
     """What to do: one action.
 
     One of its keys is written; of `switch`, `set` and `perform` each target is an action. `name` is
     that key, `target` and `value` are what it says; an action of a package has a `part`.
     """
-
-    title: ClassVar[str] = "action"
-    least: ClassVar[int] = 1
-    others: ClassVar[object] = AnyOf("value", kinds=("object", "null", *SCALARS, "array"))
 
     name: str
     target: str | None = None
@@ -504,7 +473,7 @@ class ActionKeys(Record):
         return entry.key.as_text
 
 
-@record
+@record("callback", is_whole=True, others=EVENT_FIELD, terse=True)
 class CallbackPlan(Record):
     """An event or a condition, and the actions that it brings about.
 
@@ -512,11 +481,6 @@ class CallbackPlan(Record):
     are as `fields` says, and `when` holds, the actions are done in order. One without an event does
     them each time that `when` has held for `hold` seconds.
     """
-
-    title: ClassVar[str] = "callback"
-    is_whole: ClassVar[bool] = True
-    others: ClassVar[object] = EVENT_FIELD
-    terse: ClassVar[bool] = True
 
     event: Annotated[str, EVENT] = key(
         "What to hear: `VEHICLE.NAME`, `GROUP.NAME`, `any.NAME` of every vehicle, "
@@ -545,7 +509,7 @@ class CallbackPlan(Record):
     at: str = ""
 
 
-@record
+@record("input", is_whole=True)
 class InputPlan(Record):
     """A device, or a script of one.
 
@@ -553,9 +517,6 @@ class InputPlan(Record):
     mission's name, without which nothing is steered; None for none. It is lost when it is silent
     for longer than `silent_after` seconds, and stuck after `stuck_after` (None: never).
     """
-
-    title: ClassVar[str] = "input"
-    is_whole: ClassVar[bool] = True
 
     name: str
     part: Annotated[PartPlan, part_of("inputs")] = key("Name of the part.", key="use")
@@ -582,16 +543,13 @@ class InputPlan(Record):
         return axes
 
 
-@record
+@record("fault", is_whole=True)
 class FaultPlan(Record):
     """One thing that breaks on one vehicle: `at` a time, or `when`.
 
     At `time` seconds of the run, or when `when` first holds, `part` breaks `vehicle` for `duration`
     seconds (None: for good).
     """
-
-    title: ClassVar[str] = "fault"
-    is_whole: ClassVar[bool] = True
 
     when: Annotated[Expression | None, CONDITION] = key(
         "It begins when this condition of the vehicle first holds, like `behavior == hop`.",
@@ -614,7 +572,7 @@ Arrive = Literal["together", "in_turns"]
 """How the vehicles of a phase arrive: at one time, or one after the other."""
 
 
-@record
+@record("phase")
 class PhasePlan(Record):
     """What begins together, and what it goes on by. One without a way out is the last.
 
@@ -624,8 +582,6 @@ class PhasePlan(Record):
     ran is in its state any more. Once names are resolved, the keys of `run` and `give` are
     vehicles. arrive: how the vehicles of `run` arrive, each by itself without it.
     """
-
-    title: ClassVar[str] = "phase"
 
     name: str
     give: dict[str, str] = key(
@@ -656,18 +612,13 @@ class PhasePlan(Record):
     at: str = ""
 
 
-@record
+@record("flow", is_whole=True, like=f"Start from this flow: {MERGES}", block=True)
 class FlowPlan(Record):
     """Phases over several vehicles; a vehicle is driven by one flow at a time.
 
     `vehicles` are those that it has from the start. One that `waits` begins when it is given a
     vehicle. The transitions `next` of the flow are also among those of its phases.
     """
-
-    title: ClassVar[str] = "flow"
-    is_whole: ClassVar[bool] = True
-    like: ClassVar[str] = f"Start from this flow: {MERGES}"
-    block: ClassVar[bool] = True
 
     name: str
     begin: Annotated[str, STATE] = key("The first phase; without it the topmost.", needed=False)
@@ -680,12 +631,9 @@ class FlowPlan(Record):
     at: str = ""
 
 
-@record
+@record("target", others=record_of(Place))
 class TargetKeys(Record):
     """How each vehicle is reached: `all`, or by a vehicle's name."""
-
-    title: ClassVar[str] = "target"
-    others: ClassVar[object] = record_of(Place)
 
     inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
         "What people steer with and whose buttons are events, by name.", default=()
@@ -722,12 +670,9 @@ PARAMETER_VALUE = AnyOf("value", kinds=("number", "string", "boolean", "array"))
 BOUND = AnyOf("value", kinds=("number", "string"))
 
 
-@record
+@record("parameter", is_whole=True)
 class ParameterKeys(Record):
     """A value that `--set` may change; `$name` stands for it."""
-
-    title: ClassVar[str] = "parameter"
-    is_whole: ClassVar[bool] = True
 
     type: str = key(
         "Its type: a quantity such as `length`, or `position`, `integer`, `text` or `boolean`.",
@@ -744,13 +689,9 @@ class ParameterKeys(Record):
 _EXAMPLE = ({"type": "length", "default": "1 m"},)
 
 
-@record
+@record("import", is_whole=True)
 class ImportKeys(Record):
     """A library, by its file."""
-
-    title: ClassVar[str] = "import"
-    is_whole: ClassVar[bool] = True
-    word: ClassVar[str] = "from"
 
     file: str = key(
         "The library: of an installed package, `kybflow/stacks`, or a file beside this one,"
@@ -762,12 +703,9 @@ class ImportKeys(Record):
     )
 
 
-@record
+@record("chain", is_whole=True)
 class ChainKeys(Record):
     """Behaviors that are used as one: `do: chain.NAME`, with its parameters beside it."""
-
-    title: ClassVar[str] = "chain"
-    is_whole: ClassVar[bool] = True
 
     summary: str | None = key("One line for people.", default=None)
     parameters: dict[str, ParameterKeys] = key(
@@ -777,12 +715,9 @@ class ChainKeys(Record):
     behaviors: dict[str, StatePlan] = key("Its states; `then: end`, or none, leaves it.")
 
 
-@record
+@record("stack", like="Start from this stack.")
 class StackKeys(Record):
     """Parts for the lists of a vehicle: `- stack: NAME` stands for them."""
-
-    title: ClassVar[str] = "stack"
-    like: ClassVar[str] = "Start from this stack."
 
     summary: str | None = key("One line for people.", default=None)
     estimators: Estimators = key("The first healthy one is used.", default=())
@@ -790,7 +725,7 @@ class StackKeys(Record):
     supervisors: Supervisors = key("What watches a bound.", default=())
 
 
-@record
+@record()
 class Shared(Record):
     """What missions and libraries may have."""
 
@@ -812,13 +747,9 @@ Flows = Annotated[tuple[FlowPlan, ...], NAMED]
 _FLOWS = "What several vehicles do together, flows side by side."
 
 
-@record
+@record("library", is_whole=True, leading=("library",))
 class Library(Shared):
     """What missions share."""
-
-    title: ClassVar[str] = "library"
-    is_whole: ClassVar[bool] = True
-    leading: ClassVar[tuple[str, ...]] = ("library",)
 
     library: Annotated[str, TITLE] = key("Its name.")
     vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key("What flies, by name.", default=())
@@ -826,14 +757,9 @@ class Library(Shared):
     flows: Flows = key(_FLOWS, default=())
 
 
-@record
+@record("mission", is_whole=True, leading=("kybflow", "mission"), block=True)
 class Plan(Shared):
     """A kybflow mission: what flies, what it trusts, what it does, what is expected of it."""
-
-    title: ClassVar[str] = "mission"
-    is_whole: ClassVar[bool] = True
-    leading: ClassVar[tuple[str, ...]] = ("kybflow", "mission")
-    block: ClassVar[bool] = True
 
     version: Annotated[int, VERSION] = key(
         "Version of the language.", default=1, needed=True, key="kybflow"

@@ -7,7 +7,7 @@ north, or upright to a side; then `heading` turns it about the world's z.
 from __future__ import annotations
 
 from math import pi
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
@@ -38,12 +38,9 @@ CameraFacing = Literal["down", "up", "forward", "backward", "left", "right"]
 _TRIM = "Turned from there about the body's {} axis, right-handed; roll first, then pitch, yaw."
 
 
-@record
+@record("camera", missing="KYB108")
 class CameraPlan(Record):
     """A camera."""
-
-    title: ClassVar[str] = "camera"
-    missing: ClassVar[str] = "KYB108"
 
     at: Position = key("Where its lens is, body frame (x forward, y left, z up).")
     facing: CameraFacing = key(
@@ -84,12 +81,9 @@ _HEADING = "Turned about the vertical by this, counter-clockwise from above."
 _FACES = "Where the printed side looks; `up` has the upper edge to the north."
 
 
-@record
+@record("grid", missing="KYB108")
 class GridParams(Record):
     """Tags in columns and rows."""
-
-    title: ClassVar[str] = "grid"
-    missing: ClassVar[str] = "KYB108"
 
     family: Family = key("Family of the tags.")
     count: tuple[int, ...] = key("How many: [columns, rows].", at_least=1)
@@ -106,12 +100,9 @@ class GridParams(Record):
     leave_out: tuple[int, ...] = key("Numbers that are not there.", default=())
 
 
-@record
+@record("tag", missing="KYB108")
 class TagParams(Record):
     """One tag."""
-
-    title: ClassVar[str] = "tag"
-    missing: ClassVar[str] = "KYB108"
 
     family: Family = key("Family of the tag.")
     id: int = key("Its number.", at_least=0)
@@ -121,12 +112,9 @@ class TagParams(Record):
     facing: TagFacing = key(_FACES, default="up")
 
 
-@record
+@record("moving_sphere", missing="KYB108")
 class MovingSphereParams(Record):
     """A ball that goes along lines, there and back."""
-
-    title: ClassVar[str] = "moving_sphere"
-    missing: ClassVar[str] = "KYB108"
 
     along: Path = key("The points through which its centre goes, where it is simulated.")
     radius: Length = key("Its radius.", above=0.0)
@@ -137,12 +125,9 @@ class MovingSphereParams(Record):
     )
 
 
-@record
+@record("point_cloud", missing="KYB108")
 class PointCloudParams(Record):
     """What a scanner saw: balls around points."""
-
-    title: ClassVar[str] = "point_cloud"
-    missing: ClassVar[str] = "KYB108"
 
     file: File = key(
         "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
@@ -163,12 +148,9 @@ class PointCloudParams(Record):
     )
 
 
-@record
+@record("occupancy", missing="KYB108")
 class OccupancyParams(Record):
     """The occupied cells of a map, as upright columns."""
-
-    title: ClassVar[str] = "occupancy"
-    missing: ClassVar[str] = "KYB108"
 
     file: File = key(
         "A map's YAML file, as ROS's map_server has it, beside its PGM picture.", reads=read_info
@@ -181,58 +163,46 @@ class OccupancyParams(Record):
     )
 
 
-@record
+@record("map")
 class MapImage(Record):
     """The picture of a map."""
-
-    title: ClassVar[str] = "map"
 
     image: File = key("The picture of a map.", reads=read_image, binary=True)
 
 
-@record
+@record("fence")
 class Corners(Record):
     """The box that no vehicle may leave."""
-
-    title: ClassVar[str] = "fence"
 
     low: Position = key("Its lowest corner.", key="from")
     high: Position = key("Its highest corner.", key="to")
 
 
-@record
+@record("box")
 class BoxParams(Corners):
     """A box along the axes."""
 
-    title: ClassVar[str] = "box"
 
-
-@record
+@record("cylinder")
 class CylinderParams(Record):
     """An upright cylinder."""
-
-    title: ClassVar[str] = "cylinder"
 
     at: Position = key("The centre of its foot.")
     radius: Length = key("Its radius.", above=0.0)
     height: Length = key("From its foot up.", above=0.0)
 
 
-@record
+@record("sphere")
 class SphereParams(Record):
     """A ball."""
-
-    title: ClassVar[str] = "sphere"
 
     at: Position = key("Its centre.")
     radius: Length = key("Its radius.", above=0.0)
 
 
-@record
+@record("plane")
 class PlaneParams(Record):
     """A wall without end: all behind it is solid."""
-
-    title: ClassVar[str] = "plane"
 
     at: Position = key("A point on it.")
     facing: Annotated[Vec3, NUMBER] = key(
@@ -240,16 +210,13 @@ class PlaneParams(Record):
     )
 
 
-@record
+@record("obstacle", terse=True)
 class Obstacle(Record):
     """One solid: a box, a cylinder, a sphere, a plane, a point cloud, a map or a moving sphere.
 
     `shape` is the solid, None for one that moves; `files` are those that something scanned is made
     of.
     """
-
-    title: ClassVar[str] = "obstacle"
-    terse: ClassVar[bool] = True
 
     name: str
     box: BoxParams | None = key("A box along the axes.", default=None)
@@ -279,14 +246,12 @@ class Obstacle(Record):
         return self.contact == "allowed"
 
 
-@record
+@record("entry of tags")
 class Tags(Record):
     """Printed tags: a grid, a single one, or those of a file.
 
     `tags` are those that it means, and `lines` where they stand in a file.
     """
-
-    title: ClassVar[str] = "entry of tags"
 
     name: str
     grid: GridParams | None = key("Tags in columns and rows.", default=None)
@@ -299,13 +264,9 @@ class Tags(Record):
     lines: tuple[int, ...] = ()
 
 
-@record
+@record("world", like="Start from this world: mappings merge, `null` removes.", block=True)
 class World(Record):
     """Where it flies."""
-
-    title: ClassVar[str] = "world"
-    like: ClassVar[str] = "Start from this world: mappings merge, `null` removes."
-    block: ClassVar[bool] = True
 
     fence: Corners | None = key("The box that no vehicle may leave.", default=None)
     points: dict[str, Position] = key(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.core.params import param, params, record
@@ -94,13 +94,10 @@ class Airframe:
         return attitude_loop(self.rotor_time, self.attitude_gain, self.rate_gain)
 
 
-@record
+@record("payload", is_whole=False)
 class Parcel:
     """A payload that a vehicle carries and can release: a box under its rotors, its lower side
     level with the legs."""
-
-    title: ClassVar[str] = "payload"
-    is_whole: ClassVar[bool] = False
 
     mass: Mass = param("Mass; no controller is told of it.", above=0.0)
     size: Length = param("Side of the box, a cube.", above=0.0)

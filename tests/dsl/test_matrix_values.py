@@ -37,7 +37,7 @@ vehicles:
 OWN = "[[4.0625, 0.1, 0], [1e-1, $k, 0], [0, 0, 9]]"
 VALUE = ((4.0625, 0.1, 0.0), (0.1, 2.5, 0.0), (0.0, 0.0, 9.0))
 GAIN = next(f for f in load_catalog().get("trackers", "cascade").fields if f.shape == "matrix")
-TURN = Field("turn", Numbers("matrix", False, ANGLE, (2, 3)), key="turn", help="How far.")
+TURN = Field("How far.", name="turn", type=Numbers("matrix", False, ANGLE, (2, 3)), key="turn")
 
 
 def compiled(place: Path, gain: str) -> Plan:

@@ -16,7 +16,6 @@ from types import ModuleType
 from typing import NamedTuple
 
 import kybflow.dsl
-from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.pages import Section, sections
 
 _HEAD = re.compile(r"(KYB\d{3}): (.*)", re.DOTALL)
@@ -112,11 +111,6 @@ def families() -> dict[str, list[Code]]:
     for code in codes().values():
         found.setdefault(code.family, []).append(code)
     return found
-
-
-def unknown_code(name: str) -> str:
-    """The message for a code that no diagnostic has."""
-    return f"no finding has the code `{name}`; {did_you_mean(name.upper(), codes())}"
 
 
 def list_codes() -> str:

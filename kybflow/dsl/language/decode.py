@@ -222,7 +222,8 @@ class Decoder:
         values: dict[str, Any] = {}
         for name, entry in node.entries.items():
             if not is_null(entry.value):
-                value = self._of(entry.value, kind.item, Field(name, kind.item, key=name), entry)
+                field = Field(name=name, type=kind.item, key=name)
+                value = self._of(entry.value, kind.item, field, entry)
                 if value is not None:
                     values[name] = value
         return values if kind.as_dict else tuple(values.values())

@@ -155,12 +155,12 @@ def _field(name: str, schema: dict[str, Any]) -> Field | None:
     dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
     if dimension is not None:
         kind = numbers(dimension, "vector" if "items" in schema else "scalar")
-        return Field(name, kind, key=name, **bounds)
+        return Field(name=name, type=kind, key=name, **bounds)
     choices = tuple(schema.get("anyOf", [{}])[0].get("enum", ()))
     if choices:
-        return Field(name, Choice("choice", False, choices), key=name)
+        return Field(name=name, type=Choice("choice", False, choices), key=name)
     if bounds and "integer" in schema.get("type", ()):
-        return Field(name, INTEGER, key=name, **bounds)
+        return Field(name=name, type=INTEGER, key=name, **bounds)
     return None
 
 

@@ -169,7 +169,7 @@ def _list(kind: Any, field: Field) -> Schema:
 
 
 def _mapping(kind: Any, field: Field) -> Schema:
-    item = Field(field.name, kind.item, help=field.each, required=True,
+    item = Field(field.each, name=field.name, type=kind.item, required=True,
                  examples=field.each_examples)  # fmt: skip
     whole: Schema = {"description": field.help, "type": "object"}
     if field.names_like != "any":

@@ -78,7 +78,7 @@ def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bou
     """A required field that no record declares, such as a mission's parameter: of `dimension`, or
     an integer, a text or a boolean."""
     kind = _PLAIN.get(shape) or numbers(dimension, shape)
-    return Field(name, kind, required=True, key=name, **bounds)
+    return Field(name=name, type=kind, required=True, key=name, **bounds)
 
 
 _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}

@@ -17,7 +17,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import ChainPlan
+from kybflow.dsl.plan import END, ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.exports import Exports, chain_of
 from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
@@ -30,8 +30,6 @@ CODES = {
     "KYB161": "A transition to `end` in a chain whose use does not say what follows.",
 }
 MAX_USES = 2000
-END = "end"
-"""The goal that leaves a chain."""
 _TRANSITIONS = frozenset(field.key for field in fields_of(ChainPlan))
 _KEYS = _TRANSITIONS | {"do", "estimators"}
 

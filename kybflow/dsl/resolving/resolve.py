@@ -3,7 +3,6 @@ every node still knows where it was written."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping as MappingOf
 from typing import NamedTuple
 
@@ -21,19 +20,16 @@ from kybflow.dsl.resolving.parameters import Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 
 MAX_AFTER_LIKE = 200_000
-_POSITION = re.compile(r"type\W+position")
-"""What declares a parameter whose value is a point."""
 
 
 class Resolved(NamedTuple):
     """A mission after imports, parameters and `like`: its top level, whose `airframes`, `vehicles`
-    and `flows` are whole. `names_points`: a point's name stands somewhere; `has_positions`: a
-    parameter of the type `position` is declared; `chains` are the names of those at hand."""
+    and `flows` are whole. `names_points`: a point's name stands somewhere; `chains` are the names
+    of those at hand."""
 
     root: Mapping
     parameters: dict[str, Parameter]
     names_points: bool
-    has_positions: bool
     chains: tuple[str, ...] = ()
 
 
@@ -58,9 +54,8 @@ def resolve(
     names_points = any(PREFIX in text for text in texts) or any(
         isinstance(p.value, str) and p.value.startswith(PREFIX) for p in parameters.values()
     )
-    has_positions = any(map(_POSITION.search, texts))
     at_hand = tuple(exports.names("chains"))
-    return Resolved(_with(exports.root, whole), parameters, names_points, has_positions, at_hand)
+    return Resolved(_with(exports.root, whole), parameters, names_points, at_hand)
 
 
 def resolve_library(source: ParsedFile, files: Files, found: Findings) -> Mapping:

@@ -340,8 +340,8 @@ def in_each(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     copy = copied(tmp_path_factory.mktemp("copy"), missions)
     for name in ("plan.py", "world.py"):
         file = copy / "kybflow" / "dsl" / name
-        first = r"(@record\nclass (\w+)\((?:(?!\n@).)*?\n)(    \w+: [^\n]* = key\()"
-        head, mark, records = file.read_text(encoding="utf-8").partition("\n@record\n")
+        first = r"(@record\([^\n]*\)\nclass (\w+)\((?:(?!\n@).)*?\n)(    \w+: [^\n]* = key\()"
+        head, mark, records = file.read_text(encoding="utf-8").partition("\n@record(")
         records = re.sub(first, with_a_key_more, f"{mark[1:]}{records}", flags=re.DOTALL)
         names = "from kybflow.core.units import Length\n"
         head = head.replace("import annotations\n", f"import annotations\n{names}", 1)
