@@ -363,7 +363,8 @@ class Decoder:
     ) -> Any:
         """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
         what is missing, `beside` are keys that could be meant too."""
-        keys, values, before = _keys_of(cls), dict[str, Any](), len(self.found.all)
+        layout, values, before = _layout_of(cls), dict[str, Any](), len(self.found.all)
+        keys = layout.keys
         for key, entry in body.entries.items():
             field = keys.get(key)
             if field is None:
@@ -372,20 +373,10 @@ class Decoder:
                 self.found.report("KYB107", message, entry.key.span, help=hint)
             elif field.required or not is_null(entry.value):
                 values[field.name] = decode(entry.value, field, self.found)
-        for field in _required(cls):
+        for field in layout.required:
             if field.key not in body.entries:
                 self._missing_parameter(part, field, body, keys, head)
         return None if len(self.found.all) > before else cls(**values)
-
-
-@functools.cache
-def _keys_of(cls: Any) -> dict[str, Field]:
-    return {field.key: field for field in fields_of(cls)}
-
-
-@functools.cache
-def _required(cls: Any) -> tuple[Field, ...]:
-    return tuple(field for field in fields_of(cls) if field.required)
 
 
 _Reader = Callable[..., Any]

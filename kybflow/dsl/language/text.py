@@ -21,7 +21,7 @@ from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.schema import NAMES
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.language.types import EVENT_FIELD, STATE, PartOf, UsesOf
-from kybflow.dsl.plan import ActionKeys, Body, PartPlan, Place, Plan, Request, SensorPlan
+from kybflow.dsl.plan import ActionKeys, PartPlan, Place, Plan, Request, SensorPlan
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.dsl.world import World
@@ -67,9 +67,7 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
     elif isinstance(kind, RecordOf) and getattr(kind.cls, "block", False):
         yield head, came_from
         yield from _lines(value, inner, {})
-    elif (isinstance(kind, MappingOf) and isinstance(record, Plan | World | Body)) or (
-        isinstance(kind, MappingOf) and getattr(record, "block", False)
-    ):
+    elif isinstance(kind, MappingOf) and record.block:
         yield head, came_from
         names = value.items() if kind.as_dict else ((item.name, item) for item in value)
         for name, item in names:
