@@ -214,7 +214,7 @@ class BodyJumped(VehicleEvent):
 
 
 class BodySwapped(VehicleEvent):
-    """The same, and it is where another vehicle's body was."""
+    """The vehicle's body jumped to where another vehicle's body was."""
 
     needs = "motion capture"
     other: str
@@ -256,7 +256,7 @@ class CameraJumped(VehicleEvent):
 
 
 class CameraSwappedEvent(CameraJumped):
-    """The same, and another vehicle is there."""
+    """A camera sees the vehicle where another vehicle is."""
 
     other: str
 
