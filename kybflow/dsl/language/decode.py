@@ -65,6 +65,7 @@ CODES = {
 }
 _LABELS = {"trackers": "tracker", "drivers": "driver"}
 _SURE = 0.75
+_NONE: frozenset[str] = frozenset()
 
 
 class _Layout(NamedTuple):
@@ -72,6 +73,7 @@ class _Layout(NamedTuple):
     the record that stands flat in it, and which of the fields it has that every decoded one may."""
 
     keys: dict[str, Field]
+    names: frozenset[str]
     required: tuple[Field, ...]
     part: Field | None
     flat: Field | None
@@ -89,7 +91,8 @@ def _layout_of(cls: Any) -> _Layout:
     own = cls.__dataclass_fields__
     has_at = "at" in own and not any(field.name == "at" for field in fields)
     required = tuple(field for field in fields if field.required)
-    return _Layout(keys, required, part, flat, "name" in own, has_at, issubclass(cls, Record))
+    is_record = issubclass(cls, Record)
+    return _Layout(keys, frozenset(keys), required, part, flat, "name" in own, has_at, is_record)
 
 
 class Decoder:
@@ -117,7 +120,7 @@ class Decoder:
         layout, before = _layout_of(cls), len(self.found.all)
         body = node if isinstance(node, Mapping) else Mapping({}, node.span)
         if layout.part is not None:
-            given[layout.part.name] = self._part(layout.part.type, node, layout.keys.keys())
+            given[layout.part.name] = self._part(layout.part.type, node, layout.names)
         if layout.flat is not None:
             given[layout.flat.name] = self._flat(layout.flat.type, body, layout.keys, span)
         for key, entry in body.entries.items():
@@ -127,20 +130,28 @@ class Decoder:
             value = self._of(entry.value, field.type, field, entry)
             if value is not None:
                 given[field.name] = value
-        for field in layout.required:
-            if field.name not in given and body.get(field.key) is None and field.needed is None:
-                self._missing(cls, field, body, span)
-        is_wrong = len(self.found.all) > before and getattr(cls, "missing", "") == "KYB108"
-        if is_wrong or any(given.get(f.name) is None for f in layout.required):
+        is_lacking = self._is_lacking(cls, given, body, span)
+        if is_lacking or (len(self.found.all) > before and getattr(cls, "missing", "") == "KYB108"):
             return None
-        places = {"source": Source(span, body, inherited)} if layout.is_record else {}
-        return {**places, **({"at": span.at} if layout.has_at else {}), **given}
+        if layout.is_record and "source" not in given:
+            given["source"] = Source(span, body, inherited)
+        if layout.has_at and "at" not in given:
+            given["at"] = span.at
+        return given
 
     def _flat(self, kind: Any, body: Mapping, keys: Container[str], span: Span) -> Any:
         """The record whose keys stand beside those of another."""
         beside = {key: entry for key, entry in body.entries.items() if key not in keys}
         title = kind.cls.__name__.lower()
         return self.parameters(kind.cls, Mapping(beside, body.span), title, span)
+
+    def _is_lacking(self, cls: Any, given: dict[str, Any], body: Mapping, span: Span) -> bool:
+        """Whether a record can't be made of `given`; a key that is not written has its finding."""
+        lacking = [f for f in _layout_of(cls).required if given.get(f.name) is None]
+        for field in lacking:
+            if field.name not in given and body.get(field.key) is None and field.needed is None:
+                self._missing(cls, field, body, span)
+        return bool(lacking)
 
     def _missing(self, cls: Any, field: Field, body: Mapping, span: Span) -> None:
         if cls.missing == "KYB108":
@@ -289,12 +300,12 @@ class Decoder:
         """The part that `node` names with `use`, or alone."""
         return self._part(PartOf("part", False, kind), node)
 
-    def _part(self, kind: Any, node: Node, own: Iterable[str] = (), *_: Any) -> PartPlan | None:
+    def _part(self, kind: Any, node: Node, own: frozenset[str] = _NONE) -> PartPlan | None:
         """The part that `node` names; `own` are the keys beside the part's parameters. A node that
         several vehicles share is decoded once."""
         key = (kind.kind, id(node))
         if key not in self._done:
-            self._done[key] = (node, self._decoded_part(kind, node, frozenset(own)))
+            self._done[key] = (node, self._decoded_part(kind, node, own))
         return self._done[key][1]
 
     def _use(self, node: Node, kind: Any, *_: Any) -> PartPlan | None:
@@ -359,7 +370,7 @@ class Decoder:
         body: Mapping,
         part: str,
         head: Span,
-        beside: frozenset[str] = frozenset(),
+        beside: frozenset[str] = _NONE,
     ) -> Any:
         """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
         what is missing, `beside` are keys that could be meant too."""
