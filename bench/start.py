@@ -113,10 +113,10 @@ def main() -> None:
         lambda: cpu_of("import numpy, mujoco"),
         rounds,
     )
-    print("kybflow --help, over `import click`")
+    print("kybflow --help, over `import typer`")
     beside(
         lambda: cpu_of("from kybflow.cli.app import main; main()", "--help"),
-        lambda: cpu_of("import click"),
+        lambda: cpu_of("import typer"),
         rounds,
     )
     print("last tick to verdict, over writing the report")

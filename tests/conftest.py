@@ -4,7 +4,7 @@ Programs that a test starts hear Ctrl-C, which a shell takes from what it runs i
 OpenCV and BLAS take one thread, for every core has a worker already. What is collected stays until
 the end: the garbage collector doesn't look through it again and again. Every worker has its own
 folder for the sockets of runs, so that none finds a run of another by its name. `run` flies a plan
-in the simulator; every event carries what the table of events says.
+in the simulator; every event of a vehicle names it, and none of the run does.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def run(tmp_path: Path) -> Callable[..., object]:
     from plans import plan
 
     from kybflow.api.flight import RunRequest, fly
-    from kybflow.parts.observables import EVENT_FIELDS
+    from kybflow.core.events import VehicleEvent
+    from kybflow.parts.events import ENGINE_EVENTS
 
     def run(
         *vehicles,
@@ -74,8 +75,9 @@ def run(tmp_path: Path) -> Callable[..., object]:
         listeners = (*listeners, told.append)
         flown = fly(plan(*vehicles, **facts), request, listeners, observers, servers)
         for event in told:
-            if event.name in EVENT_FIELDS:
-                assert set(event.fields) <= set(EVENT_FIELDS[event.name]), event
+            if event.name in ENGINE_EVENTS:
+                cls = ENGINE_EVENTS[event.name]
+                assert bool(event.vehicle) == issubclass(cls, VehicleEvent), event
         return flown, told
 
     return run

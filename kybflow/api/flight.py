@@ -37,6 +37,7 @@ from kybflow.dsl.expressions import (
     Word,
 )
 from kybflow.dsl.plan import ExpectationPlan, Plan
+from kybflow.parts.events import CommandsFailed, RecordingStopped, RehearsalSkipped, RunEnded
 from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
@@ -132,7 +133,7 @@ def fly(
         events = Events((recorder.event, folder.event, *listeners))
         run = _Run(plan, request, events, recorder, commands, folder.input)
         if request.skips_rehearsal:
-            events.tell("rehearsal_skipped")
+            events.emit(RehearsalSkipped())
         with Interrupts(run), _served(servers, commands, folder.path, events):
             run.fly((record, *_obstacles(plan, recorder), *observers, *_pictures(plan, folder)))
             record.close()
@@ -149,21 +150,21 @@ def fly(
 def _served(
     servers: Sequence[Server], commands: CommandQueue, folder: Path, events: Events
 ) -> Iterator[None]:
-    """Let the servers give commands. One that can't begin is told and left out; whatever waits at
-    the end is answered."""
+    """Let the servers give commands. One that can't begin is reported and left out; whatever waits
+    at the end is answered."""
     with ExitStack() as stack:
         for serve in servers:
             try:
                 stack.enter_context(serve(commands, folder))
             except Exception as error:  # who serves commands must not stop the flight
-                events.tell("commands_failed", reason=described(error))
+                events.emit(CommandsFailed(reason=described(error)))
         stack.callback(commands.close)
         yield
 
 
 class _Record:
     """The record of a run under way: recording and folder. As an observer of the engine it looks
-    once a second whether both are still in their place, and tells the first loss as an event."""
+    once a second whether both are still in their place, and emits an event for the first loss."""
 
     def __init__(self, recorder: Recorder, folder: RunFolder) -> None:
         self.recorder, self.folder = recorder, folder
@@ -181,7 +182,7 @@ class _Record:
         self.folder.look()
         if self.failed:
             self._due = None
-            engine.events.tell("recording_stopped", reason=self.failed)
+            engine.events.emit(RecordingStopped(reason=self.failed))
 
     def close(self) -> None:
         """Close both; may be called again."""
@@ -323,7 +324,7 @@ class _Run:
                 reasons = devices.close()
                 self._driver_failed = self._driver_failed or "; ".join(reasons) or None
         self._judge()
-        self._events.tell("run_ended", reason=self._reason or self._driver_failed)
+        self._events.emit(RunEnded(reason=self._reason or self._driver_failed))
 
     def _flown(
         self, devices: Devices, pace: float | None, observers: Sequence[Observer]

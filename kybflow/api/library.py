@@ -8,11 +8,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.resolving.exports import SECTIONS
-from kybflow.dsl.resolving.imports import GROUP, LibraryPath, find, installed
+from kybflow.dsl.resolving.library_files import GROUP, LibraryPath, find, installed
 
 OWN = "kybflow"
 """The package whose missions need no package before their name."""
@@ -97,7 +97,7 @@ def imports_of(one: Shipped) -> Iterator[Import]:
     for name, entry in entries_of(one.root.get("import") if one.root else None).items():
         text = _from(entry.value)
         if text is not None:
-            place = collect(find(text, LibraryPath(one.path, str(one.path)), root)).value
+            place = find(text, LibraryPath(one.path, str(one.path)), root, Findings())
             yield Import(name, text.text, _library(text.text, place) if place else None)
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from kybflow.api.watching import watching_streams
-from kybflow.core.errors import DriverError, FileError, described
+from kybflow.core.errors import DriverError, FileError, KybflowError, described
 from kybflow.core.signals import NO_INPUTS, InputReadings, Sticks
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
@@ -51,6 +52,19 @@ class Devices(NamedTuple):
             except Exception as error:  # a part may raise anything; the others are closed too
                 reasons.append(f"{type(device).__name__} can't be closed: {described(error)}")
         return reasons
+
+
+def with_window(plan: Plan) -> Plan:
+    """The plan with its drivers' own view switched on. Raises KybflowError where there is none."""
+    vehicles = []
+    for vehicle in plan.vehicles:
+        driver = vehicle.driver
+        if not hasattr(driver.params, "live"):
+            raise KybflowError(f"the driver `{driver.name}` has no view of its own for --live")
+        params = replace(driver.params, live=True)
+        driver = replace(driver, params=params)
+        vehicles.append(replace(vehicle, driver=driver))
+    return replace(plan, vehicles=tuple(vehicles))
 
 
 def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan | None:

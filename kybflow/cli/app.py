@@ -1,21 +1,28 @@
-"""The command line: each command is a module of `kybflow.cli.commands`; this file finds them and
-catches what they raise. Everything heavy is imported where it is needed."""
+"""The command line: finds the commands in `kybflow.cli.commands` and catches what they raise.
+Everything heavy is imported where it is needed."""
 
 from __future__ import annotations
 
+import errno
+import functools
 import gc
+import inspect
+import math
 import os
 import signal
 import sys
 import warnings
 from importlib import import_module
-from types import FrameType
-from typing import Any, TextIO, cast
+from pathlib import Path
+from types import FrameType, ModuleType
+from typing import Annotated, Any, TextIO, cast
 
-import click
-from click.exceptions import Exit
+from typer import BadParameter, Exit, Option, Typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
 from kybflow import __version__
+from kybflow.cli import commands
 from kybflow.cli.output import GuardedStream, Unwritable, echo
 from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
@@ -26,57 +33,90 @@ YOUNG = 200_000
 UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
 """What libraries need not start, because a flight multiplies no large matrices and MuJoCo's window
 brings its own OpenGL. Who sets these variables is obeyed."""
-COMMANDS = (
-    "run",
-    "command",
-    "validate",
-    "rehearse",
-    "test",
-    "preflight",
-    "record-input",
-    "explain",
-    "graph",
-    "show",
-    "new",
-    "library",
-    "mocap-server",
-    "parts",
-    "schema",
-    "tags",
-    "calibrate",
-    "mavlink",
-    "emulate",
-    "ardrone",
-)
-"""In the order of the help. Each is the `command` of the module of its name."""
+_SHOWN = 100
+_NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
 
 
-class _Commands(click.Group):
-    """Imports the module of a command when that is called, so that none pays for the others."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*COMMANDS]
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            return None
-        module = import_module(f"kybflow.cli.commands.{cmd_name.replace('-', '_')}")
-        return cast(click.Command, module.command)
-
-    def invoke(self, ctx: click.Context) -> Any:
+def _useless(value: object) -> str:
+    """Why no command can do anything with a value: a number that isn't finite, or a path at which
+    nothing can ever be. Empty where one can."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{value} is not finite"
+    if isinstance(value, Path):
         try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise Exit(INTERRUPTED) from None
+            value.stat()
+        except OSError as error:
+            if error.errno in _NEVER:
+                return f"`{str(value)[:_SHOWN]}` is no path: {error.strerror}"
+    return ""
 
 
-@click.group(
-    cls=_Commands,
+class Commands(TyperGroup):
+    """The commands of a package. The module of a command is imported when that is called, so that
+    none pays for the others."""
+
+    def __init__(self, package: ModuleType = commands, **settings: Any) -> None:
+        super().__init__(**settings)
+        names: Any = dict.fromkeys(package.COMMANDS)
+        self.commands, self._package = names, package
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for word in args:
+            try:
+                is_text = b"\0" not in os.fsencode(word)
+            except UnicodeError:
+                is_text = False
+            if not is_text:  # no shell gives it, and paths in typer would raise
+                raise BadParameter(f"{word[:_SHOWN]!r} is no text")
+        return super().parse_args(ctx, args)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            return None
+        module = import_module(f"{self._package.__name__}.{cmd_name.replace('-', '_')}")
+        if hasattr(module, "COMMANDS"):
+            about = {"help": module.__doc__, "no_args_is_help": True, "rich_markup_mode": None}
+            return Commands(module, name=cmd_name, **about)
+        own = Typer(rich_markup_mode=None, add_completion=False)
+        summary = " ".join((inspect.getdoc(module.command) or "").partition("\n\n")[0].split())
+        settings = getattr(module, "SETTINGS", None)
+
+        @own.command(cmd_name, short_help=summary, context_settings=settings)
+        @functools.wraps(module.command)
+        def checked(**given: Any) -> None:
+            for param in command.params:
+                values = given[str(param.name)]
+                for value in values if isinstance(values, list) else [values]:
+                    if reason := _useless(value):
+                        raise BadParameter(reason, param=param)
+            module.command(**given)
+
+        command = get_command(own)
+        return command
+
+
+app = Typer(
+    cls=Commands,
     no_args_is_help=True,
-    context_settings={"max_content_width": 100, "show_default": True},
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"max_content_width": 100},
 )
-@click.version_option(__version__, message="kybflow %(version)s", help="Print the version.")
-def app() -> None:
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        echo(f"kybflow {__version__}")
+        raise Exit
+
+
+@app.callback()
+def kybflow(
+    version: Annotated[
+        bool, Option("--version", callback=_tell_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
     """Experiments with quadrotors, written in YAML, proven before take-off, flown."""
 
 
@@ -84,7 +124,7 @@ def main() -> None:
     """The console's entry."""
     gc.set_threshold(YOUNG)
     interrupts = _counted_interrupts()
-    warnings.showwarning = _warn
+    warnings.showwarning = lambda message, *_, **__: echo(f"warning: {message}", err=True)
     os.environ.update(UNUSED | os.environ)
     # a reader that went away (`| head`) has seen enough: the command goes on and ends as usual
     sys.stdout = cast(TextIO, GuardedStream(_open(sys.stdout), BrokenPipeError))
@@ -118,11 +158,6 @@ def _counted_interrupts() -> list[int]:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` and `&` have it
             signal.signal(number, interrupt)
     return numbers
-
-
-def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    """Show a warning as a person reads it, without the line of code that gave it."""
-    echo(f"warning: {message}", err=True)
 
 
 def _open(stream: TextIO | None) -> TextIO:

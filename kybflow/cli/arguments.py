@@ -1,121 +1,127 @@
-"""What several commands share: how their help looks, their arguments, and what becomes of them."""
+"""What several commands share: parameters, each declared once, and what becomes of their values."""
 
 from __future__ import annotations
 
-import errno
-import math
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-import click
-from click.exceptions import Exit
+from typer import BadParameter, Exit, Option
 
 from kybflow.cli.output import echo
-from kybflow.core.errors import UnitError
+from kybflow.core.errors import KybflowError, UnitError
 from kybflow.core.exit_codes import INVALID
 from kybflow.core.files import write_whole
-from kybflow.core.units import DURATION, parse_quantity
+from kybflow.core.text import did_you_mean
+from kybflow.core.units import DURATION, Dimension, parse_quantity
 
 if TYPE_CHECKING:
     from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
 
-_SHOWN = 100
-_NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
-"""What makes a path that nothing can ever be at."""
+
+class WrongUsage(BadParameter):
+    """Parameters that don't go together. Its message needs no words before it."""
+
+    def format_message(self) -> str:
+        return self.message
 
 
-class _Path(click.Path):
-    """A path; one that is too long, has a NUL or leads in a circle is refused."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            os.stat(value)
-        except ValueError as error:
-            self.fail(f"`{str(value)[:_SHOWN]}` is no path: {error}", param, ctx)
-        except OSError as error:
-            if error.errno in _NEVER:
-                self.fail(f"`{str(value)[:_SHOWN]}` is no path: {error.strerror}", param, ctx)
-        return super().convert(value, param, ctx)
+def wrong(option: str | None, message: str) -> BadParameter:
+    """The refusal of what was given for `option`, an argument perhaps; None where that is known."""
+    return BadParameter(message, param_hint=option)
 
 
-class FiniteRange(click.FloatRange):
-    """A number in a range, and no infinity or NaN."""
+class Emitted(NamedTuple):
+    """An event that somebody gives while it flies."""
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        number = float(super().convert(value, param, ctx))
-        if not math.isfinite(number):
-            self.fail(f"{value} is not finite", param, ctx)
-        return number
+    seconds: float
+    name: str
 
 
-PATH = _Path(path_type=Path)
-Function = TypeVar("Function", bound=Callable[..., Any])
+class Change(NamedTuple):
+    """Another value for a parameter of a part."""
+
+    name: str
+    value: str
 
 
-class Argument(click.Argument):
-    """A positional argument that the help of its command explains."""
-
-    def __init__(self, declarations: Sequence[str], said: str, **rest: Any) -> None:
-        super().__init__(declarations, **rest)
-        self.row = (self.human_readable_name, said)
-
-
-def argument(name: str, help: str, **rest: Any) -> Callable[[Function], Function]:
-    """Give a command the positional argument `name`."""
-    return click.argument(name, cls=Argument, said=help, **rest)
+def quantity(text: str, dimension: Dimension, option: str | None = None) -> float:
+    """A quantity in SI. option: what it was given for, where that isn't known by itself."""
+    try:
+        return parse_quantity(text, dimension)
+    except UnitError as error:
+        raise wrong(option, f"{error}; {error.hint}" if error.hint else str(error)) from None
 
 
-class Subcommand(click.Command):
-    """A command whose help explains its arguments; a list of commands has its first paragraph."""
-
-    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        self.format_usage(ctx, formatter)
-        self.format_help_text(ctx, formatter)
-        if rows := [one.row for one in self.params if isinstance(one, Argument)]:
-            with formatter.section("Arguments"):
-                formatter.write_dl(rows)
-        self.format_options(ctx, formatter)
-        self.format_epilog(ctx, formatter)
-
-    def get_short_help_str(self, limit: int = 45) -> str:
-        return " ".join((self.help or "").partition("\n\n")[0].split())
+def duration(text: str) -> float:
+    """A duration in seconds."""
+    return quantity(text, DURATION)
 
 
-target_option = click.option("--target", help="Where to fly; `sim` by default.")
-set_option = click.option(
-    "--set", "sets", multiple=True, metavar="NAME=VALUE", help="Set a parameter of the mission."
-)
-seed_option = click.option("--seed", default=0, help="Seed of everything that is drawn by chance.")
-emit_option = click.option(
-    "--emit",
-    "emits",
-    multiple=True,
-    metavar="NAME@TIME",
-    help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
-    "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
-)
-option_option = click.option(
-    "--option",
-    "options",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
-)
-out_option = click.option("--out", type=PATH, help="Run folder; runs/MISSION-TIME by default.")
+def emitted(text: str) -> Emitted:
+    """The event of `NAME@TIME`."""
+    name, at, time = text.rpartition("@")
+    if not at or not name.strip():
+        raise BadParameter(f"`{text}` is not NAME@TIME")
+    try:
+        seconds = duration(time)
+    except BadParameter as error:
+        raise BadParameter(f"`{text}`: {error.message}") from None
+    if seconds < 0.0:
+        raise BadParameter(f"`{text}` is before the run")
+    return Emitted(seconds, name.strip())
 
 
-def examples(*lines: str) -> str:
-    """The end of a command's help: an example a line, which click is told not to join."""
-    return "\n".join(("\b", "Examples:", *(f"  {line}" for line in lines)))
+def change(text: str) -> Change:
+    """The change of `NAME=VALUE`."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise BadParameter(f"`{text}` is not NAME=VALUE")
+    return Change(name.strip(), value.strip())
+
+
+def repeated(flag: str, **settings: Any) -> Any:
+    """An option that may stand several times; without it the list of its values is empty."""
+    return Option(flag, default_factory=list, show_default=False, **settings)
+
+
+Target = Annotated[str | None, Option(help="Where to fly; `sim` by default.")]
+Sets = Annotated[
+    list[str], repeated("--set", metavar="NAME=VALUE", help="Set a parameter of the mission.")
+]
+Seed = Annotated[int, Option(help="Seed of everything that is drawn by chance.")]
+Emits = Annotated[
+    list[Emitted],
+    repeated(
+        "--emit",
+        parser=emitted,
+        metavar="NAME@TIME",
+        help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
+        "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
+    ),
+]
+Changes = Annotated[
+    list[Change],
+    repeated(
+        "--option",
+        parser=change,
+        metavar="NAME=VALUE",
+        help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
+    ),
+]
+Out = Annotated[Path | None, Option(help="Run folder; runs/MISSION-TIME by default.")]
+Format = Annotated[
+    Literal["text", "json", "sarif", "github"],
+    Option(help="For people, programs, code scanning or GitHub Actions."),
+]
+WriteTo = Annotated[Path | None, Option("--write", help="Write it to this file.")]
+Check = Annotated[Path | None, Option(help="Fail unless this file is current.")]
 
 
 def compiled(
-    mission: Path, target: str | None = None, sets: tuple[str, ...] = ()
+    mission: Path, target: str | None = None, sets: Sequence[str] = ()
 ) -> tuple[Plan, Result]:
     """Compile a mission and print its findings. Exits with INVALID where it has no plan."""
     from kybflow.api.validation import findings
@@ -130,48 +136,50 @@ def compiled(
     return result.plan, result
 
 
-def timed(emit: str) -> tuple[float, str]:
-    """(seconds, name) of `NAME@TIME`."""
-    name, at, time = emit.rpartition("@")
-    if not at or not name.strip():
-        raise click.BadParameter(f"`{emit}` is not NAME@TIME", param_hint="--emit")
+@contextmanager
+def failing(code: int, *errors: type[KybflowError], word: str = "error: ") -> Iterator[None]:
+    """Tell an error of such a kind, after `word`, and exit with `code`."""
     try:
-        seconds = parse_quantity(time, DURATION)
-    except UnitError as error:
-        reason = f"`{emit}`: {error}; {error.hint}" if error.hint else f"`{emit}`: {error}"
-        raise click.BadParameter(reason, param_hint="--emit") from None
-    if seconds < 0.0:
-        raise click.BadParameter(f"`{emit}` is before the run", param_hint="--emit")
-    return seconds, name.strip()
+        yield
+    except errors as error:
+        echo(f"{word}{error}", err=True)
+        raise Exit(code) from None
 
 
-def pair(option: str) -> tuple[str, str]:
-    """(name, value) of `NAME=VALUE`."""
-    name, equals, value = option.partition("=")
-    if not equals:
-        raise click.BadParameter(f"`{option}` is not NAME=VALUE", param_hint="--option")
-    return name.strip(), value.strip()
-
-
-def write(path: Path, text: str, option: str) -> None:
-    """Write the file that `option` names."""
+@contextmanager
+def refusing(option: str, *errors: type[KybflowError]) -> Iterator[None]:
+    """Tell an error of such a kind as one of what was given for `option`."""
     try:
-        write_whole(path, text.encode())
+        yield
+    except errors as error:
+        raise wrong(option, str(error)) from None
+
+
+@contextmanager
+def writing(path: Path, option: str) -> Iterator[None]:
+    """Tell where `path`, which `option` names, can't be written."""
+    try:
+        yield
     except OSError as error:
-        message = f"`{path}` can't be written: {error.strerror}"
-        raise click.BadParameter(message, param_hint=option) from None
+        raise wrong(option, f"`{path}` can't be written: {error.strerror}") from None
 
 
 def published(
-    text: Callable[[], str], command: str, write_to: Path | None, check: Path | None
+    make: Callable[[], str], command: str, write_to: Path | None, check: Path | None
 ) -> bool:
-    """Write the generated file to `write_to`, or exit with INVALID unless `check` is current;
-    whether either was asked for. command: what makes the file, for the message."""
+    """Write what is made to `write_to`, or exit with INVALID unless `check` is that; whether either
+    was asked for. command: what makes it, for the message."""
     if write_to is not None:
-        write(write_to, text(), "--write")
+        with writing(write_to, "--write"):
+            write_whole(write_to, make().encode())
     elif check is not None and not (
-        check.is_file() and check.read_text(encoding="utf-8") == text()
+        check.is_file() and check.read_text(encoding="utf-8") == make()
     ):
         echo(f"{check} is not current; mend it with: {command} --write {check}", err=True)
         raise Exit(INVALID)
     return write_to is not None or check is not None
+
+
+def unknown(what: str, name: str, known: Iterable[str], option: str) -> BadParameter:
+    """The refusal of a name that nothing has. what: such as `there is no camera`."""
+    return wrong(option, f"{what} `{name}`; {did_you_mean(name, known)}")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable
-from typing import IO, TYPE_CHECKING, Any, cast
+from collections.abc import Callable, Iterable, Sequence
+from typing import IO, TYPE_CHECKING, Any, TypeVar, cast
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 _STYLES = (
     (r"(?m)^.*error\[KYB\d+\]:.*$", "bold"),
     (r"error\[KYB\d+\]", "bold red"),
@@ -63,6 +65,23 @@ def echo(text: str, err: bool = False) -> None:
     """Print `text`, in colour on a terminal."""
     stream = sys.stderr if err else sys.stdout
     stream.write(f"{coloured(text) if stream.isatty() else text}\n")
+
+
+def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
+    """The values of each key, both in their order."""
+    groups: dict[Key, list[Value]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups
+
+
+def columns(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:
+    """Rows of cells as lines. Every cell but a row's last is as wide as the widest above and below
+    it."""
+    cells = list(rows)
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)][:-1]
+    filled = ([*(f"{c:<{w}}" for c, w in zip(r, widths, strict=False)), r[-1]] for r in cells)
+    return [indent + "  ".join(row) for row in filled]
 
 
 def teller(stream: IO[str]) -> Callable[[str], None]:

@@ -192,6 +192,16 @@ def connect(run: str | Path | None = None, name: str | None = None) -> RunClient
     return RunClient(address, own if name is None else name)
 
 
+def commander_here() -> str:
+    """Return who commands from here: the user, and the terminal or the session, so that all
+    commands from one shell are of one commander."""
+    try:
+        place = f"at {os.ttyname(0).removeprefix('/dev/')}"
+    except OSError:
+        place = f"in session {os.getsid(0)}"
+    return printable(f"{user_name(os.geteuid())} {place}")
+
+
 def printable(name: str) -> str:
     """Return a name that a commander may have."""
     shown = "".join(letter if letter.isprintable() else "?" for letter in name)

@@ -55,7 +55,7 @@ SHY = 1.0
 MOST_EVENTS = 2000
 """How many events wait to be sent to those who watch."""
 TOLD_EVERY = 10.0
-"""Seconds between two events that tell what was refused."""
+"""Seconds between two events that say what was refused."""
 FAREWELL = 0.3
 """Seconds that clients have to read what is left when the run is over."""
 

@@ -49,8 +49,8 @@ class Measurement(Protocol):
 MeasurementKind = type[Measurement]
 
 
-def kind_name(kind: MeasurementKind) -> str:
-    """Return a kind's name in messages and topics: `optical_flow` for the class OpticalFlow."""
+def kind_name(kind: type) -> str:
+    """Return a class's name in missions, messages and topics: `optical_flow` for OpticalFlow."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
 
 
@@ -310,19 +310,6 @@ class Grip(NamedTuple):
     is_open: bool
 
 
-class Told(NamedTuple):
-    """A behavior's update, or a processor's setpoint, that also tells an event, one of those that
-    its class declares.
-
-    output: the update itself. fields: what the event carries besides the behavior's state or the
-    processor's name.
-    """
-
-    output: Setpoint | Done
-    event: str
-    fields: dict[str, str | float | bool | None]
-
-
 class Retune(NamedTuple):
     """A processor's setpoint, and other values (SI) of options of its vehicle's tracker, by name:
     those that its class declares. They are asked for as `set` asks, in effect from the next tick
@@ -344,13 +331,18 @@ class PlannedPoint(NamedTuple):
     heading: float | None = None
 
 
+FieldValue = str | float | bool | None
+"""What a field of an event can be."""
+
+
 class Event(NamedTuple):
-    """Something that happened. at: the mission line that caused it, or empty."""
+    """Something that happened, as it is heard and recorded (`kybflow.core.events` says what it can
+    be). at: the mission line that caused it, or empty."""
 
     time: Time
     name: str
     vehicle: str
-    fields: dict[str, str | float | bool | None]
+    fields: dict[str, FieldValue]
     at: str = ""
 
 

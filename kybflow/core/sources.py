@@ -17,6 +17,13 @@ def docstring_of(module: str) -> str:
     return sys.modules[module].__doc__ or ast.get_docstring(_source(module), clean=False) or ""
 
 
+def help_of(cls: type) -> str:
+    """Return the docstring of a class in one line, compiled or not."""
+    nodes = (node for node in _source(cls.__module__).body if isinstance(node, ast.ClassDef))
+    written = [ast.get_docstring(node) for node in nodes if node.name == cls.__name__]
+    return " ".join(((written[0] if written else cls.__doc__) or "").split())
+
+
 def is_compiled(cls: type) -> bool:
     """Return whether a class's module is compiled."""
     return _file(cls.__module__).suffix in _COMPILED

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from kybflow.core.errors import UnitError
+from kybflow.core.errors import PartError, UnitError
 from kybflow.core.text import as_typed
 
 Vec3 = tuple[float, float, float]
@@ -95,6 +95,40 @@ Inertias = Annotated[Vec3, INERTIA]
 Path = Annotated[tuple[Vec3, ...], LENGTH]
 """Any number of positions."""
 
+
+@dataclass(frozen=True, slots=True)
+class MatrixOf:
+    """The size of a matrix and the dimension of its numbers."""
+
+    rows: int
+    columns: int
+    dimension: Dimension
+
+
+RowsOfNumbers = tuple[tuple[float, ...], ...]
+if TYPE_CHECKING:
+    from typing_extensions import TypeAliasType
+
+    _R = TypeVar("_R")
+    _C = TypeVar("_C")
+    _U = TypeVar("_U")
+    Matrix = TypeAliasType("Matrix", tuple[tuple[_U, ...], ...], type_params=(_R, _C, _U))
+else:
+
+    class Matrix:
+        """`Matrix[ROWS, COLUMNS, UNIT]`, as in `Matrix[3, 3, Damping]`: rows of numbers. mypy reads
+        no number in a type and wants `Matrix[Literal[3], Literal[3], Damping]`."""
+
+        def __class_getitem__(cls, of: Any) -> Any:
+            *sizes, unit = of if isinstance(of, tuple) else (of,)
+            sizes = [get_args(size)[0] if get_args(size) else size for size in sizes]
+            [*_, dimension] = get_args(unit) or (None,)
+            is_sized = len(sizes) == 2 and all(isinstance(s, int) and s > 0 for s in sizes)
+            if not is_sized or get_args(unit)[:1] != (float,):
+                raise PartError("a matrix is declared like `Matrix[3, 3, Damping]`")
+            return Annotated[RowsOfNumbers, MatrixOf(*sizes, dimension)]
+
+
 # A number and then a unit: `1.2 m`, `-3e-2m/s`, `0.25 1/s`.
 _QUANTITY = re.compile(
     r"[ \t]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[ \t]*([^\d\s.,].*?|1/s)?[ \t]*\Z", re.ASCII
@@ -165,7 +199,7 @@ def format_quantity(value: float, dimension: Dimension) -> str:
         return f"{value / DEG:.4g} {'deg' if dimension is ANGLE else 'deg/s'}"
     if dimension is RATIO:
         return f"{value * 100:.4g} %"
-    return f"{value:.4g} {dimension.si}".rstrip()
+    return f"{float(f'{value:.4g}'):g} {dimension.si}".rstrip()
 
 
 _READABLE = {"rad": (1 / DEG, "deg"), "rad/s": (1 / DEG, "deg/s")}

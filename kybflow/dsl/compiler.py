@@ -1,11 +1,11 @@
 """Text to plan: the passes, in order. One that follows errors is skipped.
 
 read      text and `--set` to a tree in which every node has its place
-judge     the tree by the language's schema
+judge     the tree by the shape of the language's records
 resolve   imports, `like`, stacks, chains and parameters away
-shape     the tree to a typed document, in SI
-check     what can be proven of the document before take-off
-lower     the document to the plan, from which `kybflow.dsl.machine` assembles state machines
+expand    the tree to the plan as written, in SI
+check     what can be proven of the plan before take-off
+bind      names to what they mean: the plan that the runtime sees
 """
 
 from __future__ import annotations
@@ -15,36 +15,31 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.bind import bind
 from kybflow.dsl.checks import check
 from kybflow.dsl.diagnostics.diagnostic import (
-    Diagnosed,
     Diagnostic,
+    Findings,
     Related,
     Stopped,
     has_errors,
     in_order,
-    passed,
-    run_passes,
 )
 from kybflow.dsl.diagnostics.spans import SET
-from kybflow.dsl.document import Document, Parameter
-from kybflow.dsl.lowering.lower import lower
-from kybflow.dsl.plan import Plan, SourceFile
+from kybflow.dsl.expanding import targets
+from kybflow.dsl.expanding.library import judge_library
+from kybflow.dsl.expanding.mission import mission_of
+from kybflow.dsl.language.judge import is_library, judge_mission
+from kybflow.dsl.language.text import to_yaml
+from kybflow.dsl.plan import Parameter, Plan, SourceFile
 from kybflow.dsl.reading.reader import ParsedFile, read
-from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.imports import Files
 from kybflow.dsl.resolving.parameters import parse_settings
 from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names
-from kybflow.dsl.schema.judge import is_library, judge_mission
-from kybflow.dsl.shaping import targets
-from kybflow.dsl.shaping.library import judge_library
-from kybflow.dsl.shaping.shape import shape
-from kybflow.dsl.writing.mission import to_yaml
 
 if TYPE_CHECKING:
     from kybflow.dsl.diagnostics.spans import Span
-    from kybflow.dsl.reading.nodes import Node
-    from kybflow.dsl.resolving.parameters import Setting
     from kybflow.parts.catalog import Catalog
 
 
@@ -68,12 +63,12 @@ def compile_mission(
 ) -> Result:
     """Compile the mission in `path` for `target`, with its parameters set by `sets`
     (`name=value`). Never raises for what a file or a setting says."""
-    document, files, result = _compiled(Path(path), str(path), catalog, target, sets)
-    if document is None:
+    plan, files, result = _compiled(Path(path), str(path), catalog, target, sets)
+    if plan is None:
         return result
     sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
-    plan = lower(document, catalog, sources, to_yaml(document))
-    return replace(result, plan=plan, parameters=document.parameters)
+    plan = bind(plan, catalog, sources, to_yaml(plan))
+    return replace(result, plan=plan, parameters=plan.values)
 
 
 def check_mission(
@@ -85,40 +80,46 @@ def check_mission(
 
 def _compiled(
     path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
-) -> tuple[Document | None, Files, Result]:
+) -> tuple[Plan | None, Files, Result]:
     source = read(path, file)
-    files = Files(source, path)
-    document, found = run_passes(_passes(source, files, catalog, target, sets))
-    located = (_located(finding, files) for finding in found)
+    files, found = Files(source, path), Findings()
+    try:
+        plan = _passes(source, files, catalog, target, sets, found)
+    except Stopped:
+        plan = None
+    located = (_located(finding, files) for finding in found.all)
     texts = {s.file: s.text for s in files.sources.values()}
     given = {SET: "\n".join(sets), targets.FILE: target or ""}
-    return document, files, Result(None, in_order(located), texts | given)
+    return plan, files, Result(None, in_order(located), texts | given)
 
 
 def _passes(
-    source: ParsedFile, files: Files, catalog: Catalog, target: str | None, sets: Sequence[str]
-) -> Diagnosed[Document | None]:
-    """The passes up to the checked document, a line each. Returns None for a library."""
-    root, settings = yield from passed(_input(source, sets))
+    source: ParsedFile,
+    files: Files,
+    catalog: Catalog,
+    target: str | None,
+    sets: Sequence[str],
+    found: Findings,
+) -> Plan | None:
+    """The passes up to the checked plan, a line each. Returns None for a library."""
+    found.add(source.found)
+    settings, root = parse_settings(sets, found), source.root
+    found.stop_if_errors()
+    assert root is not None  # a file that can't be read has errors
     if is_library(root):
-        library = yield from resolve_library(source, files)
-        yield from judge_library(library, catalog)
+        judge_library(resolve_library(source, files, found), catalog, found)
         return None
-    mission = yield from passed(judge_mission(root))
-    resolved = yield from passed(resolve(mission, files, settings))
-    document = yield from passed(shape(resolved, catalog, target))
-    yield from passed(check(document, catalog))
-    yield from unused_names(mission, files, settings)
-    return document
-
-
-def _input(source: ParsedFile, sets: Sequence[str]) -> Diagnosed[tuple[Node, dict[str, Setting]]]:
-    """The tree of the mission's file and the values of `--set`."""
-    yield from source.found
-    settings = yield from parse_settings(sets)
-    if source.root is None:
-        raise Stopped
-    return source.root, settings
+    mission = judge_mission(root, found)
+    found.stop_if_errors()
+    resolved = resolve(mission, files, settings, found)
+    found.stop_if_errors()
+    plan = mission_of(resolved, catalog, target, found)
+    found.stop_if_errors()
+    assert plan is not None  # one without errors is whole
+    found.add(check(plan, catalog))
+    found.stop_if_errors()
+    found.add(unused_names(mission, files, settings))
+    return plan
 
 
 def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:

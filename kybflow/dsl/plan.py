@@ -1,19 +1,47 @@
-"""The plan: what a mission means, frozen, in SI, with no YAML left. The only thing that the runtime
-sees.
+"""The records of a mission: what a mission says and means, frozen, in SI. The compiler decodes and
+judges them, `bind` resolves their names, and they are all that the runtime sees.
 
-It can be built in a test without YAML. `at` is always `file:line` of the text that a value came
-from, for events and reports; it is empty for what nobody wrote.
+A field with `key(...)` is a key of the language: its schema, text, docs and completion follow from
+that one line. A field without is what the compiler works out. Records can be built in a test
+without YAML. `at` is always `file:line` of the text that a value came from, for events and reports;
+it is empty for what nobody wrote.
 """
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
+from kybflow.core.params import FLAT, NAMED, OR_NAME, Field, fields_of, key, record
+from kybflow.core.units import Angle, Duration, Frequency, Position
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Expression
-from kybflow.parts import Leg
+from kybflow.dsl.language.source import Record
+from kybflow.dsl.language.types import (
+    CONDITION,
+    EVENT,
+    EVENT_FIELD,
+    OPTION_VALUE,
+    PHASE,
+    REQUEST,
+    SCALARS,
+    SENSORS,
+    STATE,
+    TITLE,
+    VERSION,
+    AnyOf,
+    UsesOf,
+    part_of,
+    record_of,
+)
+from kybflow.dsl.reading.nodes import Node, Scalar, entries_of
+from kybflow.dsl.reading.values import TYPES
+from kybflow.dsl.world import CameraPlan, World
+from kybflow.parts import Footprint, Leg
+from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
 from kybflow.world.moving_sphere import MovingSphere
 from kybflow.world.shapes import Box, Shape
@@ -23,10 +51,11 @@ from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 Cause = Literal["next", "then", "failed", "within"]
 END = "end"
 """Where a transition of a phase leads to end its flow."""
+MERGES = "mappings merge, lists are replaced, `null` removes."
 
 
-@dataclass(frozen=True, slots=True)
-class PartPlan:
+@dataclass(frozen=True)
+class PartPlan(Record):
     """A part to build: its name in the catalog, its class, its decoded parameters. `label` is its
     name in options."""
 
@@ -36,93 +65,276 @@ class PartPlan:
     label: str
     at: str = ""
 
+    @property
+    def alias(self) -> str:
+        """Its name among the parts of its kind."""
+        return self.label.partition(".")[2] or self.name
 
-@dataclass(frozen=True, slots=True)
-class TransitionPlan:
-    """One transition out of a state.
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """The declarations of its parameters."""
+        return fields_of(self.params.__class__)
 
-    `next` fires when `when` has held for `hold` seconds, or `event` is heard, or `after` seconds
+
+@record("transition", is_whole=True, terse=True)
+class TransitionPlan(Record):
+    """One way out of a behavior: all of `when`, `event` and `after` that are written must hold.
+
+    `next` fires when `when` has held for `hold` seconds, or `event` was emitted, or `after` seconds
     have passed in the state (those that are given, together); `then` when the behavior is done;
     `failed` when it failed; `within` after `after` seconds. `implied` transitions are those that
-    the language adds. Seconds count from the entry of the chain `since` where it is not empty;
-    `enters` is the chain that the transition enters anew. `emit` is the event that is told when it
-    is taken.
+    the language adds. Seconds count from the entry of the chain `since` where it is not empty; in a
+    phase `since` names the flow, whose way out of every phase this is. `enters` is the chain that
+    the transition enters anew. `emit` is the event that is emitted when it is taken.
     """
 
-    cause: Cause
-    target: str
-    when: Expression | None = None
-    event: str | None = None
-    after: float | None = None
-    hold: float = 0.0
+    cause: Cause = field(default="next", kw_only=True)
+    when: Annotated[Expression | None, CONDITION] = key(
+        "A condition, like `state.altitude > 1 m`.", default=None
+    )
+    event: Annotated[str | None, EVENT] = key("The event to hear.", default=None)
+    after: Duration | None = key("How long it must have lasted.", default=None, at_least=0.0)
+    hold: Duration = key("How long the condition must hold.", default=0.0, at_least=0.0, key="for")
+    emit: str | None = key(
+        "An event of the mission's own, emitted when this way is taken.", default=None
+    )
+    target: Annotated[str, STATE] = key(
+        "The behavior or phase to go to; `end` leaves a chain or a flow.", key="go"
+    )
     implied: bool = False
     at: str = ""
     since: str = ""
     enters: str = ""
-    emit: str | None = None
+
+    @property
+    def target_span(self) -> Span:
+        """Where its target is written; its own place for one that follows from something else."""
+        text = self.text_of("go")
+        return self.span if text is None else text.span
 
 
-@dataclass(frozen=True, slots=True)
-class StatePlan:
-    """One state of a vehicle: a behavior and its transitions, in the order in which they are asked.
-    `estimators` come before the vehicle's others, in this order, while it is active."""
+Ways = tuple[TransitionPlan, ...]
+Goal = Annotated[str | None, STATE]
+_THEN, _NEXT = "Where to go when it is done.", "Ways out, asked from the top in every tick."
+_FAILED, _WITHIN = "Where to go when it fails.", "Time after which it has failed."
+
+
+@record("behavior")
+class StatePlan(Record):
+    """One state: what the vehicle does, and where it goes from there.
+
+    `transitions` are asked in their order. `estimators` come before the vehicle's others, in this
+    order, while the state is active.
+    """
 
     name: str
-    behavior: PartPlan
+    behavior: Annotated[PartPlan, part_of("behaviors", "do", is_needed=False)] = key(
+        "The behavior to fly; its parameters are keys beside it.", key="do"
+    )
     legs: tuple[Leg, ...]
-    transitions: tuple[TransitionPlan, ...]
+    transitions: Ways
     built_in: bool = False
     at: str = ""
-    estimators: tuple[str, ...] = ()
+    estimators: tuple[str, ...] = key(
+        "Estimators of the vehicle that come first here, in this order.",
+        default=(), least=1, each="Name of an estimator.", examples=(["mocap"],),
+    )  # fmt: skip
+    next: Ways = key(_NEXT, default=())
+    then: Goal = key(_THEN, default=None)
+    failed: Goal = key(_FAILED, default=None)
+    within: Duration | None = key(_WITHIN, default=None, above=0.0)
+
+    @functools.cached_property
+    def footprints(self) -> dict[Vec3 | None, Footprint | None]:
+        """Where the behavior goes, by the place of entry."""
+        return {}
+
+    def footprint(self, entry: Vec3 | None) -> Footprint | None:
+        """Where the behavior goes from `entry`; several checks ask for the same."""
+        if entry not in self.footprints:
+            self.footprints[entry] = self.behavior.cls.footprint(self.behavior.params, entry)
+        return self.footprints[entry]
 
 
-@dataclass(frozen=True, slots=True)
-class EstimatorPlan:
-    """An estimator with its health: healthy while the condition holds, and again only after
-    `recover_after` seconds."""
-
-    part: PartPlan
-    healthy: Expression | None
-    recover_after: float
-    for_at_most: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class SensorPlan:
-    """A sensor beside the driver: the estimators that it was named for, none where the driver
-    brings it."""
-
-    part: PartPlan
-    estimators: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class VehiclePlan:
-    """One vehicle. `begin` is the state it starts in; `states` include the built-in ones."""
+@record("chain's own entry")
+class ChainPlan(Record):
+    """A behavior that is a chain of states, `NAME.INNER`. Its transitions are also among those of
+    every state inside."""
 
     name: str
+    transitions: Ways = ()
+    next: Ways = key(_NEXT, default=())
+    then: Goal = key(_THEN, default=None)
+    failed: Goal = key(_FAILED, default=None)
+    within: Duration | None = key(_WITHIN, default=None, above=0.0)
+
+
+@record("estimator", is_whole=True)
+class EstimatorPlan(Record):
+    """An estimator with its health.
+
+    It is healthy while the condition holds, and again only after `recover_after` seconds.
+    """
+
+    part: Annotated[PartPlan, part_of("estimators")] = key("Name of the part.", key="use")
+    healthy: Annotated[Expression | None, CONDITION] = key(
+        "The condition under which the estimate may be used, like `age < 100 ms`.", default=None
+    )
+    recover_after: Duration = key(
+        "How long it must be healthy before it is used again.", default=0.0, at_least=0.0
+    )
+    for_at_most: Duration | None = key(
+        "The longest that it is used at a stretch.", default=None, above=0.0
+    )
+
+
+Estimators = Annotated[tuple[EstimatorPlan, ...], UsesOf("list", item=record_of(EstimatorPlan))]
+Processors = Annotated[tuple[PartPlan, ...], UsesOf("list", item=part_of("processors"))]
+Supervisors = Annotated[tuple[PartPlan, ...], UsesOf("list", item=part_of("supervisors"))]
+"""The lists of a vehicle in which stacks may stand."""
+LISTS = ("estimators", "processors", "supervisors")
+
+
+@dataclass(frozen=True)
+class SensorPlan(Record):
+    """A sensor beside the driver: the estimators that it was named for, none where the driver
+    brings it; `index` is its place in the list of the first one's."""
+
+    part: PartPlan
+    estimators: tuple[str, ...] = ()
+    index: int = 0
+
+    @property
+    def label(self) -> str:
+        """The sensor's name in options: `fusion`, then `fusion.1`."""
+        name = self.estimators[0] if self.estimators else self.part.alias
+        return f"{name}.{self.index}" if self.index else name
+
+
+@record("start")
+class Start(Record):
+    """Where the vehicle stands before take-off."""
+
+    at: Position = key("Position, world frame (ENU).", default=(0.0, 0.0, 0.0))
+    heading: Angle = key("Angle of the nose from east, counter-clockwise.", default=0.0)
+
+
+@record("airframe", like="Start from this airframe.", block=True)
+class Body(Record):
+    """An airframe with the cameras that it carries."""
+
+    airframe: Annotated[Airframe, FLAT] = key("", default=None)
+    cameras: Annotated[tuple[CameraPlan, ...], NAMED] = key(
+        "Cameras that it carries, by name.", default=()
+    )
+    name: str = ""
+
+
+@record("vehicle's target")
+class Place(Record):
+    """How a vehicle is reached."""
+
+    driver: Annotated[PartPlan | None, part_of("drivers")] = key(
+        "What flies it; without it the one that the target's name implies.", default=None
+    )
+    tracker: Annotated[PartPlan | None, part_of("trackers")] = key(
+        "What turns the setpoint into a command there; without it the one that the driver asks"
+        " for, else the vehicle's own.",
+        default=None,
+    )
+    sensors: dict[str, Annotated[tuple[PartPlan, ...], SENSORS]] = key(
+        "Sensors beside the driver, under the names of estimators.", default={},
+        each="Where the estimator's measurements come from: one, or a list of them.",
+    )  # fmt: skip
+
+
+@record("vehicle", like=f"Start from this vehicle: {MERGES}", block=True)
+class VehiclePlan(Record):
+    """What flies, what it trusts, what it does.
+
+    `begin` is the state it starts in: the one written, else the first behavior. `states` include
+    the built-in ones once its names are resolved. Callbacks and flows may request the states
+    `requested` at any time; flows request `requested_first` while the vehicle waits on the ground
+    at its start. `own_tracker` is the mission's, where the target has `tracker` in its place.
+    """
+
+    name: str
+    body: Annotated[Body, OR_NAME] = key(
+        "Name of an airframe, or its numbers.", key="airframe", default=Body()
+    )
+    place: Start = key(
+        "Where the vehicle stands before take-off.", key="start", default=Start(),
+        examples=({"at": [0, 0, 0]},),
+    )  # fmt: skip
+    home: Position | None = key("Where `go_home` flies; its start without it.", default=None)
+    payload: Parcel | None = key(
+        "What it carries and may release.", default=None,
+        examples=({"mass": "200 g", "size": "10 cm", "channel": 1, "aboard": True},),
+    )  # fmt: skip
+    estimators: Estimators = key("The first healthy one is used.", default=())
+    processors: Processors = key("What may bend the setpoint, in this order.", default=())
+    tracker: Annotated[PartPlan, part_of("trackers", is_needed=False)] = key(
+        "What turns the setpoint into a command.", needed=False
+    )
+    supervisors: Supervisors = key(
+        "What watches a bound, beside the supervisors that every vehicle has.", default=()
+    )
+    begin: Annotated[str, STATE] = key(
+        "The first behavior; without it the topmost, or `landed` for a vehicle that a flow drives.",
+        needed=False,
+    )
+    behaviors: dict[str, StatePlan] = key(
+        "The vehicle's state machine: exactly one is active.", default={}, names_like="dotted"
+    )
     airframe: Airframe
     start: Vec3
     heading: float
-    estimators: tuple[EstimatorPlan, ...]
-    processors: tuple[PartPlan, ...]
-    tracker: PartPlan
-    supervisors: tuple[PartPlan, ...]
     driver: PartPlan
-    begin: str
     states: dict[str, StatePlan]
     at: str = ""
-    home: Vec3 | None = None
-    """Where `go_home` flies; None for the start."""
     hover_limit: float = 30.0
     """Seconds after which a vehicle that was paused or braked lands."""
     cameras: dict[str, Camera] = field(default_factory=dict)
     sensors: tuple[SensorPlan, ...] = ()
-    payload: Parcel | None = None
+    chains: dict[str, ChainPlan] = field(default_factory=dict)
+    own_tracker: PartPlan | None = None
+    reached: Place = Place()
+    """How it is reached on the target: as its own entry there says, else as that of `all`."""
+    requested: frozenset[str] = frozenset()
+    requested_first: frozenset[str] = frozenset()
+
+    @functools.cached_property
+    def known(self) -> dict[str, Any]:
+        """What checks have worked out of it, for those that ask again."""
+        return {}
+
+    @property
+    def own_cameras(self) -> dict[str, Camera]:
+        """The cameras that its airframe carries."""
+        return {use.name: use.camera for use in self.body.cameras if use.camera is not None}
+
+    def goal(self, name: str) -> str:
+        """The state that `name` means as a goal: a chain's name means its first state."""
+        return name if name in self.states else self._firsts.get(name, name)
+
+    @functools.cached_property
+    def _firsts(self) -> dict[str, str]:
+        """The first state of each chain."""
+        return {chain: state for state in reversed(self.states) for chain in chains_of(state)}
 
 
 Values = tuple[tuple[str, Any], ...]
 """Parameters by name, each with a value (SI) in place of the one that a state has."""
+
+
+@dataclass(frozen=True)
+class Request(Record):
+    """A state that a vehicle is asked to enter, with values in place of its own parameters' (SI).
+    `chain` is the chain that was asked for, whose first state it is."""
+
+    state: str
+    values: Values = ()
+    chain: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +366,7 @@ class Enable:
 
 @dataclass(frozen=True, slots=True)
 class Emit:
-    """Tell a custom event."""
+    """Emit a custom event."""
 
     name: str
 
@@ -177,7 +389,7 @@ class Perform:
 
 @dataclass(frozen=True, slots=True)
 class LogText:
-    """Tell a text; `{vehicle}`, `{time}` and the event's own fields in it are filled in."""
+    """Log a text; `{vehicle}`, `{time}` and the event's own fields in it are filled in."""
 
     text: str
 
@@ -199,48 +411,160 @@ class Call:
 ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText | Stop | Call
 
 
-@dataclass(frozen=True, slots=True)
-class InputPlan:
-    """One entry of `inputs:`. buttons: what the mission calls each of the device's. dead_man: the
-    button, by the mission's name, without which nothing is steered; None for none. It is lost when
-    it is silent for longer than `silent_after` seconds, and stuck after `stuck_after` (None:
-    never)."""
+@record("action", least=1, others=AnyOf("value", kinds=("object", "null", *SCALARS, "array")))
+class ActionKeys(Record):
+    """What to do: one action.
+
+    One of its keys is written; of `switch`, `set` and `perform` each target is an action. `name` is
+    that key, `target` and `value` are what it says; an action of a package has a `part`.
+    """
 
     name: str
-    part: PartPlan
-    buttons: dict[str, str]
-    silent_after: float
-    stuck_after: float | None = None
-    dead_man: str | None = None
-    at: str = ""
+    target: str | None = None
+    value: Any = None
+    part: PartPlan | None = None
+    switch: dict[str, Annotated[Request, REQUEST]] = key(
+        "Vehicles or groups, and the state that each is asked to enter.",
+        default={}, least=1, names_like="any", each="The state", examples=({"a": "home"},),
+    )  # fmt: skip
+    set: dict[str, Annotated[Any, OPTION_VALUE]] = key(
+        "Options, like `a.processors.limit_speed.speed`, and their new values.",
+        default={}, least=1, names_like="any",
+    )  # fmt: skip
+    enable: str | None = key(
+        "A processor to use again, like `a.processors.limit_speed`.", default=None
+    )
+    disable: str | None = key("A processor to leave out; none that is a safety part.", default=None)
+    emit: str | None = key(
+        "An event of the mission's own, to be heard in the next tick.", default=None
+    )
+    phase: Annotated[Any, PHASE] = key(
+        "A phase to enter; `{FLOW: PHASE}` where several flows have it.",
+        default=None, least=1, each="The phase.",
+    )  # fmt: skip
+    perform: dict[str, str] = key(
+        "Vehicles or groups, and the act that the driver of each is asked for, like"
+        " `leds_blink_red`.",
+        default={}, least=1, names_like="any", each="The act.", examples=({"a": "leds_blink_red"},),
+    )  # fmt: skip
+    log: str | None = key(
+        "A text for the record; `{event}`, `{time}`, `{vehicle}` and the event's fields in it are"
+        " filled in.",
+        default=None,
+    )
+    stop: str | None = key("The reason why the run ends: every vehicle lands.", default=None)
+
+    @property
+    def value_text(self) -> Text:
+        """What it says, with its place; of `phase` and `set` the value of the target."""
+        node = self.value_node
+        return node.as_text if isinstance(node, Scalar) else Text("", self.span, verbatim=False)
+
+    @property
+    def value_node(self) -> Node:
+        """What it says, as written."""
+        (entry,) = entries_of(self.source.node).values()
+        return entry.value
+
+    @property
+    def target_text(self) -> Text:
+        """Its target, with its place."""
+        (entry,) = entries_of(self.source.node).values()
+        return entry.key.as_text
 
 
-@dataclass(frozen=True, slots=True)
-class CallbackPlan:
-    """One entry of `on:`: when an event called `event` of one of `vehicles` (`""`: of the run) is
-    heard whose fields are as `fields` says, and `when` holds, the actions are done in order. One
-    that hears nothing (`event` is empty) does them each time that `when` has held for `hold`
-    seconds."""
+@record("callback", is_whole=True, others=EVENT_FIELD, terse=True)
+class CallbackPlan(Record):
+    """An event or a condition, and the actions that it brings about.
 
-    event: str
+    When an event called `event` of one of `vehicles` (`""`: of the run) was emitted whose fields
+    are as `fields` says, and `when` holds, the actions are done in order. One without an event does
+    them each time that `when` has held for `hold` seconds.
+    """
+
+    event: Annotated[str, EVENT] = key(
+        "What to hear: `VEHICLE.NAME`, `GROUP.NAME`, `any.NAME` of every vehicle, "
+        "`operator.NAME` of a person, or the bare name of an event of the run, or of "
+        "one that a mission emits.",
+        needed=False,
+    )
     vehicles: tuple[str, ...]
     actions: tuple[ActionPlan, ...]
     fields: tuple[tuple[str, str], ...] = ()
-    when: Expression | None = None
+    when: Annotated[Expression | None, CONDITION] = key(
+        "A condition that must hold too, like `a in landed`; vehicles go by their names. Without "
+        "`event`, the actions are done when it begins to hold, and again only after it has not "
+        "held.",
+        default=None,
+    )
+    hold: Duration = key(
+        "How long a condition without an `event` must hold.",
+        default=0.0, at_least=0.0, key="for",
+    )  # fmt: skip
+    do: tuple[ActionKeys, ...] = key(
+        "The actions, each a mapping with one key.", default=(), needed=True,
+        examples=([{"log": "hello"}, {"stop": "enough"}],),
+        each_examples=([{"log": "hello"}, {"stop": "enough"}],),
+    )  # fmt: skip
     at: str = ""
-    hold: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class FaultPlan:
-    """One entry of `faults:`: at `time` seconds of the run, or when `when` first holds, `part`
-    breaks `vehicle` for `duration` seconds (None: for good)."""
+@record("input", is_whole=True)
+class InputPlan(Record):
+    """A device, or a script of one.
 
-    part: PartPlan
-    vehicle: str
-    time: float | None = None
-    when: Expression | None = None
-    duration: float | None = None
+    button_names: the mission's name of each of the device's buttons. dead_man: the button, by the
+    mission's name, without which nothing is steered; None for none. It is lost when it is silent
+    for longer than `silent_after` seconds, and stuck after `stuck_after` (None: never).
+    """
+
+    name: str
+    part: Annotated[PartPlan, part_of("inputs")] = key("Name of the part.", key="use")
+    button_names: dict[str, str]
+    silent_after: Duration = key("Lost when it is silent for longer.", default=0.3, above=0.0)
+    stuck_after: Duration | None = key(
+        "Lost when an axis away from its centre doesn't change for longer; unless said, the"
+        " device's own: 10 s for gamepads and transmitters.",
+        default=None, above=0.0,
+    )  # fmt: skip
+    dead_man: str | None = key(
+        "The button without which nothing is steered: released means brake.", default=None
+    )
+    buttons: dict[str, str] = key(
+        "What the mission calls buttons of the device, like `{leave: a}`.",
+        default={}, each="The device's name of it.",
+    )  # fmt: skip
+    at: str = ""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes of the device."""
+        axes: tuple[str, ...] = self.part.cls.axes(self.part.params)
+        return axes
+
+
+@record("fault", is_whole=True)
+class FaultPlan(Record):
+    """One thing that breaks on one vehicle: `at` a time, or `when`.
+
+    At `time` seconds of the run, or when `when` first holds, `part` breaks `vehicle` for `duration`
+    seconds (None: for good).
+    """
+
+    when: Annotated[Expression | None, CONDITION] = key(
+        "It begins when this condition of the vehicle first holds, like `behavior == hop`.",
+        default=None,
+    )
+    time: Duration | None = key(
+        "It begins at this time of the run.", default=None, at_least=0.0, key="at"
+    )
+    vehicle: str = key("The vehicle that it strikes.", key="on")
+    part: Annotated[PartPlan, part_of("faults", "inject")] = key(
+        "The fault; its parameters are keys beside it.", key="inject"
+    )
+    duration: Duration | None = key(
+        "How long it lasts; without it to the end of the run.", default=None, above=0.0, key="for"
+    )
     at: str = ""
 
 
@@ -248,43 +572,76 @@ Arrive = Literal["together", "in_turns"]
 """How the vehicles of a phase arrive: at one time, or one after the other."""
 
 
-@dataclass(frozen=True, slots=True)
-class PhasePlan:
-    """One phase of a flow. On entry it gives vehicles to other flows (`give`: vehicle to flow),
-    sets options and asks vehicles to enter states (`run`: vehicle to state; `chains`: to the chain
-    whose first state that is, where a chain was asked for; `values`: to those that the state is
-    entered with in place of its own). `transitions` are
-    asked like those of a state: `next` from the top, then `within`; the target `end` ends the flow.
-    So does a phase without any, or one that `ends`, when no vehicle that it ran is in its state any
-    more. arrive: how the vehicles of `run` arrive, each by itself without it."""
+@record("phase")
+class PhasePlan(Record):
+    """What begins together, and what it goes on by. One without a way out is the last.
+
+    On entry it gives vehicles to other flows, sets options and asks vehicles to enter states.
+    `transitions` are asked like those of a state: `next` from the top, then `within`; the target
+    `end` ends the flow. So does a phase without any, or one that `ends`, when no vehicle that it
+    ran is in its state any more. Once names are resolved, the keys of `run` and `give` are
+    vehicles. arrive: how the vehicles of `run` arrive, each by itself without it.
+    """
 
     name: str
-    run: dict[str, str]
-    give: dict[str, str]
-    set: tuple[SetOption, ...]
-    transitions: tuple[TransitionPlan, ...]
-    chains: dict[str, str] = field(default_factory=dict)
-    at: str = ""
-    values: dict[str, Values] = field(default_factory=dict)
+    give: dict[str, str] = key(
+        "Vehicles or groups, and the flow that drives each from here on.",
+        default={}, each="The flow; it gives back when it ends.",
+    )  # fmt: skip
+    set: dict[str, Annotated[Any, OPTION_VALUE]] = key(
+        "Options, like `swarm.processors.limit_speed.speed`, and their new values.",
+        default={}, least=1, names_like="any",
+    )  # fmt: skip
+    run: dict[str, Annotated[Request, REQUEST]] = key(
+        "Vehicles or groups, and the behavior that each is asked to enter.",
+        default={}, each="The behavior",
+    )  # fmt: skip
+    arrive: Arrive | None = key(
+        "How those that `run` names arrive: `together`, on straight lines at one pace, or "
+        "`in_turns`, each when the one before is there.",
+        default=None,
+    )
+    next: Ways = key("Ways out, asked from the top in every tick; `end` ends the flow.", default=())
+    within: Duration | None = key(
+        "The longest that it lasts; then it goes to `otherwise`.", default=None, above=0.0
+    )
+    otherwise: Goal = key("The phase to go to when it lasts longer, or `end`.", default=None)
+    transitions: Ways = ()
+    options: tuple[SetOption, ...] = ()
     ends: bool = False
-    arrive: Arrive | None = None
+    at: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class FlowPlan:
-    """Phases over the vehicles that it drives: `vehicles` are those that it has from the start. One
-    that `waits` begins when it is given a vehicle."""
+@record("flow", is_whole=True, like=f"Start from this flow: {MERGES}", block=True)
+class FlowPlan(Record):
+    """Phases over several vehicles; a vehicle is driven by one flow at a time.
+
+    `vehicles` are those that it has from the start. One that `waits` begins when it is given a
+    vehicle. The transitions `next` of the flow are also among those of its phases.
+    """
 
     name: str
-    begin: str
+    begin: Annotated[str, STATE] = key("The first phase; without it the topmost.", needed=False)
+    next: Ways = key(
+        "Ways out of every phase but the one that it leads to, asked first.", default=()
+    )
     vehicles: tuple[str, ...]
-    phases: dict[str, PhasePlan]
+    phases: dict[str, PhasePlan] = key("Its phases: exactly one is active.", least=1)
     waits: bool = False
     at: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectationPlan:
+@record("target", others=record_of(Place))
+class TargetKeys(Record):
+    """How each vehicle is reached: `all`, or by a vehicle's name."""
+
+    inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
+        "What people steer with and whose buttons are events, by name.", default=()
+    )
+
+
+@dataclass(frozen=True)
+class ExpectationPlan(Record):
     """One line of `expect:`: its text as written, and the parsed expression."""
 
     text: str
@@ -300,19 +657,158 @@ class SourceFile:
     sha256: str
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """A whole mission, ready to fly."""
+class Parameter(NamedTuple):
+    """A mission parameter after `--set`: its value (SI; a vector for a position), its dimension's
+    name."""
 
-    mission: str
-    summary: str
+    name: str
+    type: str
+    value: Any
+
+
+PARAMETER_VALUE = AnyOf("value", kinds=("number", "string", "boolean", "array"))
+BOUND = AnyOf("value", kinds=("number", "string"))
+
+
+@record("parameter", is_whole=True)
+class ParameterKeys(Record):
+    """A value that `--set` may change; `$name` stands for it."""
+
+    type: str = key(
+        "Its type: a quantity such as `length`, or `position`, `integer`, `text` or `boolean`.",
+        examples=tuple(TYPES),
+    )
+    default: Annotated[Any, PARAMETER_VALUE] = key("The value when nothing sets it.", default=None)
+    above: Annotated[Any, BOUND] = key("The value must be greater.", default=None)
+    at_least: Annotated[Any, BOUND] = key("The value must be this or greater.", default=None)
+    below: Annotated[Any, BOUND] = key("The value must be less.", default=None)
+    at_most: Annotated[Any, BOUND] = key("The value must be this or less.", default=None)
+    help: str | None = key("What it is.", default=None)
+
+
+_EXAMPLE = ({"type": "length", "default": "1 m"},)
+
+
+@record("import", is_whole=True)
+class ImportKeys(Record):
+    """A library, by its file."""
+
+    file: str = key(
+        "The library: of an installed package, `kybflow/stacks`, or a file beside this one,"
+        " `library/lab.yaml`.",
+        key="from",
+    )
+    values: Annotated[Any, AnyOf("value", kinds=("object",))] = key(
+        "Values of its parameters, by name.", default=None, key="with"
+    )
+
+
+@record("chain", is_whole=True)
+class ChainKeys(Record):
+    """Behaviors that are used as one: `do: chain.NAME`, with its parameters beside it."""
+
+    summary: str | None = key("One line for people.", default=None)
+    parameters: dict[str, ParameterKeys] = key(
+        "Values that are given where it is used.", default={}, each_examples=_EXAMPLE
+    )
+    begin: Goal = key("The first behavior; without it the topmost.", default=None)
+    behaviors: dict[str, StatePlan] = key("Its states; `then: end`, or none, leaves it.")
+
+
+@record("stack", like="Start from this stack.")
+class StackKeys(Record):
+    """Parts for the lists of a vehicle: `- stack: NAME` stands for them."""
+
+    summary: str | None = key("One line for people.", default=None)
+    estimators: Estimators = key("The first healthy one is used.", default=())
+    processors: Processors = key("What may bend the setpoint, in this order.", default=())
+    supervisors: Supervisors = key("What watches a bound.", default=())
+
+
+@record()
+class Shared(Record):
+    """What missions and libraries may have."""
+
+    summary: str = key("One line for people.", default="")
+    imports: dict[str, Annotated[ImportKeys, OR_NAME]] = key(
+        "Libraries, each under a name.", default={}, key="import"
+    )
+    parameters: dict[str, ParameterKeys] = key(
+        "Values that `--set` may change.", default={}, each_examples=_EXAMPLE
+    )
+    airframes: Annotated[tuple[Body, ...], NAMED] = key("Airframes by name.", default=())
+    chains: dict[str, ChainKeys] = key(
+        "Sequences that can be used as one behavior, by name.", default={}
+    )
+    stacks: dict[str, StackKeys] = key("Parts for the lists of a vehicle, by name.", default={})
+
+
+Flows = Annotated[tuple[FlowPlan, ...], NAMED]
+_FLOWS = "What several vehicles do together, flows side by side."
+
+
+@record("library", is_whole=True, leading=("library",))
+class Library(Shared):
+    """What missions share."""
+
+    library: Annotated[str, TITLE] = key("Its name.")
+    vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key("What flies, by name.", default=())
+    worlds: dict[str, World] = key("Worlds by name.", default={})
+    flows: Flows = key(_FLOWS, default=())
+
+
+@record("mission", is_whole=True, leading=("kybflow", "mission"), block=True)
+class Plan(Shared):
+    """A kybflow mission: what flies, what it trusts, what it does, what is expected of it."""
+
+    version: Annotated[int, VERSION] = key(
+        "Version of the language.", default=1, needed=True, key="kybflow"
+    )
+    mission: Annotated[str, TITLE] = key("Its name.")
+    control: Frequency | None = key(
+        "Control rate, a whole number of Hz; unless said 250 Hz, or 100 Hz where every vehicle is"
+        " on an autopilot that takes at most 50 set-points a second.",
+        default=None, above=0.0,
+    )  # fmt: skip
+    hover_limit: Duration = key(
+        "How long the built-in hover waits before it lands.",
+        default=30.0, above=0.0,
+    )  # fmt: skip
+    time_limit: Duration = key(
+        "When it has passed, what still flies lands, and the run ends.", default=600.0, above=0.0
+    )
+    world: Annotated[World, OR_NAME] = key(
+        "A library's world by its name, or the fence, points, obstacles and tags of this one.",
+        default=World(),
+    )
+    vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key(
+        "What flies, by name.", default=(), least=1, needed=True
+    )
+    inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
+        "What people steer with and whose buttons are events, by name.", default=()
+    )
+    groups: dict[str, tuple[str, ...]] = key(
+        "Vehicles that go by one name, as in `all swarm in hover`.",
+        default={}, each="Its vehicles.", each_examples=(["a", "b"],),
+    )  # fmt: skip
+    flows: Flows = key(_FLOWS, default=())
+    callbacks: tuple[CallbackPlan, ...] = key(
+        "What is done when something happens, at any time.", default=(), key="on"
+    )
+    faults: tuple[FaultPlan, ...] = key(
+        "What breaks, and when; in simulation, and our side of it on a firmware's own simulator.",
+        default=(),
+    )
+    expect: tuple[str, ...] = key("What must hold for the mission to succeed.", default=())
+    targets: dict[str, TargetKeys] = key(
+        "Where the mission can fly, chosen by `--target NAME`; `sim` and those of the drivers are"
+        " implied.",
+        default={},
+    )
     target: str
     simulated: bool
     control_rate: int
-    hover_limit: float
-    time_limit: float
     fence: Box | None
-    vehicles: tuple[VehiclePlan, ...]
     expectations: tuple[ExpectationPlan, ...]
     sources: tuple[SourceFile, ...]
     resolved: str
@@ -326,10 +822,41 @@ class Plan:
     missing is simulated."""
     points: dict[str, Vec3] = field(default_factory=dict)
     tags: TagMap = NO_TAGS
-    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    callbacks: tuple[CallbackPlan, ...] = ()
-    faults: tuple[FaultPlan, ...] = ()
-    flows: tuple[FlowPlan, ...] = ()
-    inputs: tuple[InputPlan, ...] = ()
     files: tuple[File, ...] = ()
     """What parameters name, each as it is written in `resolved`."""
+    values: dict[str, Parameter] = field(default_factory=dict)
+    """The values of its parameters."""
+    target_text: Text | None = field(default=None, compare=False, repr=False)
+    """The target's name where it stands."""
+
+    @functools.cached_property
+    def fleet(self) -> dict[str, VehiclePlan]:
+        """The vehicles by name."""
+        return {vehicle.name: vehicle for vehicle in self.vehicles}
+
+    def members(self, name: str) -> tuple[str, ...]:
+        """The vehicles that a name stands for: itself, or those of a group; none for an unknown
+        one."""
+        if name in self.fleet:
+            return (name,)
+        return tuple(member for member in self.groups.get(name, ()) if member in self.fleet)
+
+    def tracked_by(self, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
+        """The first sensor that can tell where a moving obstacle is, with its vehicle and the
+        parameters for it; None where there is none."""
+        body = self.moving[moving].body or moving
+        for vehicle in self.vehicles:
+            for part in (sensor.part for sensor in vehicle.sensors):
+                if part.cls.tracks_bodies:
+                    return vehicle, part, part.cls.tracking(part.params, body)
+        return None
+
+    @functools.cached_property
+    def flows_by_name(self) -> dict[str, FlowPlan]:
+        """The flows by name."""
+        return {flow.name: flow for flow in self.flows}
+
+    @functools.cached_property
+    def inputs_by_name(self) -> dict[str, InputPlan]:
+        """The inputs by name."""
+        return {use.name: use for use in self.inputs}

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple
 
+from kybflow.core.events import Emitting
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, distance, heading_of, scale
 from kybflow.core.signals import (
     NO_INPUTS,
@@ -24,7 +25,6 @@ from kybflow.core.signals import (
     SetpointKind,
     Tick,
     Time,
-    Told,
 )
 from kybflow.flight.motion import Motion
 from kybflow.flight.profiles import Pace
@@ -167,9 +167,7 @@ class Behavior(Part[P]):
     flight: its flight types. emits: the kind of setpoint that `update` returns, or of command.
     needs_estimate: whether it can fly only with an estimate. needs: kinds of measurement to
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
-    tells: the events that `update` may tell, each with the fields that it carries besides
-    `behavior`; they are among its `events`.
-    waits_for: what it waits for, in words, None while it goes on; told as `behavior_waits`.
+    waits_for: what it waits for, in words, None while it goes on; it emits `behavior_waits`.
     lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
     axes: those that the inputs must have which its parameters name. push: what a hand that steers
     it should feel, along the axes x, y and z. hears: whether it listens to what other vehicles
@@ -184,7 +182,6 @@ class Behavior(Part[P]):
     needs_estimate: ClassVar[bool] = True
     needs: ClassVar[frozenset[MeasurementKind]] = frozenset()
     grips: ClassVar[bool] = False
-    tells: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     waits_for: str | None = None
     lets_go: bool = False
     axes: ClassVar[tuple[str, ...]] = ()
@@ -205,17 +202,16 @@ class Behavior(Part[P]):
         super().__init_subclass__(**rest)
         cls.flight = (flight,) if isinstance(flight, Leg) else flight
         cls.emits = emits
-        cls.events = tuple(dict.fromkeys((*cls.events, *cls.tells)))
         cls.needs_estimate = needs_estimate
 
     def __init__(self, params: P, entry: Entry) -> None:
         self.params = params
 
     @abstractmethod
-    def update(self, tick: Tick) -> Setpoint | Command | Grip | Told | Done | Failed:
+    def update(self, tick: Tick) -> Setpoint | Command | Grip | Emitting | Done | Failed:
         """Return the setpoint at `tick.now`, or Done or Failed with the last one; called once a
         tick. A behavior that `emits` commands returns a Command, which bypasses the tracker; one
-        that `grips` may return a Grip, one that `tells` events a Told."""
+        that `grips` may return a Grip, one with `own_events` an Emitting."""
 
     def take(self, point: PlannedPoint, now: Time) -> str | None:
         """Take a point of an external planner's trajectory before the update of a tick; return why

@@ -4,9 +4,10 @@ the supervisors that watch it."""
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from kybflow.core.events import Emitting
 from kybflow.core.signals import (
     Alarm,
     Command,
@@ -19,7 +20,6 @@ from kybflow.core.signals import (
     SetpointKind,
     Tick,
     Time,
-    Told,
 )
 from kybflow.parts.base import Objection, P, Part
 from kybflow.world.inner_loop import InnerLoop
@@ -75,12 +75,11 @@ class Processor(Part[P]):
     ones from take-off to touch-down, the others only in behaviors that stay in the air. A processor
     that raises is not called again, and its vehicle lands. `accepts` maps each kind of setpoint
     that it accepts to the kind that it returns. `clamps`: what it changes is taken away for good,
-    as beyond a fence, and does not only come later or around something: it is told as
+    as beyond a fence, and does not only come later or around something: it emits
     `clamp_started`, and a behavior that is done while its goal is clamped has failed. idle: it will
     never change anything, and is not called. goes_round: what stands between where the vehicle is
-    and where it is led is no hindrance. tells: the events that it may tell, each with the fields
-    that it carries besides its name. retunes: the options of the vehicle's tracker that it may give
-    other values.
+    and where it is led is no hindrance. retunes: the options of the vehicle's tracker that it may
+    give other values.
     """
 
     kind = "processors"
@@ -89,12 +88,7 @@ class Processor(Part[P]):
     clamps: ClassVar[bool] = False
     goes_round: ClassVar[bool] = False
     idle: bool = False
-    tells: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     retunes: ClassVar[frozenset[str]] = frozenset()
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        cls.events = tuple(dict.fromkeys((*cls.events, *cls.tells)))
 
     def __init__(self, params: P, context: VehicleContext) -> None:
         self.params = params
@@ -121,9 +115,9 @@ class Processor(Part[P]):
         yield from ()
 
     @abstractmethod
-    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm | Told | Retune:
-        """Return the changed setpoint, with an event that it `tells` as a Told or values that it
-        `retunes` as a Retune, or an Alarm that requests a reaction; called once a tick."""
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm | Emitting | Retune:
+        """Return the changed setpoint, with one of its `own_events` as an Emitting or values
+        that it `retunes` as a Retune, or an Alarm that requests a reaction; called once a tick."""
 
 
 class Tracker(Part[P]):
@@ -191,7 +185,7 @@ class Supervisor(Part[P]):
         return 0.0
 
     @classmethod
-    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+    def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:
         """Return those of `events` that it can raise for the vehicle of `context`."""
         return cls.events
 

@@ -14,10 +14,10 @@ from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, parse_quantity
-from kybflow.dsl.reading.occupancy_map import occupied_places, read_image, read_info
-from kybflow.dsl.reading.point_cloud import read_points
 from kybflow.world.columns import Columns
+from kybflow.world.occupancy_map import occupied_places, read_image, read_info
 from kybflow.world.point_cloud import METRES, PointCloud, placed, thinned
+from kybflow.world.point_cloud_file import read_points
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 

@@ -15,6 +15,13 @@ from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Session, Stream
+from kybflow.parts.events import (
+    ObserverFailed,
+    PreflightFailed,
+    PreflightPassed,
+    RunStarted,
+    RunStopped,
+)
 from kybflow.runtime.clock import Clock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
@@ -104,7 +111,7 @@ class Engine:
 
     def run(self) -> str | None:
         """Run the preflight, then tick until every vehicle rests. Land at the time limit."""
-        self.events.tell("run_started")
+        self.events.emit(RunStarted())
         red = self._preflight()
         if self.interrupts:
             return "interrupted"
@@ -186,7 +193,7 @@ class Engine:
             observe(self)
         except Exception as error:  # an observer must not stop the flight
             self._observers = tuple(other for other in self._observers if other is not observe)
-            self.events.tell("observer_failed", reason=described(error))
+            self.events.emit(ObserverFailed(reason=described(error)))
 
     def inspect(self) -> list[PreflightResult]:
         """Return the preflight's lines once all are green or it has timed out; none after an
@@ -211,7 +218,7 @@ class Engine:
         """Land every vehicle and end the run, which then counts as completed."""
         if self._stopped is None:
             self._stopped = reason
-            self.events.tell("run_stopped", at=at, reason=reason)
+            self.events.emit(RunStopped(reason=reason), at=at)
             for vehicle in self.vehicles if self.flying else ():
                 vehicle.requests.retire(reason)
 
@@ -219,11 +226,10 @@ class Engine:
         """Run the preflight; return the lines that stayed red."""
         lines = self.inspect()
         red = [line for line in lines if not line.green]
-        tell = self.events.tell
         for vehicle, check, _, reason, at, _ in () if red else lines:
-            tell("preflight_passed", vehicle, at, check=check, found=reason)
+            self.events.emit(PreflightPassed(check=check, found=reason), vehicle, at)
         for vehicle, check, _, reason, at, _ in red:
-            tell("preflight_failed", vehicle, at, check=check, reason=reason)
+            self.events.emit(PreflightFailed(check=check, reason=reason), vehicle, at)
         return red
 
     def _begin(self) -> None:

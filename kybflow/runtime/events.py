@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from kybflow.core.errors import described
+from kybflow.core.events import BaseEvent
 from kybflow.core.signals import Event, Time
-
-Fields = str | float | bool | None
+from kybflow.parts.events import ObserverFailed
 
 
 class Events:
@@ -21,25 +21,19 @@ class Events:
         self.unanswered: list[Event] = []
         self._heard: dict[str, set[str]] = {}
 
-    def tell(self, name: str, vehicle: str = "", at: str = "", **fields: Fields) -> None:
-        """Publish an event that happened now. `name` is in the past tense."""
-        event = Event(self.now, name, vehicle, fields, at)
-        self._fresh.append(event)
-        self.unanswered.append(event)
-        self._hand(event)
-
-    def note(self, name: str, vehicle: str, **fields: Fields) -> None:
-        """Publish an event that only a simulator knows: to listeners, not to transitions or
-        callbacks."""
-        self._hand(Event(self.now, name, vehicle, fields))
-
-    def _hand(self, event: Event) -> None:
+    def emit(self, event: BaseEvent, vehicle: str = "", at: str = "") -> None:
+        """Publish an event that happened now, to listeners and, where it can be awaited, to
+        transitions and callbacks."""
+        happened = Event(self.now, event.name, vehicle, event.recorded(), at)
+        if event.awaited != "nowhere":
+            self._fresh.append(happened)
+            self.unanswered.append(happened)
         for listener in self.listeners:
             try:
-                listener(event)
+                listener(happened)
             except Exception as error:  # a listener must not stop the flight
                 self.listeners = [other for other in self.listeners if other is not listener]
-                self.tell("observer_failed", reason=described(error))
+                self.emit(ObserverFailed(reason=described(error)))
 
     def turn(self, now: Time) -> None:
         """Begin a tick, in which transitions hear the events of the last one."""

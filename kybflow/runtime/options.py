@@ -15,10 +15,11 @@ from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, UnitError
-from kybflow.core.params import FIXED, Field, fields_of, type_of
+from kybflow.core.params import Field, Numbers, fields_of, type_of
 from kybflow.core.text import nearest
-from kybflow.core.units import format_quantity, parse_quantity
+from kybflow.core.units import article, format_quantity, parse_quantity
 from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.parts.events import OptionChanged, OptionRefusedEvent
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
 from kybflow.runtime.vehicle.requests import Answered, unheard
@@ -89,8 +90,8 @@ class Options:
         except OptionRefused as refusal:
             vehicle = name.partition(".")[0]
             whose = vehicle if vehicle in self._holders else ""
-            reason = str(refusal)
-            self._events.tell("option_refused", whose, at, option=name, by=by, reason=reason)
+            refused = OptionRefusedEvent(option=name, by=by, reason=str(refusal))
+            self._events.emit(refused, whose, at)
             raise
         self._waiting.append(_Change(holder, label, field.name, value, by, at, answered))
 
@@ -114,10 +115,12 @@ class Options:
         name = f"{holder.name}.{label}.{field}"
         reason = self._loosened(holder, label, field, value)
         if reason is not None:  # it took off meanwhile, or another change came first
-            self._events.tell("option_refused", holder.name, at, option=name, by=by, reason=reason)
+            refused = OptionRefusedEvent(option=name, by=by, reason=reason)
+            self._events.emit(refused, holder.name, at)
             return reason
         holder.change(label, field, value)
-        self._events.tell("option_changed", holder.name, at, option=name, value=str(value), by=by)
+        changed = OptionChanged(option=name, value=str(value), by=by)
+        self._events.emit(changed, holder.name, at)
         return None
 
     def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:
@@ -176,43 +179,68 @@ def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
 _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _NAME = re.compile(r"\w+")
 _LIST = re.compile(r"\[\s*\]|\[\s*\w+(\s*,\s*\w+)*\s*\]|\w+(\s*,\s*\w+)*")
+_ITEM = re.compile(r"\[[^\]]*\]|[^,\[\]]+")
+"""One item of a list: a list of its own, or what stands between commas."""
 
 
 def _decoded(name: str, value: Any, field: Field) -> Any:
     """Return `value` converted to the field's type and checked against its bounds. Raises
     OptionRefused."""
-    numbers: tuple[float, ...]
-    if field.shape == "scalar":
-        value = _number(name, value, field)
-        numbers = (value,)
+    kind = field.type
+    if isinstance(kind, Numbers) and not kind.fixed:
+        value = _array(name, value, field, kind.size)
     elif field.shape == "integer":
         if isinstance(value, bool) or not _WHOLE.fullmatch(str(value)):
             raise OptionRefused(f"`{name}` is a whole number, not `{value}`")
         value = int(value)
-        numbers = (float(value),)
-    elif field.shape == "vector":
-        parts = value.strip("[] ").split(",") if isinstance(value, str) else tuple(value)
-        if len(parts) != 3:
-            raise OptionRefused(f"`{name}` has three numbers, not {len(parts)}")
-        value = numbers = tuple(_number(name, part, field) for part in parts)
-    elif field.shape == "choice" and value not in field.choices:
+    elif field.choices and value not in field.choices:
         raise OptionRefused(f"`{name}` is one of {', '.join(field.choices)}, not `{value}`")
     elif field.shape in _WORDS:
-        value, numbers = _WORDS[field.shape](name, value), ()
-    elif field.shape in FIXED:
+        return _WORDS[field.shape](name, value)
+    elif kind.fixed:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
-    else:
-        numbers = ()
-    _check_bounds(name, numbers, field)
+    _check_bounds(name, () if field.choices else field.numbers(value), field)
+    flaw = field.flaw(value)
+    if flaw is not None:
+        raise OptionRefused(f"`{name}` {flaw}")
     return value
 
 
+def _array(name: str, value: Any, field: Field, size: tuple[int | None, ...]) -> Any:
+    """Return a number, or lists of them as deep as `size` is long."""
+    if not size:
+        return _number(name, value, field)
+    items = _items(value)
+    if items is None or len(items) != size[0]:
+        raise OptionRefused(f"`{name}` has {_many(value, items, field, len(size))}")
+    return tuple(_array(name, item, field, size[1:]) for item in items)
+
+
+def _many(value: Any, items: list[Any] | None, field: Field, depth: int) -> str:
+    """How many numbers are needed, and what there is."""
+    found = f"`{value}`" if items is None else f"{len(items)}"
+    if field.shape != "matrix" or not isinstance(field.type, Numbers):
+        return f"three numbers, not {found}"
+    if items is not None:
+        rows = "1 row" if len(items) == 1 else f"{found} rows"
+        found = rows if depth == 2 else f"a row of {found}"
+    return "{} rows of {} numbers, not {}".format(*field.type.size, found)
+
+
+def _items(value: Any) -> list[Any] | None:
+    """What a list, or its text, is of; None for what is no list."""
+    if isinstance(value, str):
+        text = value.strip().removeprefix("[").removesuffix("]")
+        return [item.strip() for item in _ITEM.findall(text) if item.strip()]
+    return list(value) if isinstance(value, Iterable) else None
+
+
 def _number(name: str, value: Any, field: Field) -> float:
-    if not isinstance(value, str):
-        return float(value)
     assert field.dimension is not None
     try:
-        return parse_quantity(value, field.dimension)
+        return parse_quantity(value, field.dimension) if isinstance(value, str) else float(value)
+    except TypeError:
+        raise OptionRefused(f"`{name}` is {article(field.dimension.name)}, not `{value}`") from None
     except UnitError as error:
         raise OptionRefused(f"`{name}`: {error}; {error.hint}") from None
 
@@ -253,18 +281,10 @@ def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
         return None
     if after == "cut":
         return f"`{name}` can't become `cut` in flight"
-    old, new = _numbers(field, before), _numbers(field, after)
+    old, new = field.numbers(before), field.numbers(after)
     if field.tightens == "down":
         old, new = new, old
     if len(old) == len(new) and all(b >= a for a, b in zip(old, new, strict=True)):
         return None
     word = "stricter" if field.choices else "greater" if field.tightens == "up" else "smaller"
     return f"`{name}` is a safety parameter: in flight it only becomes {word}"
-
-
-def _numbers(field: Field, value: Any) -> tuple[float, ...]:
-    if value is None:
-        return ()
-    if field.choices:
-        return (float(field.choices.index(value)),)
-    return tuple(value) if isinstance(value, tuple) else (float(value),)

@@ -13,6 +13,7 @@ from kybflow.core.geometry import Vec3, distance
 from kybflow.core.params import named_in
 from kybflow.core.signals import Estimate, Imu, kind_name
 from kybflow.dsl.plan import InputPlan, Plan, VehiclePlan
+from kybflow.parts.events import PreflightWaits
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.resting_bias import LONG
 from kybflow.runtime.safety import take_off_tolerance
@@ -205,7 +206,7 @@ class PreflightTimeout:
         self._longest = max(TIMEOUT, *longest)
         self._events = events
         self._ready = 0.0
-        self._told: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
 
     def ends(self, lines: Sequence[PreflightResult], seconds: float) -> bool:
         """Return whether the preflight is over: all lines are green, or it has timed out."""
@@ -218,12 +219,11 @@ class PreflightTimeout:
         bound = TIMEOUT if hopeless else self._ready + TIMEOUT
         late: bool = seconds >= min(bound, self._longest)
         if seconds >= TIMEOUT and not late:
-            self._tell(waiting)
+            self._report(waiting)
         return late
 
-    def _tell(self, waiting: Sequence[PreflightResult]) -> None:
+    def _report(self, waiting: Sequence[PreflightResult]) -> None:
         for vehicle, check, _, reason, at, _ in waiting:
-            if (vehicle, check) not in self._told:
-                self._told.add((vehicle, check))
-                tell = self._events.tell
-                tell("preflight_waits", vehicle, at, check=check, reason=reason)
+            if (vehicle, check) not in self._reported:
+                self._reported.add((vehicle, check))
+                self._events.emit(PreflightWaits(check=check, reason=reason), vehicle, at)

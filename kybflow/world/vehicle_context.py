@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, Vec3
-from kybflow.core.params import declared, param, params
+from kybflow.core.params import param, params, record
 from kybflow.core.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 from kybflow.world.cameras import Camera
 from kybflow.world.inner_loop import AttitudeLoop, InnerLoop, attitude_loop
@@ -94,7 +94,7 @@ class Airframe:
         return attitude_loop(self.rotor_time, self.attitude_gain, self.rate_gain)
 
 
-@declared
+@record("payload", is_whole=False)
 class Parcel:
     """A payload that a vehicle carries and can release: a box under its rotors, its lower side
     level with the legs."""

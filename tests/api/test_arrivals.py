@@ -14,7 +14,7 @@ from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.plan import PhasePlan
+from kybflow.dsl.plan import PhasePlan, Request
 from kybflow.dsl.rehearsed import Arrival
 from kybflow.parts.catalog import load_catalog
 
@@ -137,7 +137,9 @@ def test_who_reads_the_mission_sees_it_and_the_resolved_one_has_it(tmp_path: Pat
 
 
 ORIGIN, EAST, NORTH, FAR = (0.0, 0.0, 1.0), (2.0, 0.0, 1.0), (0.0, 2.0, 1.0), (0.0, 4.0, 1.0)
-PHASE = PhasePlan("over", {"a": "x", "b": "x"}, {}, (), ())
+PHASE = PhasePlan(
+    name="over", run={"a": Request("x"), "b": Request("x")}, give={}, options=(), transitions=()
+)
 
 
 def test_where_nobody_knows_the_ways_turns_may_help() -> None:

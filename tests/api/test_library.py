@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from installed_package import package
+from typer.testing import CliRunner
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.library import libraries, missions

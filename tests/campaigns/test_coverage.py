@@ -59,7 +59,7 @@ def test_what_was_not_taken_is_missed_in_the_missions_order():
 
 
 def test_two_arrows_of_one_line_with_one_goal_count_once():
-    arrows = [TransitionPlan("next", "down", after=t, at="m.yaml:3") for t in (1.0, 2.0)]
+    arrows = [TransitionPlan(target="down", after=t, at="m.yaml:3") for t in (1.0, 2.0)]
     hold = state("hold", part("behaviors", "hover"), *arrows, at="m.yaml:3")
     expected = [
         StateItem("a", "hold", "m.yaml:3"),

@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.api.flight import Flown
 from kybflow.campaigns import cases

@@ -9,13 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.recording import run_folder
 
 REPO = Path(__file__).parents[2]
 GOOD = str(REPO / "missions" / "figure_eight.yaml")
+FIRST = str(REPO / "missions" / "first_flight.yaml")
 
 
 def run(*arguments: str):
@@ -71,6 +72,19 @@ def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str,
     assert result.exit_code == 2
     assert "Traceback" not in result.output
     assert not isinstance(result.exception, Exception)
+
+
+@pytest.mark.parametrize("words", [("validate",), ("schema", "--check"), ("run", FIRST, "--out")])
+def test_a_path_at_which_nothing_can_be_is_refused(words: tuple[str, ...]) -> None:
+    result = run(*words, "a" * 300)
+    assert result.exit_code == 2
+    assert f"`{'a' * 100}` is no path: File name too long" in result.output
+
+
+def test_a_command_that_is_misspelt_gets_the_nearest() -> None:
+    result = run("vaildate", GOOD)
+    assert result.exit_code == 2
+    assert "Did you mean 'validate'?" in result.output
 
 
 def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
@@ -156,9 +170,6 @@ def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
-
-
-FIRST = str(REPO / "missions" / "first_flight.yaml")
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 from waiting import until
 from waiting_mission import MISSION
 
 from kybflow.api.commands import CommandRefused, connect
 from kybflow.cli.app import app
-from kybflow.cli.printing.situation import described
+from kybflow.cli.commands.command import described
 
 SPEED = "8"
 

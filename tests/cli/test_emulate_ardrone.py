@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 
@@ -15,6 +15,7 @@ from kybflow.cli.app import app
         (["--host", "drone"], 3, "`drone` is no IPv4 address"),
         (["--fail", "nonsense"], 2, "nothing called `nonsense` can fail"),
         (["--loss", "2"], 2, "--loss"),
+        (["--loss", "nan"], 2, "nan is not finite"),
     ],
 )
 def test_what_is_wrong_is_said(arguments, code, said):

@@ -5,16 +5,17 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
-import click
 import pytest
-from click.testing import CliRunner
+from typer import BadParameter
+from typer.testing import CliRunner
 
 pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.cli.app import app
-from kybflow.cli.printing.autopilots import listen_to, set_up
+from kybflow.cli.commands.mavlink.listen import listen_to
+from kybflow.cli.commands.mavlink.setup import set_up
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.discovery import Discovery
@@ -209,12 +210,12 @@ def test_one_of_several_is_chosen_by_its_system() -> None:
 
 
 def test_several_without_a_choice_are_named() -> None:
-    with pytest.raises(click.BadParameter, match="systems 1, 2 are heard"):
+    with pytest.raises(BadParameter, match="systems 1, 2 are heard"):
         Table(Peer(1), Peer(2)).set_up()
 
 
 def test_another_firmware_is_not_touched() -> None:
-    with pytest.raises(click.BadParameter, match="system 1 is no px4: ardupilot, GUIDED, disarmed"):
+    with pytest.raises(BadParameter, match="system 1 is no px4: ardupilot, GUIDED, disarmed"):
         Table(Peer(1, ARDUPILOT, VISO_TYPE=0)).set_up(write=True)
 
 
@@ -295,7 +296,7 @@ def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewher
         raise DriverError(f"nothing is heard at {address}")
 
     monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", opened)
-    monkeypatch.setattr("kybflow.cli.commands.mavlink.ticks", table.ticks)
+    monkeypatch.setattr("kybflow.cli.commands.mavlink.meeting.ticks", table.ticks)
     words = ["mavlink", "setup", "--vehicle", "px4", "--system", "7"]
     assert CliRunner().invoke(app, words).output == (
         "error: nothing is heard at udpin:127.0.0.1:14546; without --address system 7 is looked for"

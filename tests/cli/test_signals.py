@@ -248,7 +248,7 @@ main()
 @pytest.mark.parametrize(
     ("module", "number"),
     [
-        ("click", signal.SIGINT),
+        ("typer", signal.SIGINT),
         ("kybflow.dsl.compiler", signal.SIGTERM),
         pytest.param("kybflow.report.page", signal.SIGHUP, marks=pytest.mark.thorough),
         pytest.param("kybflow.cli.app", signal.SIGINT, marks=pytest.mark.thorough),

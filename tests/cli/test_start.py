@@ -16,7 +16,7 @@ from kybflow.report import page
 MISSIONS = Path(__file__).parents[2] / "missions"
 FIRST, EIGHT = str(MISSIONS / "first_flight.yaml"), str(MISSIONS / "figure_eight.yaml")
 NEVER = {
-    "asyncio", "glfw", "jinja2", "jsonschema", "plotly", "pydantic", "rich", "scipy", "typer",
+    "asyncio", "glfw", "jinja2", "jsonschema", "plotly", "pydantic", "rich", "scipy",
     "urllib.request",
 }  # fmt: skip
 FLIES = {"foxglove", "mujoco", "numpy", "transitions"}

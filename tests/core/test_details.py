@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from plans import plan, vehicle, wrapped
 from short_flights import down, up
+from typer import Exit
 
 from kybflow.api.flight import Flown, inspect
-from kybflow.cli.commands.preflight import _inspect, table
+from kybflow.cli.commands import preflight
+from kybflow.cli.commands.preflight import table
 from kybflow.cli.printing.run import outcome, sentence
 from kybflow.core.details import detailed, details, headline
 from kybflow.core.errors import DriverError
@@ -99,12 +102,16 @@ class Unplugged(Link):
         """Nobody hears it."""
 
 
-def test_the_preflight_of_a_missing_device_ends_as_its_run_does(run, capsys):
+def test_the_preflight_of_a_missing_device_ends_as_its_run_does(run, capsys, monkeypatch):
     own = vehicle("a", [up("down"), down()], driver=wrapped(lambda _, link: Unplugged()))
     found = inspect(plan(own))
     assert found.driver_failed == "DriverError: system 1 was not heard for 10 s"
     assert [line.check for line in found.lines] == ["link"]
     flown, _ = run(own)
-    assert _inspect(plan(own), {}, 0) == flown.exit_code == EXIT_CODES["driver_failed"]
+    result = SimpleNamespace(texts={})
+    monkeypatch.setattr(preflight, "compiled", lambda *_: (plan(own), result))
+    with pytest.raises(Exit) as end:
+        preflight.command(Path("m.yaml"), sets=[])
+    assert end.value.exit_code == flown.exit_code == EXIT_CODES["driver_failed"]
     printed = " ".join(capsys.readouterr().out.split())
     assert "RED a link DriverError: system 1 was not heard for 10 s" in printed

@@ -23,6 +23,7 @@ FENCE = "fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}"
 """The room of the examples that show something else."""
 IMPORTS = {
     "The world": "import: {std: kybflow/airframes, rooms: kybflow/worlds}\n",
+    "A vehicle": "import: {std: kybflow/airframes}\n",
     "Chains": "import: {std: kybflow/airframes}\n",
     "Libraries": "",
 }

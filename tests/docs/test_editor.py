@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.values import decode
 from kybflow.parts.catalog import load_catalog
@@ -167,17 +167,18 @@ def test_completing_a_parameter_inserts_a_right_value_with_its_unit(
         if field.dimension is not None and field.dimension.units:
             assert any(unit in value for unit in field.dimension.units), field.name
         if field.dimension is not None or value:
-            node, findings = compose(value, "editor")
+            found = Findings()
+            node = compose(value, "editor", found)
             assert node is not None
-            assert not findings
-            assert collect(decode(node, field)).diagnostics == [], field.name
+            decode(node, field, found)
+            assert found.all == [], field.name
 
 
 def test_every_dimension_of_a_part_is_completed() -> None:
     fields = [field for kind, name in PARTS for field in CATALOG.get(kind, name).fields]
     kinds = {(f.dimension.name, f.shape) for f in fields if f.dimension is not None}
     assert {"length", "speed", "duration", "angle", "acceleration"} <= {name for name, _ in kinds}
-    assert {"scalar", "vector", "path"} == {shape for _, shape in kinds}
+    assert {"scalar", "vector", "path", "matrix"} == {shape for _, shape in kinds}
 
 
 @pytest.mark.parametrize(
@@ -244,6 +245,27 @@ def test_it_offers_no_null_for_a_vehicle(server: Server, key: str, expected: set
 def test_what_is_wrong_is_told_in_words(server: Server, state: str, said: str) -> None:
     name = "words_" + re.sub(r"\W", "", state)
     uri, _ = opened(server, name, f"      up: {{do: {state}}}\n")
+    found = [finding["message"] for finding in server.report(uri)]
+    assert len(found) == bool(said)
+    assert all(message.startswith(said) for message in found)
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [
+        ("[[4, 0, 0], [0, 4, 0], [0, 0, 4]]", ""),
+        ("4", "`[[...], ...]` is needed, 3 rows of 3, each a number, like `2`."),
+        ("[[4, 0, 0], [0, 4, 0], 4]", "A row of 3 is needed, `[...]`, each a number, like `2`."),
+        ("[[4, 0, 0], [0, 4, 0]]", "Array has too few items. Expected 3 or more."),
+        ("[[4, 0], [0, 4, 0], [0, 0, 4]]", "Array has too few items. Expected 3 or more."),
+        ("[[4, 0, 0], [0, four, 0], [0, 0, 4]]", "A number, like `2`, is needed."),
+    ],
+)
+def test_what_is_wrong_with_a_matrix_is_told_in_words(server: Server, gain: str, said: str) -> None:
+    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+    text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    tracker:\n"
+    text += f"      use: cascade\n      position_gain: {gain}\n"
+    uri = server.open(REPO / "missions" / f"matrix_{len(gain)}.yaml", text)
     found = [finding["message"] for finding in server.report(uri)]
     assert len(found) == bool(said)
     assert all(message.startswith(said) for message in found)

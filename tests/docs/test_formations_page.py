@@ -6,7 +6,7 @@ import contextlib
 import re
 from pathlib import Path
 
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.dsl.diagnostics.codes import codes, families, list_codes, page, show_code

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity

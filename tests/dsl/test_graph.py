@@ -21,23 +21,34 @@ from kybflow.dsl.plan import (
     FlowPlan,
     PhasePlan,
     Plan,
+    Request,
     StatePlan,
     Switch,
     TransitionPlan,
 )
 
 LOW = Compare("<", Read(None, "battery.remaining"), Quantity(0.3, RATIO))
-HOME = TransitionPlan("next", "down", when=LOW, hold=0.5)
-IMPLIED = TransitionPlan("failed", "brake", implied=True)
+HOME = TransitionPlan(target="down", when=LOW, hold=0.5)
+IMPLIED = TransitionPlan(target="brake", cause="failed", implied=True)
 
 
 def flown() -> list[StatePlan]:
     hover = part("behaviors", "hover")
     return [
         state("up", part("behaviors", "take_off", height=1.0), then("go"), IMPLIED),
-        state("go", hover, then("back"), HOME, TransitionPlan("within", "brake", after=9.0)),
+        state(
+            "go",
+            hover,
+            then("back"),
+            HOME,
+            TransitionPlan(target="brake", cause="within", after=9.0),
+        ),
         state("back", hover, then("go"), HOME),
-        state("down", part("behaviors", "land"), TransitionPlan("then", "landed", implied=True)),
+        state(
+            "down",
+            part("behaviors", "land"),
+            TransitionPlan(target="landed", cause="then", implied=True),
+        ),
     ]
 
 
@@ -122,14 +133,19 @@ def test_arrows_point_down_but_for_those_that_close_a_cycle(
 
 def test_a_flow_is_a_machine_of_its_own() -> None:
     launch = PhasePlan(
-        "launch",
-        {"a": "up", "b": "up"},
-        {"c": "solo"},
-        (),
-        (TransitionPlan("next", "land", after=2.0),),
+        name="launch",
+        run={"a": Request("up"), "b": Request("up")},
+        give={"c": "solo"},
+        options=(),
+        transitions=(TransitionPlan(target="land", after=2.0),),
     )
-    land = PhasePlan("land", {"a": "down"}, {}, (), ())
-    team = FlowPlan("team", "launch", ("a", "b", "c"), {"launch": launch, "land": land})
+    land = PhasePlan(name="land", run={"a": Request("down")}, give={}, options=(), transitions=())
+    team = FlowPlan(
+        name="team",
+        begin="launch",
+        vehicles=("a", "b", "c"),
+        phases={"launch": launch, "land": land},
+    )
     twins = plan(vehicle("a", flown()), vehicle("b", flown()))
     drawing = drawings(replace(twins, flows=(team,), groups={"both": ("a", "b")}))[-1]
     assert drawing.title == "flow team"
@@ -149,9 +165,16 @@ def test_a_flow_is_a_machine_of_its_own() -> None:
 
 def asked_for() -> Plan:
     """`a` flies what a flow and a callback ask for; `b` has the same machine, asked by nobody."""
-    fly = PhasePlan("fly", {"a": "go"}, {}, (), ())
-    team = FlowPlan("team", "fly", ("a",), {"fly": fly, "again": replace(fly, name="again")})
-    home = CallbackPlan("battery_low", ("a",), (Switch("a", "down"), Switch("a", "fault")))
+    fly = PhasePlan(name="fly", run={"a": Request("go")}, give={}, options=(), transitions=())
+    team = FlowPlan(
+        name="team",
+        begin="fly",
+        vehicles=("a",),
+        phases={"fly": fly, "again": replace(fly, name="again")},
+    )
+    home = CallbackPlan(
+        event="battery_low", vehicles=("a",), actions=(Switch("a", "down"), Switch("a", "fault"))
+    )
     twins = plan(vehicle("a", flown()), vehicle("b", flown()))
     return replace(twins, flows=(team,), callbacks=(home,))
 
@@ -188,7 +211,16 @@ def test_the_dot_of_the_beginning_has_room_of_its_own(twins: Plan) -> None:
 
 def test_many_machines_stand_in_rows() -> None:
     flows = tuple(
-        FlowPlan(f"f{n}", "x", ("a",), {"x": PhasePlan("x" * 40, {"a": "go"}, {}, (), ())})
+        FlowPlan(
+            name=f"f{n}",
+            begin="x",
+            vehicles=("a",),
+            phases={
+                "x": PhasePlan(
+                    name="x" * 40, run={"a": Request("go")}, give={}, options=(), transitions=()
+                )
+            },
+        )
         for n in range(8)
     )
     flows = tuple(replace(f, begin="x" * 40, phases={"x" * 40: f.phases["x"]}) for f in flows)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.parts.catalog import load_catalog
 
@@ -189,7 +190,8 @@ def test_a_file_outside_reached_by_a_link_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_tab_that_indents_nothing_is_not_blamed() -> None:
-    _, found = compose("a:\t{b: [1, 2}\n", "m.yaml")
-    assert [d.message for d in found] == [
+    found = Findings()
+    compose("a:\t{b: [1, 2}\n", "m.yaml", found)
+    assert [d.message for d in found.all] == [
         "the `[` is still open: a `,` or `]` is missing before this"
     ]

@@ -8,7 +8,7 @@ import pytest
 from installed_package import package
 
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.resolving.imports import installed
+from kybflow.dsl.resolving.library_files import installed
 from kybflow.parts.catalog import load_catalog
 
 MISSION = """

@@ -23,7 +23,7 @@ BUILT_IN = ("brake", "auto_land", "landed", "fault")
 
 
 def transition(cause: Any, target: str, **rest: Any) -> TransitionPlan:
-    return TransitionPlan(cause, target, **rest)
+    return TransitionPlan(target=target, cause=cause, **rest)
 
 
 class Owner:
@@ -45,7 +45,14 @@ class Owner:
         built_in = [StatePlan(n, PART, (AIR >> AIR,), (), built_in=True) for n in BUILT_IN]
         every = {state.name: state for state in (*states, *built_in)}
         vehicle = VehiclePlan(
-            "a", AIRFRAME, (0.0, 0.0, 0.0), 0.0, (), (), PART, (), PART, states[0].name, every
+            name="a",
+            airframe=AIRFRAME,
+            start=(0.0, 0.0, 0.0),
+            heading=0.0,
+            tracker=PART,
+            driver=PART,
+            begin=states[0].name,
+            states=every,
         )
         self.machine = VehicleMachine(
             vehicle,
@@ -364,7 +371,12 @@ def flown(*phases: PhasePlan) -> tuple[FlowMachine, list[str]]:
     told: list[str] = []
     tell: Callable[[str], None] = told.append
     machine = FlowMachine(
-        FlowPlan("team", phases[0].name, ("a",), {phase.name: phase for phase in phases}),
+        FlowPlan(
+            name="team",
+            begin=phases[0].name,
+            vehicles=("a",),
+            phases={phase.name: phase for phase in phases},
+        ),
         lambda expression: lambda: True,
         on_enter=lambda phase: tell(f"enter {phase}"),
         on_exit=lambda reason: tell(f"exit: {reason.how}"),
@@ -373,7 +385,7 @@ def flown(*phases: PhasePlan) -> tuple[FlowMachine, list[str]]:
 
 
 def phase(name: str, *leaving: TransitionPlan) -> PhasePlan:
-    return PhasePlan(name, {}, {}, (), leaving)
+    return PhasePlan(name=name, run={}, give={}, options=(), transitions=leaving)
 
 
 def test_a_flow_goes_through_its_phases_and_may_begin_again() -> None:

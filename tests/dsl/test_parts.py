@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import collect
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.reading.nodes import Scalar
-from kybflow.dsl.shaping.parts import PartDecoder
 from kybflow.parts.catalog import Catalog
 
 
@@ -31,7 +31,8 @@ def test_a_broken_part_is_kyb141(
     monkeypatch.syspath_prepend(tmp_path)
     catalog = Catalog({"behaviors": {"spiral": module}})
     place = Span("m.yaml", 1, 1, 1, 7)
-    part, found = collect(PartDecoder(catalog).one("behaviors", Scalar("spiral", place)))
+    found = Findings()
+    part = Decoder(catalog, found).part("behaviors", Scalar("spiral", place))
     assert part is None
-    assert [(d.code, d.span) for d in found] == [("KYB141", place)]
-    assert reason in found[0].message
+    assert [(d.code, d.span) for d in found.all] == [("KYB141", place)]
+    assert reason in found.all[0].message

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from kybflow.core.units import DIMENSIONS
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.language.published import schema_text
+from kybflow.dsl.language.schema import params_schema
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import read
-from kybflow.dsl.schema.building import params_schema
-from kybflow.dsl.schema.published import schema_text
 from kybflow.parts.catalog import BASES, load_catalog
 
 REPO = Path(__file__).parents[2]
@@ -130,13 +132,14 @@ def test_what_an_editor_inserts_is_right() -> None:
     for path, schema in schemas_in(SCHEMA):
         judged = schema.get("else")
         for snippet in schema.get("defaultSnippets", ()) if isinstance(judged, dict) else ():
-            node, findings = compose(snippet["body"], "editor")
+            found = Findings()
+            node = compose(snippet["body"], "editor", found)
             assert node is not None
-            assert not findings
+            assert not found.all
             whole = {**judged, "$defs": SCHEMA["$defs"]}
             assert list(Draft202012Validator(whole).iter_errors(to_json(node))) == [], path
             name = str(judged.get("$ref")).rpartition("/")[2]
-            dimensions.add(name.removesuffix("_vector").removesuffix("_path"))
+            dimensions.add(re.sub("_(vector|path|matrix)$", "", name))
     declared = {name.replace(" ", "_") for name in DIMENSIONS} & SCHEMA["$defs"].keys()
     assert declared <= dimensions
     assert {"length", "mass", "inertia", "force", "rate_constant", "angle"} <= dimensions

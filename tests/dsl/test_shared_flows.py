@@ -7,12 +7,12 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.plan import FlowPlan, Plan
+from kybflow.dsl.plan import FlowPlan, Plan, Request
 from kybflow.dsl.resolving.resolve import MAX_AFTER_LIKE
 from kybflow.parts.catalog import load_catalog
 
@@ -71,7 +71,7 @@ def arrows(flow: FlowPlan, phase: str) -> list[tuple[str, str, float | None]]:
 def test_a_flow_of_a_library_is_about_the_vehicles_of_the_mission(tmp_path: Path) -> None:
     (team,) = plan_of(tmp_path, "  team: {like: lab.hop}\n").flows
     assert (team.name, team.begin, team.vehicles) == ("team", "launch", ("a", "b"))
-    assert team.phases["launch"].run == {"a": "up", "b": "up"}
+    assert team.phases["launch"].run == {"a": Request("up"), "b": Request("up")}
     assert arrows(team, "launch") == [("next", "near", None), ("within", "land", 20.0)]
 
 
@@ -87,7 +87,7 @@ def test_mappings_merge_lists_are_replaced_null_removes(tmp_path: Path) -> None:
 """
     (team,) = plan_of(tmp_path, flows).flows
     assert (team.begin, list(team.phases)) == ("first", ["launch", "land", "first"])
-    assert team.phases["launch"].run == {"b": "up"}
+    assert team.phases["launch"].run == {"b": Request("up")}
     assert arrows(team, "launch") == [("next", "land", None), ("within", "land", 20.0)]
 
 
@@ -139,9 +139,9 @@ def test_too_much_through_like_is_refused(tmp_path: Path) -> None:
 
 def test_show_resolved_says_where_each_phase_came_from() -> None:
     result = CliRunner().invoke(app, ["show", str(SHARED), "--resolved"])
-    lines = dict(
-        re.findall(r"^ +(\w+): \{(?:run|give|set|next).*# .*?(\w+\.yaml):\d+$", result.output, re.M)
-    )
+    line = r"^ +(\w+): \{(?:run|give|set|next).*# .*?(\w+\.yaml):\d+(, within from \S+)?$"
+    found = re.findall(line, result.output, re.M)
+    lines = {phase: file for phase, file, _ in found}
     own, library = "shared_flow.yaml", "flows.yaml"
     assert lines == {"launch": library, "gather": own, "hold": library, "land": library}
     assert "within: 15 s" in result.output

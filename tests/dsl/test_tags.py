@@ -13,9 +13,9 @@ from kybflow.core.files import File
 from kybflow.core.geometry import LEVEL, from_euler, from_heading, rotate
 from kybflow.dsl.checks.tags import overlap
 from kybflow.dsl.compiler import check_mission
+from kybflow.dsl.expanding.tags import tag_of, tags_of
 from kybflow.dsl.reading.tag_table import read_tags
-from kybflow.dsl.schema.world import GridParams, TagParams
-from kybflow.dsl.shaping.tags import tag_of, tags_of
+from kybflow.dsl.world import GridParams, TagParams
 from kybflow.parts.catalog import load_catalog
 from kybflow.vision.families import FAMILIES
 from kybflow.world.tags import Tag, TagMap

@@ -14,8 +14,8 @@ from kybflow.core.errors import PartError
 from kybflow.core.signals import CommandKind
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.expanding.targets import implied_targets
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.dsl.shaping.targets import implied_targets
 from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
 MISSION = """\

@@ -20,21 +20,39 @@ from kybflow.core.units import (
     parse_quantity,
 )
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.plan import ExpectationPlan, Plan
-from kybflow.dsl.writing.values import quantity
+from kybflow.dsl.expressions.tree import Unparsed
+from kybflow.dsl.language.text import quantity
+from kybflow.dsl.plan import ExpectationPlan, Place, Plan
+from kybflow.dsl.reading.nodes import Mapping, Scalar, Sequence, to_json
 from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 
 
+AS_WRITTEN = {
+    Plan: {"sources", "resolved", "control", "target_text", "values"},
+    Place: {"driver"},
+    ExpectationPlan: {"text"},
+}
+"""What says how a mission was written: files and its own text, what it may leave out (`control`,
+the target and its drivers, which its vehicles have), its parameters, an expectation with
+`$name`."""
+
+
 def without_places(value: object) -> object:
-    """The plan without `at`, sources and texts: its own, and expectations with `$name`."""
+    """All that a plan says, without where it says it and `AS_WRITTEN`; what is not decoded is
+    text."""
+    if isinstance(value, Unparsed):
+        return value.text.text
+    if isinstance(value, Mapping | Sequence | Scalar):
+        return to_json(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        passed = {"source", *AS_WRITTEN.get(type(value), ())}
+        passed |= {"at"} if isinstance(getattr(value, "at", None), str) else set()
         return {
             f.name: without_places(getattr(value, f.name))
             for f in dataclasses.fields(value)
-            if f.name not in ("at", "sources", "resolved")
-            and not (f.name == "text" and isinstance(value, ExpectationPlan))
+            if f.name not in passed
         }
     if isinstance(value, dict):
         return {k: without_places(v) for k, v in value.items()}

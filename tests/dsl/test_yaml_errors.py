@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.reading.composer import compose
 
 SLIPS = {
@@ -32,10 +33,16 @@ SLIPS = {
 }
 
 
+def findings_of(text: str) -> list[Diagnostic]:
+    found = Findings()
+    compose(text, "m.yaml", found)
+    return found.all
+
+
 @pytest.mark.parametrize("slip", SLIPS)
 def test_a_slip_is_told_in_words(slip: str) -> None:
     text, line, way_out = SLIPS[slip]
-    [found] = compose(text, "m.yaml").diagnostics
+    [found] = findings_of(text)
     assert found.code == "KYB004"
     assert not found.message.startswith("this is not YAML")
     assert found.span.line == line
@@ -62,11 +69,11 @@ KEYS = {
 
 @pytest.mark.parametrize("text", KEYS)
 def test_a_key_without_a_colon_is_refused_with_what_was_meant(text: str) -> None:
-    found = compose(text, "m.yaml").diagnostics
+    found = findings_of(text)
     assert found[0].code == "KYB014"
     assert KEYS[text] in found[0].help
 
 
 @pytest.mark.parametrize("text", ["{a: null}", "{a: ~}", 'a: ""', "a: {}", "{? a : b}", '{"a":b}'])
 def test_a_null_that_is_written_is_none(text: str) -> None:
-    assert compose(text, "m.yaml").diagnostics == []
+    assert findings_of(text) == []

@@ -10,7 +10,7 @@ from functools import cache
 import pytest
 from real_flights import ASKED
 
-from kybflow.cli.commands.mavlink import ticks
+from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.firmware import firmware_by, profile_of

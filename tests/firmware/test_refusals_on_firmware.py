@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from real_flights import MISSIONS, Room, flown, named, plan_of, shown
 
-from kybflow.cli.commands.mavlink import ticks
+from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from kybflow.cli.commands.mavlink import ticks
+from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests
 from kybflow.drivers.mavlink.firmware import profile_of

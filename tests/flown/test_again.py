@@ -20,6 +20,7 @@ from kybflow.dsl.plan import (
     FlowPlan,
     LogText,
     PhasePlan,
+    Request,
     StatePlan,
     TransitionPlan,
     VehiclePlan,
@@ -45,9 +46,9 @@ def flier(name: str, side: float) -> VehiclePlan:
     still = part("behaviors", "hover")
     aside = part("behaviors", "fly_to", position=(side, 0.8, 0.8))
     states: list[StatePlan] = [
-        state("still", still, TransitionPlan("next", "down", after=60.0)),
+        state("still", still, TransitionPlan(target="down", after=60.0)),
         up("still"),
-        state("side", aside, TransitionPlan("then", "still")),
+        state("side", aside, TransitionPlan(target="still", cause="then")),
         down(),
     ]
     return vehicle(name, states, start=(side, 0.0, 0.0), begin="landed")
@@ -55,18 +56,32 @@ def flier(name: str, side: float) -> VehiclePlan:
 
 def mission() -> dict[str, Any]:
     both_up = GroupInState("all", "both", ("a", "b"), "still")
-    launch = TransitionPlan("next", "wait", when=both_up)
-    go = TransitionPlan("next", "dance", event="operator.go")
-    back = TransitionPlan("next", "wait", event="ready")
-    ready = CallbackPlan("operator.go", ("",), (Emit("ready"), LogText("go")))
+    launch = TransitionPlan(target="wait", when=both_up)
+    go = TransitionPlan(target="dance", event="operator.go")
+    back = TransitionPlan(target="wait", event="ready")
+    ready = CallbackPlan(
+        event="operator.go", vehicles=("",), actions=(Emit("ready"), LogText("go"))
+    )
     team = FlowPlan(
-        "team",
-        "launch",
-        ("a", "b"),
-        {
-            "launch": PhasePlan("launch", {"a": "up", "b": "up"}, {}, (), (launch,)),
-            "wait": PhasePlan("wait", {}, {}, (), (go,)),
-            "dance": PhasePlan("dance", {"a": "side", "b": "side"}, {}, (), (back,)),
+        name="team",
+        begin="launch",
+        vehicles=("a", "b"),
+        phases={
+            "launch": PhasePlan(
+                name="launch",
+                run={"a": Request("up"), "b": Request("up")},
+                give={},
+                options=(),
+                transitions=(launch,),
+            ),
+            "wait": PhasePlan(name="wait", run={}, give={}, options=(), transitions=(go,)),
+            "dance": PhasePlan(
+                name="dance",
+                run={"a": Request("side"), "b": Request("side")},
+                give={},
+                options=(),
+                transitions=(back,),
+            ),
         },
     )
     return {"flows": (team,), "callbacks": (ready,)}

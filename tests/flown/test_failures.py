@@ -57,7 +57,7 @@ def test_a_supervisor_that_raises_in_every_tick_lands_its_vehicle(run):
 
 
 def test_without_any_supervisor_left_a_lost_estimate_still_lands_blind(run):
-    estimator = EstimatorPlan(broken("estimators", "mocap", "update"), None, 1.0, None)
+    estimator = EstimatorPlan(broken("estimators", "mocap", "update"), recover_after=1.0)
     flown, told = run(flight(estimators=(estimator,), supervisors=()))
     assert path(told, "a") == ["up", "hold", "land_blind", "fault"]
     assert [e.fields["part"] for e in named(told, "part_failed")] == ["estimators.mocap"]
@@ -188,8 +188,8 @@ def test_two_behaviors_that_refuse_and_name_each_other_end_in_brake(run):
         def update(self, tick: Tick) -> Setpoint:
             raise AssertionError
 
-    one = state("one", Shut, then("down"), TransitionPlan("failed", "two"))
-    two = state("two", Shut, then("down"), TransitionPlan("failed", "one"))
+    one = state("one", Shut, then("down"), TransitionPlan(target="two", cause="failed"))
+    two = state("two", Shut, then("down"), TransitionPlan(target="one", cause="failed"))
     _, told = run(vehicle("a", [up("one"), one, two, down()], hover_limit=1.0))
     assert path(told, "a") == ["up", "one", "two", "brake", "hover", "auto_land", "landed"]
 

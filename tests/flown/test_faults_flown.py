@@ -9,6 +9,7 @@ from short_flights import down, hold, named, path, up
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 from kybflow.parts import Driver, Link
+from kybflow.parts.events import Collided
 from kybflow.parts.link import ReportsTouches
 from kybflow.runtime.events import Events
 from kybflow.world.shapes import Box
@@ -33,7 +34,14 @@ def flier(name="a", **more):
 
 
 def fault(name, on="a", time=3.0, lasts=1.0, **params):
-    return FaultPlan(part("faults", name, **params), on, time, None, lasts, "m.yaml:9")
+    return FaultPlan(
+        part=part("faults", name, **params),
+        vehicle=on,
+        time=time,
+        when=None,
+        duration=lasts,
+        at="m.yaml:9",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +85,7 @@ def test_a_swap_of_two_in_flight_ends_on_the_ground(run):
 
 def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(run):
     estimators = tuple(
-        EstimatorPlan(one, None, 1.0, None)
+        EstimatorPlan(one, recover_after=1.0)
         for one in (part("estimators", "mocap"), part("estimators", "fusion", source="mocap"))
     )
     killed = fault("estimator_killed", estimator="mocap")
@@ -145,7 +153,7 @@ def test_nobody_hears_a_collision_but_who_records():
     told = []
     events = Events((told.append,))
     events.turn(0)
-    events.note("collided", "a", into="b")
+    events.emit(Collided(into="b"), "a")
     events.turn(1)
     assert [e.name for e in told] == ["collided"]
     assert events.heard("a") == frozenset()

@@ -25,7 +25,7 @@ def test_it_hovers_within_what_the_positions_are_good_for(run):
     flier = vehicle(
         "a",
         [up("hold", 1.0), hold(4.0, "down"), down()],
-        estimators=(EstimatorPlan(source, None, 1.0, None),),
+        estimators=(EstimatorPlan(source, recover_after=1.0),),
         driver=driver,
     )
     flown, told = run(flier)

@@ -49,15 +49,17 @@ def plan() -> Any:
 
     pad = replace(part("inputs", "gamepad", dead_zone=0.0, expo=0.0), label="inputs.stick")
     steered = part("behaviors", "steer", input="stick", acceleration=2.0, patience=0.5)
-    land = TransitionPlan("next", "down", event="stick.b")
+    land = TransitionPlan(target="down", event="stick.b")
     states = [
         up("hand", 0.6),
-        state("hand", steered, land, TransitionPlan("failed", "down")),
+        state("hand", steered, land, TransitionPlan(target="down", cause="failed")),
         down(),
     ]
     watch = PartPlan("watch", Watch, None, "processors.watch")
     flier = vehicle("a", states, processors=(part("processors", "fence"), watch))
-    inputs = (InputPlan("stick", pad, {"a": "a", "b": "b"}, 0.3),)
+    inputs = (
+        InputPlan(name="stick", part=pad, button_names={"a": "a", "b": "b"}, silent_after=0.3),
+    )
     return whole(flier, inputs=inputs)
 
 

@@ -28,13 +28,17 @@ def flown_by_hand(run: Any, rate: int, **more: Any) -> dict[float, float]:
     """The force along x at each time, as a share of the largest."""
     device = part("inputs", "haptic", device="simulated", hand=File("hand.csv", "1", HAND))
     own = replace(device, label="inputs.hand")
-    inputs = (InputPlan("hand", own, {"end": "end"}, 0.3),)
-    end = TransitionPlan("next", "down", event="hand.end")
+    inputs = (InputPlan(name="hand", part=own, button_names={"end": "end"}, silent_after=0.3),)
+    end = TransitionPlan(target="down", event="hand.end")
     steered = part("behaviors", "steer", input="hand", speed=0.5)
     states = [
         up("wait", 1.0),
-        state("wait", part("behaviors", "hover", for_time=0.5), TransitionPlan("then", "steered")),
-        state("steered", steered, end, TransitionPlan("failed", "down")),
+        state(
+            "wait",
+            part("behaviors", "hover", for_time=0.5),
+            TransitionPlan(target="steered", cause="then"),
+        ),
+        state("steered", steered, end, TransitionPlan(target="down", cause="failed")),
         down(),
     ]
     flown, told = run(vehicle("a", states), inputs=inputs, control_rate=rate, **more)

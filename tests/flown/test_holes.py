@@ -11,7 +11,7 @@ from short_flights import down, hold, named, path, up
 
 from kybflow.core.signals import NS, Alarm, Battery, Reaction
 from kybflow.dsl.expressions import InState
-from kybflow.dsl.plan import FaultPlan, FlowPlan, PhasePlan, TransitionPlan
+from kybflow.dsl.plan import FaultPlan, FlowPlan, PhasePlan, Request, TransitionPlan
 from kybflow.parts import Effect
 from kybflow.runtime.vehicle.requests import Requester
 
@@ -32,12 +32,14 @@ def waits():
 
 def relay():
     """When `a` is down again, `b` takes off."""
-    over = [TransitionPlan("next", "two", when=InState("a", s)) for s in ("landed", "fault")]
+    over = [TransitionPlan(target="two", when=InState("a", s)) for s in ("landed", "fault")]
     phases = {
-        "one": PhasePlan("one", {"a": "up"}, {}, (), tuple(over)),
-        "two": PhasePlan("two", {"b": "up"}, {}, (), ()),
+        "one": PhasePlan(
+            name="one", run={"a": Request("up")}, give={}, options=(), transitions=tuple(over)
+        ),
+        "two": PhasePlan(name="two", run={"b": Request("up")}, give={}, options=(), transitions=()),
     }
-    return FlowPlan("team", "one", ("a", "b"), phases)
+    return FlowPlan(name="team", begin="one", vehicles=("a", "b"), phases=phases)
 
 
 def two():
@@ -104,7 +106,7 @@ def test_an_empty_battery_keeps_it_from_a_second_take_off(run):
 
     first, again = hold(1.0, "down"), state("again", part("behaviors", "take_off", height=0.6))
     rest = state(
-        "rest", part("behaviors", "wait_on_ground"), TransitionPlan("next", "again", after=2.0)
+        "rest", part("behaviors", "wait_on_ground"), TransitionPlan(target="again", after=2.0)
     )
     landing = state("down", part("behaviors", "land"), then("rest"))
     empties = replace(battery, cls=Empties)
@@ -134,7 +136,7 @@ def test_a_fault_that_no_world_can_have_is_told_and_the_flight_goes_on(run):
         def effects(self, vehicle):
             return {vehicle: Effect(body="nobody")}
 
-    wrong = FaultPlan(replace(gust, cls=Wrong), "a", time=5.0)
+    wrong = FaultPlan(part=replace(gust, cls=Wrong), vehicle="a", time=5.0)
     one = vehicle("a", [up("hold"), hold(4.0, "down"), down()])
     flown, told = run(one, faults=(wrong,))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -153,7 +155,7 @@ def test_a_fault_that_raises_at_work_is_left_out_and_the_flight_goes_on(run, wha
         def bad(self, _):
             raise ZeroDivisionError("a lab's own bug")
 
-    bad = FaultPlan(replace(gust, cls=Bad), "a", time=5.0, duration=1.0)
+    bad = FaultPlan(part=replace(gust, cls=Bad), vehicle="a", time=5.0, duration=1.0)
     one = vehicle("a", [up("hold"), hold(4.0, "down"), down()])
     flown, told = run(one, faults=(bad,))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -171,7 +173,7 @@ def test_a_battery_that_reports_no_more_is_told_and_the_flight_goes_on(run):
         def effects(self, vehicle):
             return {vehicle: Effect(filter=lambda m: None if isinstance(m, Battery) else m)}
 
-    unread = FaultPlan(replace(gust, cls=Unread), "a", time=4.0)
+    unread = FaultPlan(part=replace(gust, cls=Unread), vehicle="a", time=4.0)
     one = vehicle("a", [up("hold"), hold(8.0, "down"), down()])
     flown, told = run(one, faults=(unread,))
     assert path(told, "a") == ["up", "hold", "down", "landed"]

@@ -69,9 +69,9 @@ def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def landed(run, kind: str, height: float, seed: int, **sim: float) -> Landing:
-    faults = [FaultPlan(part("faults", "mocap_dropout"), "a", time=LOST)]
+    faults = [FaultPlan(part=part("faults", "mocap_dropout"), vehicle="a", time=LOST)]
     for name, params in KINDS[kind]:
-        faults.append(FaultPlan(part("faults", name, **params), "a", time=LOST + 0.2))
+        faults.append(FaultPlan(part=part("faults", name, **params), vehicle="a", time=LOST + 0.2))
     watch = Watch()
     states = [up("hold", height), hold(30.0, "down"), down()]
     one = vehicle("a", states, driver=part("drivers", "sim", **sim))
@@ -123,7 +123,7 @@ def test_in_the_noise_of_px4s_simulator_it_does_not_rise_again_with_any_seed(run
 
 def test_lost_while_it_climbs_it_lands(run) -> None:
     watch = Watch()
-    fault = FaultPlan(part("faults", "mocap_dropout"), "a", time=2.5)
+    fault = FaultPlan(part=part("faults", "mocap_dropout"), vehicle="a", time=2.5)
     states = [up("hold", 1.8), hold(30.0, "down"), down()]
     run(vehicle("a", states), faults=(fault,), observers=(watch,))
     landing = watch.landing()
@@ -152,7 +152,7 @@ def test_it_begins_at_the_speed_at_which_the_estimate_was_lost(run, monkeypatch,
 
     monkeypatch.setattr("kybflow.runtime.behaviors.land_blind.Descent", noted)
     monkeypatch.setattr(Loses, "at", lost, raising=False)
-    sees = EstimatorPlan(replace(MOCAP, cls=Loses), None, 1.0, None)
+    sees = EstimatorPlan(replace(MOCAP, cls=Loses), recover_after=1.0)
     watch = Watch()
     states = [up("hold", 1.8), hold(1.0, "down"), down()]
     run(vehicle("a", states, estimators=(sees,)), observers=(watch,))
@@ -163,8 +163,10 @@ def test_it_begins_at_the_speed_at_which_the_estimate_was_lost(run, monkeypatch,
 
 def test_one_that_is_not_heard_and_loses_its_load_comes_down_by_its_own_watchdog(run) -> None:
     watch = Watch()
-    cut = FaultPlan(part("faults", "link_cut", way="from_vehicle"), "a", time=LOST)
-    lighter = FaultPlan(part("faults", "mass_change", factor=0.6), "a", time=LOST + 0.3)
+    cut = FaultPlan(part=part("faults", "link_cut", way="from_vehicle"), vehicle="a", time=LOST)
+    lighter = FaultPlan(
+        part=part("faults", "mass_change", factor=0.6), vehicle="a", time=LOST + 0.3
+    )
     states = [up("hold", 1.0), hold(30.0, "down"), down()]
     flier = vehicle("a", states, driver=part("drivers", "sim", calm=True))
     _, told = run(flier, faults=(cut, lighter), observers=(watch,))
@@ -197,15 +199,15 @@ def biased(run, error: float, factor: float, estimator=Feels) -> Landing:
     """From a metre, the thrust wrong by `factor`, the accelerometer by `error`."""
     sim = type("Biased", (Biased,), {"error": error})
     faults = (
-        FaultPlan(part("faults", "mass_change", factor=factor), "a", time=LOST + 0.2),
-        FaultPlan(part("faults", "mocap_dropout"), "a", time=LOST),
+        FaultPlan(part=part("faults", "mass_change", factor=factor), vehicle="a", time=LOST + 0.2),
+        FaultPlan(part=part("faults", "mocap_dropout"), vehicle="a", time=LOST),
     )
     watch = Watch()
     one = vehicle(
         "a",
         [up("hold", 1.0), hold(30.0, "down"), down()],
         driver=replace(part("drivers", "sim"), cls=sim),
-        estimators=(EstimatorPlan(replace(MOCAP, cls=estimator), None, 1.0, None),),
+        estimators=(EstimatorPlan(replace(MOCAP, cls=estimator), recover_after=1.0),),
     )
     _, told = run(one, faults=faults, observers=(watch,))
     assert path(told, "a")[-2:] == ["land_blind", "fault"]

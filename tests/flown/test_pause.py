@@ -79,8 +79,8 @@ def test_timers_stand_still(run):
     timed = state(
         "timed",
         part("behaviors", "hover"),
-        TransitionPlan("next", "down", after=3.0),
-        TransitionPlan("within", "hold", after=3.5),
+        TransitionPlan(target="down", after=3.0),
+        TransitionPlan(target="hold", cause="within", after=3.5),
     )
     states = [up("timed"), timed, hold(9.0, "down"), down()]
     flown, told = run(vehicle("a", states), observers=(pausing(4.5, 12.0),))
@@ -142,7 +142,7 @@ def test_a_second_pause_and_a_resume_without_one_say_nothing(run):
 
 def test_on_the_ground_a_pause_stops_the_clock_only(run):
     wait = state(
-        "wait", part("behaviors", "wait_on_ground"), TransitionPlan("next", "up", after=1.0)
+        "wait", part("behaviors", "wait_on_ground"), TransitionPlan(target="up", after=1.0)
     )
     flier = vehicle("a", [wait, up("down"), down()], hover_limit=5.0)
     flown, told = run(flier, observers=(pausing(0.5, 10.0),))

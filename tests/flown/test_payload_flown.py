@@ -123,10 +123,9 @@ def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
 )
 def test_a_release_that_does_not_come_about_fails_with_its_reason(run, way, reason) -> None:
     own, opened = driver(way)
-    _, told = run(
-        vehicle("a", [up("drop"), drop("drop", TransitionPlan("failed", "down")), down()],
-                driver=own, payload=PARCEL)
-    )  # fmt: skip
+    failed = TransitionPlan(target="down", cause="failed")
+    states = [up("drop"), drop("drop", failed), down()]
+    _, told = run(vehicle("a", states, driver=own, payload=PARCEL))
     assert path(told, "a") == ["up", "drop", "down", "landed"]
     [failed] = named(told, "behavior_failed")
     assert failed.fields["reason"] == reason
@@ -144,7 +143,7 @@ def test_a_link_that_breaks_at_the_release_lands_the_vehicle(run) -> None:
 
 def test_interrupted_before_the_acknowledgement_it_is_released_once(run) -> None:
     own, opened = driver("slow")
-    cut = TransitionPlan("next", "hold", after=0.5)
+    cut = TransitionPlan(target="hold", after=0.5)
     flown, told = run(
         vehicle("a", [up("drop"), drop("drop", cut, then("down")), hold(1.0, "again"),
                       drop("again", then("down")), down()], driver=own, payload=PARCEL)

@@ -37,7 +37,14 @@ def flown_off(run, frame, push: Vec3, seed: int) -> list[tuple[float, Vec3]]:
         tracker=part("trackers", "geometric", observer=2.0),
         driver=part("drivers", "sim", calm=False),
     )
-    pushed = FaultPlan(part("faults", "push", acceleration=push), "a", PUSHED, None, None, "m:9")
+    pushed = FaultPlan(
+        part=part("faults", "push", acceleration=push),
+        vehicle="a",
+        time=PUSHED,
+        when=None,
+        duration=None,
+        at="m:9",
+    )
     flown, _ = run(hovers, faults=(pushed,), observers=(look,), seed=seed)
     assert flown.summary["outcome"] == "succeeded", flown.summary
     return seen

@@ -86,18 +86,24 @@ def kept() -> list[tuple[Time, Setpoint]]:
 def hand(say: Say, stuck: float | None = STUCK) -> dict[str, Any]:
     own = PartPlan("hand", Hand, HandParams(say), "inputs.stick")
     names = {name: name for name in ("take", "give", "end")}
-    return {"inputs": (InputPlan("stick", own, names, SILENT, stuck),)}
+    return {
+        "inputs": (
+            InputPlan(
+                name="stick", part=own, button_names=names, silent_after=SILENT, stuck_after=stuck
+            ),
+        )
+    }
 
 
 def flier(**own: Any) -> VehiclePlan:
     steered = part("behaviors", "steer", input="stick", **own)
     round_ = part("behaviors", "circle", center=(0.0, 0.0, 1.0), radius=0.5, speed=0.4)
-    give = TransitionPlan("next", "auto", event="stick.give")
-    end = TransitionPlan("next", "down", event="stick.end")
+    give = TransitionPlan(target="auto", event="stick.give")
+    end = TransitionPlan(target="down", event="stick.end")
     states = [
         up("hand", 1.0),
-        state("hand", steered, give, end, TransitionPlan("failed", "down")),
-        state("auto", round_, TransitionPlan("next", "hand", event="stick.take"), end),
+        state("hand", steered, give, end, TransitionPlan(target="down", cause="failed")),
+        state("auto", round_, TransitionPlan(target="hand", event="stick.take"), end),
         down(),
     ]
     tap = PartPlan("tap", Tap, None, "processors.tap")

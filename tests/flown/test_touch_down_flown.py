@@ -64,8 +64,8 @@ def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
     sag = part("faults", "battery_sag", by=0.97)
     summary, told, watch = flown(
         "figure_eight", 93537, tmp_path,
-        FaultPlan(cut, "nano", when=when, duration=2.4),
-        FaultPlan(sag, "nano", when=when, duration=1.3),
+        FaultPlan(part=cut, vehicle="nano", when=when, duration=2.4),
+        FaultPlan(part=sag, vehicle="nano", when=when, duration=1.3),
     )  # fmt: skip
     assert watch.top < 1.1
     assert all(height < LOW for height in watch.stopped)
@@ -78,7 +78,9 @@ def test_a_vehicle_that_has_lost_half_its_mass_lands_on_the_floor(tmp_path):
     light = part("faults", "mass_change", factor=0.57)
     summary, told, watch = flown(
         "first_flight", 35303, tmp_path,
-        FaultPlan(light, "nano", when=And((InState("nano", "down"), low)), duration=1.43),
+        FaultPlan(
+            part=light, vehicle="nano", when=And((InState("nano", "down"), low)), duration=1.43
+        ),
     )  # fmt: skip
     [height] = watch.stopped
     assert height < LOW
@@ -102,7 +104,9 @@ class Boasting(
 
 def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
     watch = Watch("a")
-    boast = state("boast", Boasting, then("landed"), TransitionPlan("failed", "auto_land"))
+    boast = state(
+        "boast", Boasting, then("landed"), TransitionPlan(target="auto_land", cause="failed")
+    )
     _, told = run(vehicle("a", [up("boast"), boast, down()]), observers=(watch,))
     [refused] = named(told, "landing_refused")
     assert refused.fields["behavior"] == "boast"
@@ -127,9 +131,11 @@ def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
     """Neither the thrust of the state before, nor the time for which another landing waited."""
     monkeypatch.setattr("kybflow.runtime.vehicle.activity.PATIENCE", 2 * NS)
     watch, failed = Watch("a"), "failed"
-    lift = state("lift", Lifting, TransitionPlan("within", "boast", after=0.1))
-    boast = state("boast", Boasting, then("landed"), TransitionPlan(failed, "again"))
-    again = state("again", Boasting, then("landed"), TransitionPlan(failed, "auto_land"))
+    lift = state("lift", Lifting, TransitionPlan(target="boast", cause="within", after=0.1))
+    boast = state("boast", Boasting, then("landed"), TransitionPlan(target="again", cause=failed))
+    again = state(
+        "again", Boasting, then("landed"), TransitionPlan(target="auto_land", cause=failed)
+    )
     _, told = run(vehicle("a", [up("lift"), lift, boast, again, down()]), observers=(watch,))
     assert [e.fields["behavior"] for e in named(told, "landing_refused")] == ["boast", "again"]
     boasted, claimed = (e.time for e in named(told, "behavior_failed"))
@@ -139,10 +145,11 @@ def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
 
 def test_whom_its_own_watchdog_lands_it_has_not_landed_by_our_word(tmp_path):
     """The link is cut and back, and no estimate is left: what its IMU feels is not our thrust."""
+    cut = part("faults", "link_cut", way="to_vehicle")
     _, told, watch = flown(
         "first_flight", 1016, tmp_path,
-        FaultPlan(part("faults", "link_cut", way="to_vehicle"), "nano", time=5.28, duration=1.24),
-        FaultPlan(part("faults", "mocap_dropout"), "nano", time=5.68, duration=2.75),
+        FaultPlan(part=cut, vehicle="nano", time=5.28, duration=1.24),
+        FaultPlan(part=part("faults", "mocap_dropout"), vehicle="nano", time=5.68, duration=2.75),
     )  # fmt: skip
     assert named(told, "control_lost")[0].fields["reason"] == "its own watchdog lands it"
     assert len(named(told, "landed")) == 1

@@ -95,7 +95,7 @@ def test_the_resolved_mission_is_the_same(mission, tmp_path) -> None:
     resolved = tmp_path / "resolved.yaml"
     resolved.write_text(plan.resolved, encoding="utf-8")
     again = compiled(resolved)
-    values = [phase.values for phase in plan.flows[0].phases.values()]
-    assert values[1] == {"mk": (("position", (1.0, 0.0, 0.8)), ("speed", 0.9))}
-    assert [phase.values for phase in again.flows[0].phases.values()] == values
+    runs = [phase.run for phase in plan.flows[0].phases.values()]
+    assert runs[1]["mk"].values == (("position", (1.0, 0.0, 0.8)), ("speed", 0.9))
+    assert [phase.run for phase in again.flows[0].phases.values()] == runs
     assert [one.actions for one in again.callbacks] == [one.actions for one in plan.callbacks]

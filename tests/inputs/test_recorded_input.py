@@ -6,8 +6,8 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from plans import part
+from typer.testing import CliRunner
 
 from kybflow.api.recorded_input import InputUnknown, input_named, record_input
 from kybflow.cli.app import app
@@ -27,7 +27,7 @@ TEXT = "t,x,buttons,lost\n0,0,,\n1,0.5,a,\n2,,,unplugged\n3,0.25,,\n"
 
 def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> None:
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    plan = InputPlan("stick", script, {"a": "leave"}, 0.3)
+    plan = InputPlan(name="stick", part=script, button_names={"a": "leave"}, silent_after=0.3)
     out, shown = tmp_path / "mine.csv", list[float]()
     rows = record_input(plan, out, 5.0, lambda now, *_: shown.append(now / NS), SimulatedClock(250))
     said = parse(out.read_text(encoding="utf-8"))
@@ -43,7 +43,12 @@ def test_a_device_that_cannot_be_opened_leaves_an_earlier_table(tmp_path: Path) 
             raise DriverError("no device")
 
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    plan = InputPlan("stick", dataclasses.replace(script, cls=Unplugged), {}, 0.3)
+    plan = InputPlan(
+        name="stick",
+        part=dataclasses.replace(script, cls=Unplugged),
+        button_names={},
+        silent_after=0.3,
+    )
     out = tmp_path / "mine.csv"
     out.write_text(TEXT, encoding="utf-8")
     with pytest.raises(DriverError, match="no device"):
@@ -56,7 +61,10 @@ def test_the_only_input_needs_no_name() -> None:
     from short_flights import down, up
 
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    one, other = (InputPlan(name, script, {}, 0.3) for name in ("one", "other"))
+    one, other = (
+        InputPlan(name=name, part=script, button_names={}, silent_after=0.3)
+        for name in ("one", "other")
+    )
     flier = vehicle("a", [up("down"), down()])
     assert one is input_named(plan(flier, inputs=(one,)), None)
     assert other is input_named(plan(flier, inputs=(one, other)), "other")

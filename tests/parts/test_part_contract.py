@@ -16,9 +16,10 @@ from typing import Any
 import pytest
 from part_bench import DT, INPUTS, SITE, at_rest, entry, estimate
 
+from kybflow.core.events import Emitting
 from kybflow.core.files import File
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Vec3, from_heading
-from kybflow.core.params import Field
+from kybflow.core.params import Field, Numbers
 from kybflow.core.signals import (
     NS,
     Alarm,
@@ -39,7 +40,6 @@ from kybflow.core.signals import (
     Setpoint,
     SetpointKind,
     Tick,
-    Told,
 )
 from kybflow.parts import GROUND, ActionContext, Effect, Footprint
 from kybflow.parts.catalog import BASES, PartSpec, load_catalog
@@ -137,7 +137,7 @@ def test_every_parameter_has_help_a_unit_and_a_valid_default(spec: PartSpec) -> 
     for field in spec.fields:
         assert field.help[0].isupper(), field.name
         assert field.help.endswith("."), field.name
-        assert (field.dimension is not None) == (field.shape in ("scalar", "vector", "path"))
+        assert (field.dimension is not None) == isinstance(field.type, Numbers)
         if field.required or field.default is None:
             assert field.required or field.optional, field.name
             continue
@@ -183,9 +183,9 @@ def test_a_behavior_is_deterministic_and_finite_and_emits_what_it_says(spec: Par
 
     for output in same_twice(lambda: begun(spec), run):
         assert not isinstance(output, Grip) or spec.cls.grips
-        if isinstance(output, Told):
-            assert tuple(output.fields) == spec.cls.tells[output.event]
-        own = output.output if isinstance(output, Told) else output
+        if isinstance(output, Emitting):
+            assert type(output.event) in spec.cls.own_events
+        own = output.output if isinstance(output, Emitting) else output
         given = own.setpoint if isinstance(own, Done | Failed | Grip) else own
         if isinstance(given, Command):
             assert spec.cls.emits is CommandKind.ATTITUDE_THRUST

@@ -120,7 +120,7 @@ def test_provenance_tells_the_versions_that_the_parts_need(tmp_path, kind, name,
     if kind == "sensors":
         asked = {"sensors": (SensorPlan(used, ("tags",)),)}
     else:
-        asked = {"estimators": (EstimatorPlan(used, None, 1.0, None),)}
+        asked = {"estimators": (EstimatorPlan(used, recover_after=1.0),)}
     vehicles = tuple(replace(vehicle, **asked) for vehicle in PLAN.vehicles)
     plan = replace(PLAN, vehicles=vehicles)
     found = provenance(plan, {}, STARTED, ())["versions"]

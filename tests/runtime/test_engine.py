@@ -102,7 +102,7 @@ def test_a_setpoint_that_is_not_finite_is_a_failure_in_the_same_tick(run):
 
 
 def test_a_behavior_that_refuses_to_start_goes_where_its_failed_says(run):
-    shut = state("shut", Refusing, then("down"), TransitionPlan("failed", "down"))
+    shut = state("shut", Refusing, then("down"), TransitionPlan(target="down", cause="failed"))
     _, told = run(vehicle("a", [up("shut"), shut, down()]))
     assert path(told, "a") == ["up", "shut", "down", "landed"]
     [failed] = named(told, "behavior_failed")
@@ -118,7 +118,7 @@ def test_without_a_failed_arrow_a_refusal_brakes_hovers_and_lands(run):
 
 
 def test_a_behavior_that_fails_goes_where_its_failed_says(run):
-    failing = state("try", Failing, then("hold"), TransitionPlan("failed", "down"))
+    failing = state("try", Failing, then("hold"), TransitionPlan(target="down", cause="failed"))
     flown, told = run(vehicle("a", [up("try"), failing, hold(9.0, "down"), down()]))
     assert path(told, "a") == ["up", "try", "down", "landed"]
     assert named(told, "behavior_failed")[0].fields["reason"] == "no way through"
@@ -126,7 +126,9 @@ def test_a_behavior_that_fails_goes_where_its_failed_says(run):
 
 
 def test_within_ends_a_state_that_takes_too_long(run):
-    still = state("still", Still, then("hold"), TransitionPlan("within", "down", after=2.0))
+    still = state(
+        "still", Still, then("hold"), TransitionPlan(target="down", cause="within", after=2.0)
+    )
     flown, told = run(vehicle("a", [up("still"), still, hold(9.0, "down"), down()]))
     assert path(told, "a") == ["up", "still", "down", "landed"]
     visit = flown.summary["vehicles"]["a"]["behaviors"][1]
@@ -135,7 +137,7 @@ def test_within_ends_a_state_that_takes_too_long(run):
 
 
 def test_a_setpoint_that_jumps_away_brakes_and_is_then_flown_to(run):
-    jump = state("jump", Jumping, then("down"), TransitionPlan("next", "down", after=1.0))
+    jump = state("jump", Jumping, then("down"), TransitionPlan(target="down", after=1.0))
     flown, told = run(vehicle("a", [up("jump"), jump, down()]))
     assert path(told, "a") == ["up", "jump", "down", "landed"]
     assert named(told, "position_error_exceeded")[0].fields["value"] == pytest.approx(1.0, abs=0.1)
@@ -316,7 +318,7 @@ def test_an_option_reaches_a_living_estimator(run):
             super().__init__(params, context)
             parts.append(self)
 
-    estimator = EstimatorPlan(replace(part("estimators", "mocap"), cls=Kept), None, 1.0, None)
+    estimator = EstimatorPlan(replace(part("estimators", "mocap"), cls=Kept), recover_after=1.0)
     options = (("a.estimators.mocap.gap", "200 ms"),)
     run(vehicle("a", [up("down"), down()], estimators=(estimator,)), options=options)
     assert parts[0].params.gap == pytest.approx(0.2)

@@ -11,10 +11,10 @@ from typing import ClassVar
 
 import numpy
 import pytest
-from click.testing import CliRunner
 from failsafe_parts import alarming
 from plans import part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
+from typer.testing import CliRunner
 
 from kybflow.api.flight import inspect
 from kybflow.cli.app import app
@@ -212,7 +212,7 @@ def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
             return Film()
 
     sensor = SensorPlan(PartPlan("film", Filming, None, "sensors.film", "m.yaml:7"), ("seeing",))
-    seeing = EstimatorPlan(PartPlan("seeing", Seeing, None, "estimators.seeing"), None, 1.0, None)
+    seeing = EstimatorPlan(PartPlan("seeing", Seeing, None, "estimators.seeing"), recover_after=1.0)
     lens = Lens(4, 4, 4.0, 4.0, 2.0, 2.0)
     one = flight(
         sensors=(sensor,), estimators=(seeing,), cameras={"down": Camera("down", lens, (0, 0, 0))}
@@ -243,7 +243,7 @@ def positions(up: float):
     """The start of a vehicle on positions alone, whose height is good for so many metres."""
     vague = part("estimators", "fusion", source="position", samples=15)
     driver = part("drivers", "sim", position_noise=0.3, position_noise_up=up)
-    estimators = (EstimatorPlan(vague, None, 1.0, None),)
+    estimators = (EstimatorPlan(vague, recover_after=1.0),)
     found = checks(flight(driver=driver, estimators=estimators))
     return found["a", "start pose"]
 
@@ -335,7 +335,7 @@ def test_a_second_take_off_asks_where_it_landed(run):
     again = state(
         "again",
         part("behaviors", "wait_on_ground"),
-        TransitionPlan("next", "up2", after=4.0),
+        TransitionPlan(target="up2", after=4.0),
     )
     up2 = state("up2", part("behaviors", "take_off", height=0.5), then("end"))
     away = state("away", part("behaviors", "fly_to", position=(1.0, 0.0, 0.6)), then("down"))

@@ -56,7 +56,14 @@ def opening(autopilot: str, **params: Any) -> tuple[PartPlan, list[Any]]:
 
 
 def fault(name: str, lasts: float | None = None, at: float = WRONG, **params: Any) -> FaultPlan:
-    return FaultPlan(part("faults", name, **params), "a", at, None, lasts, LINE)
+    return FaultPlan(
+        part=part("faults", name, **params),
+        vehicle="a",
+        time=at,
+        when=None,
+        duration=lasts,
+        at=LINE,
+    )
 
 
 def supervised(**params: dict[str, Any]) -> tuple[PartPlan, ...]:

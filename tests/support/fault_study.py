@@ -176,7 +176,7 @@ def study(case: Case, seeds: range) -> Seen:
     assert part is not None
     there = InState(case.vehicle, case.state)
     late = Compare(">", Read(case.vehicle, "elapsed"), Quantity(DELAY, DURATION))
-    broken = FaultPlan(part, case.vehicle, when=And((there, late)), duration=LASTS)
+    broken = FaultPlan(part=part, vehicle=case.vehicle, when=And((there, late)), duration=LASTS)
     plan = replace(plan, faults=(*plan.faults, broken), expectations=())
     worst = Seen()
     for seed in seeds:

@@ -11,8 +11,8 @@ from time import process_time
 from types import FrameType
 from typing import NamedTuple
 
-from click.testing import CliRunner
 from hostile_inputs import LASTING, Hostile, write
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.cli.output import Unwritable

@@ -15,10 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import click
 import yaml
-
-from kybflow.cli.app import app
+from command_lines import commands
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "missions"
@@ -266,7 +264,7 @@ def _command_line(chance: random.Random) -> Hostile:
     names, command = chance.choice(COMMANDS_WITH)
     words = [*names]
     for parameter in command.params:
-        is_needed = isinstance(parameter, click.Argument)
+        is_needed = parameter.param_type_name == "argument"
         if is_needed and chance.random() < 0.95:
             count = 1 if parameter.nargs == 1 else chance.randint(1, 3)
             words += [_argument(chance, is_needed) for _ in range(count)]
@@ -286,15 +284,15 @@ def _argument(chance: random.Random, is_place: bool) -> str:
     return chance.choice(WORDS)
 
 
-def _option(parameter: click.Parameter, chance: random.Random) -> list[str]:
+def _option(parameter: Any, chance: random.Random) -> list[str]:
     name = chance.choice(parameter.opts)
     if name in NEVER:
         return []
     if getattr(parameter, "is_flag", False):
         return [name]
-    kind = parameter.type
-    if isinstance(kind, click.Choice) and chance.random() < 0.5:
-        return [name, chance.choice(list(kind.choices))]
+    choices = getattr(parameter.type, "choices", ())
+    if choices and chance.random() < 0.5:
+        return [name, chance.choice(list(choices))]
     return [name, _argument(chance, is_place=False)]
 
 
@@ -304,20 +302,7 @@ LASTING = frozenset(
 """Commands that go on until they are interrupted, or fly."""
 
 
-def _commands(
-    command: click.Command, names: tuple[str, ...]
-) -> Iterator[tuple[tuple[str, ...], click.Command]]:
-    if isinstance(command, click.Group):
-        context = click.Context(command)
-        for name in command.list_commands(context):
-            inner = command.get_command(context, name)
-            if inner is not None:
-                yield from _commands(inner, (*names, name))
-    else:
-        yield names, command
-
-
-COMMANDS_WITH = [*_commands(app, ())]
+COMMANDS_WITH = [*commands()]
 _KINDS: dict[str, tuple[int, Callable[[random.Random], Hostile]]] = {
     "bytes": (5, _noise_in_bytes),
     "text": (10, _noise_in_text),

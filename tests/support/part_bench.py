@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from kybflow.core.events import Emitting
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import (
     NS,
@@ -17,7 +18,6 @@ from kybflow.core.signals import (
     Setpoint,
     SetpointKind,
     Tick,
-    Told,
 )
 from kybflow.parts import AIR, AXES, Behavior, Entry, Flight
 from kybflow.world.shapes import Box
@@ -144,8 +144,8 @@ def fly(behavior: Behavior[Any], body: Body, seconds: float = 120.0) -> Flown:
         position, velocity = body(setpoint)
         now = i * DT
         output = behavior.update(tick(now, estimate(position, velocity, round(now * NS)), setpoint))
-        if isinstance(output, Told):
-            told.append((output.event, *output.fields.values()))
+        if isinstance(output, Emitting):
+            told.append((output.event.name, *output.event.recorded().values()))
             output = output.output
         ended = isinstance(output, Done | Failed)
         setpoint = output.setpoint if ended else output

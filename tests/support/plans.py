@@ -9,6 +9,7 @@ from typing import Any
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.world import Obstacle, World
 from kybflow.parts import Behavior, Leg, Link, Seat, Session
 from kybflow.parts.catalog import load_catalog
 from kybflow.world.shapes import Box
@@ -68,20 +69,20 @@ def state(
 
 
 def then(target: str) -> TransitionPlan:
-    return TransitionPlan("then", target)
+    return TransitionPlan(target=target, cause="then")
 
 
 def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
     """As the compiler adds them to every vehicle."""
     more: dict[str, Any] = {"built_in": True}
-    failed = TransitionPlan("failed", "auto_land")
+    failed = TransitionPlan(target="auto_land", cause="failed")
     return [
         state("landed", part("behaviors", "wait_on_ground"), **more),
         state("brake", part("behaviors", "brake"), then("hover"), failed, **more),
         state(
             "hover",
             part("behaviors", "hover"),
-            TransitionPlan("next", "auto_land", after=hover_limit),
+            TransitionPlan(target="auto_land", after=hover_limit),
             failed,
             **more,
         ),
@@ -89,14 +90,14 @@ def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
             "auto_home",
             part("behaviors", "go_home"),
             then("auto_land"),
-            TransitionPlan("failed", "auto_land"),
+            TransitionPlan(target="auto_land", cause="failed"),
             **more,
         ),
         state(
             "auto_land",
             part("behaviors", "land"),
             then("landed"),
-            TransitionPlan("failed", "land_blind"),
+            TransitionPlan(target="land_blind", cause="failed"),
             **more,
         ),
         state("land_blind", part("behaviors", "land_blind"), then("fault"), **more),
@@ -114,7 +115,7 @@ def vehicle(name: str, states: list[StatePlan], **more: Any) -> VehiclePlan:
         "airframe": NANO,
         "start": (0.0, 0.0, 0.0),
         "heading": 0.0,
-        "estimators": (EstimatorPlan(part("estimators", "mocap"), None, 1.0, None),),
+        "estimators": (EstimatorPlan(part("estimators", "mocap"), recover_after=1.0),),
         "processors": tuple(part("processors", n) for n in ("position_error", "fence")),
         "tracker": part("trackers", "cascade"),
         "supervisors": supervisors,
@@ -126,6 +127,7 @@ def vehicle(name: str, states: list[StatePlan], **more: Any) -> VehiclePlan:
 
 
 def plan(*vehicles: VehiclePlan, **more: Any) -> Plan:
+    obstacles = more.get("obstacles", {})
     facts: dict[str, Any] = {
         "mission": "test",
         "summary": "",
@@ -138,6 +140,9 @@ def plan(*vehicles: VehiclePlan, **more: Any) -> Plan:
         "expectations": (),
         "sources": (),
         "resolved": "",
+        "world": World(
+            obstacles=tuple(Obstacle(name=name, shape=shape) for name, shape in obstacles.items())
+        ),
         **more,
     }
     return Plan(vehicles=vehicles, **facts)

@@ -108,17 +108,14 @@ def _vehicle(name: str, place: int) -> VehiclePlan:
         for (state, part), leg in zip(STATES, LEGS, strict=True)
     }
     return VehiclePlan(
-        name,
-        airframe,
-        (0.0, 2.0 * place - 1.0, 0.0),
-        0.0,
-        (),
-        (),
-        nothing,
-        (),
-        PartPlan("sim", Sim, SimParams(), "sim"),
-        "up",
-        states,
+        name=name,
+        airframe=airframe,
+        start=(0.0, 2.0 * place - 1.0, 0.0),
+        heading=0.0,
+        tracker=nothing,
+        driver=PartPlan("sim", Sim, SimParams(), "sim"),
+        begin="up",
+        states=states,
     )
 
 

@@ -115,4 +115,4 @@ def as_in_the_paper(plan: Plan, state: ViconParams | None = None) -> Plan:
 def _flown(vehicle: VehiclePlan, vicon: PartPlan) -> VehiclePlan:
     gains = replace(GAINS, mass_guess=vehicle.tracker.params.mass_guess)
     law = PartPlan("standard", Standard, gains, "trackers.standard")
-    return replace(vehicle, estimators=(EstimatorPlan(vicon, None, 1.0, None),), tracker=law)
+    return replace(vehicle, estimators=(EstimatorPlan(vicon, recover_after=1.0),), tracker=law)

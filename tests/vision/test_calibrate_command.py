@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 cv2 = pytest.importorskip("cv2")
 

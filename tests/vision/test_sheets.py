@@ -12,7 +12,7 @@ import pytest
 cv2 = pytest.importorskip("cv2")
 
 import numpy  # noqa: E402 - after the skip
-from click.testing import CliRunner  # noqa: E402
+from typer.testing import CliRunner  # noqa: E402
 
 from kybflow.cli.app import app  # noqa: E402
 from kybflow.vision.families import FAMILIES, cells, dictionary  # noqa: E402

@@ -60,16 +60,18 @@ class Arrivals:
     def _way(self, vehicle: Vehicle, phase: PhasePlan) -> StraightWay:
         """Return what a phase lets a vehicle fly, from where it was when it began."""
         name = vehicle.name
-        cls, state = vehicle.plan.states[phase.run[name]].behavior.cls, phase.run[name]
-        begin = self._began.get((name, state))
-        told = cls.footprint(vehicle.activity.params_of(state, phase.values.get(name, ())), begin)
+        request = phase.run[name]
+        cls = vehicle.plan.states[request.state].behavior.cls
+        begin = self._began.get((name, request.state))
+        params = vehicle.activity.params_of(request.state, request.values)
+        told = cls.footprint(params, begin)
         is_straight = told is not None and len(told.points) == 2 and not told.path
         end = told.exit if told is not None and is_straight else None
         return StraightWay(name, begin or vehicle.context.start, end, cls.keeps_pace)
 
 
 def _is_joint(vehicle: Vehicle, phase: PhasePlan) -> bool:
-    behavior = vehicle.plan.states[phase.run[vehicle.name]].behavior
+    behavior = vehicle.plan.states[phase.run[vehicle.name].state].behavior
     return bool(named_in(behavior.params, "group"))
 
 

@@ -104,7 +104,7 @@ def _vehicle(vehicle: VehiclePlan) -> VehiclePlan:
         driver=PartPlan(
             "kinematic", Kinematic, KinematicParams(battery=charge), driver.label, driver.at
         ),
-        estimators=(EstimatorPlan(replace(first, cls=TrueState), None, 0.0, None),),
+        estimators=(EstimatorPlan(part=replace(first, cls=TrueState)),),
         tracker=replace(vehicle.tracker, cls=PassOn),
         sensors=(),
     )

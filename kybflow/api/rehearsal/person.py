@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.plan import Plan, TransitionPlan
 from kybflow.parts.behavior import Behavior
@@ -106,7 +107,7 @@ class Person:
     def _give(self, name: str, waiting: str, engine: Engine) -> None:
         self.assumed.append(Assumed(engine.seconds(), name, waiting))
         if name in self._buttons:
-            engine.events.tell(name, at=self._buttons[name])
+            engine.events.emit(Custom(name), at=self._buttons[name])
         else:
             command = GivenCommand(named(name), SCHEDULE, name=name)
             self._commands.scheduled.appendleft((engine.clock.now, command))
@@ -133,6 +134,6 @@ def _buttons(plan: Plan) -> Iterator[tuple[str, str]]:
     """Each button of an input that a person moves, as the event that it is, with its line."""
     for own in plan.inputs:
         if own.part.cls.real_time(own.part.params):
-            buttons: Mapping[str, str] = own.buttons
+            buttons: Mapping[str, str] = own.button_names
             for button in buttons.values():
                 yield f"{own.name}.{button}", own.at

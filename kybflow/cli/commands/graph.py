@@ -4,38 +4,29 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Annotated, Literal
 
-import click
+from typer import Argument, Option
 
-from kybflow.cli.arguments import (
-    PATH,
-    Subcommand,
-    argument,
-    compiled,
-    examples,
-    set_option,
-    target_option,
-    write,
-)
-
-EXAMPLES = examples(
-    "kybflow graph missions/figure_eight.yaml",
-    "kybflow graph missions/figure_eight.yaml --format svg --out eight.svg",
-)
+from kybflow.cli.arguments import Sets, Target, compiled, writing
+from kybflow.core.files import write_whole
 
 
-@click.command("graph", cls=Subcommand, epilog=EXAMPLES)
-@argument("mission", "The mission to draw.", type=PATH)
-@click.option(
-    "--format", type=click.Choice(["mermaid", "svg"]), default="mermaid", help="How to draw it."
-)
-@click.option("--out", type=PATH, help="Write it to this file.")
-@target_option
-@set_option
 def command(
-    mission: Path, format: str, out: Path | None, target: str | None, sets: tuple[str, ...]
+    mission: Annotated[Path, Argument(help="The mission to draw.")],
+    *,
+    format: Annotated[Literal["mermaid", "svg"], Option(help="How to draw it.")] = "mermaid",
+    out: Annotated[Path | None, Option(help="Write it to this file.")] = None,
+    target: Target = None,
+    sets: Sets,
 ) -> None:
-    """Draw each vehicle's state machine, with flight types and conditions."""
+    """Draw each vehicle's state machine, with flight types and conditions.
+
+    \b
+    Examples:
+      kybflow graph missions/figure_eight.yaml
+      kybflow graph missions/figure_eight.yaml --format svg --out eight.svg
+    """
     from kybflow.dsl.graph.mermaid import mermaid
     from kybflow.dsl.graph.svg import svg
 
@@ -44,4 +35,5 @@ def command(
     if out is None:
         sys.stdout.write(drawn)
     else:
-        write(out, drawn, "--out")
+        with writing(out, "--out"):
+            write_whole(out, drawn.encode())

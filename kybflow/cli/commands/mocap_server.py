@@ -2,79 +2,73 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-import click
-from click.exceptions import Exit
+from typer import Argument, BadParameter, Exit, Option
 
-from kybflow.cli.arguments import (
-    PATH,
-    Subcommand,
-    argument,
-    compiled,
-    examples,
-    out_option,
-    seed_option,
-    set_option,
-    target_option,
-)
+from kybflow.cli.arguments import Out, Seed, Sets, Target, compiled, refusing, repeated, wrong
 from kybflow.cli.output import echo
+from kybflow.core.geometry import Vec3
 
 if TYPE_CHECKING:
-    from kybflow.core.geometry import Vec3
-    from kybflow.dsl.plan import Plan
-    from kybflow.sensors.vrpn.server import Server
-
-EXAMPLES = examples(
-    "kybflow mocap-server missions/figure_eight.yaml",
-    "kybflow mocap-server missions/figure_eight.yaml --host 10.0.0.5 --port 3884",
-    "kybflow mocap-server --still courier=0,0,0.1 --still pillar=1,2,0",
-)
-STILL_RATE = 120
+    pass
 
 
-@click.command("mocap-server", cls=Subcommand, epilog=EXAMPLES)
-@argument(
-    "mission", "The mission whose simulated vehicles are published.", type=PATH, required=False
-)
-@click.option(
-    "--still",
-    multiple=True,
-    metavar="NAME=X,Y,Z",
-    help="Instead of a mission: a body at rest, in metres, until Ctrl-C.",
-)
-@click.option(
-    "--host", default="127.0.0.1", help="Our address to listen on; 0.0.0.0 lets everybody in."
-)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=3883,
-    help="Port, TCP and UDP; 0 takes a free one.",
-)
-@target_option
-@set_option
-@seed_option
-@out_option
+class StillBody(NamedTuple):
+    """A body at rest, in metres."""
+
+    name: str
+    place: Vec3
+
+
+def still_body(text: str) -> StillBody:
+    """The body of `NAME=X,Y,Z`."""
+    name, _, numbers = text.rpartition("=")
+    try:
+        x, y, z = map(float, numbers.split(","))
+    except ValueError:
+        x = y = z = float("nan")
+    if not name.strip() or not all(map(isfinite, (x, y, z))):
+        raise BadParameter(f"`{text}` is not NAME=X,Y,Z")
+    return StillBody(name.strip(), (x, y, z))
+
+
 def command(
-    mission: Path | None,
-    still: tuple[str, ...],
-    host: str,
-    port: int,
-    target: str | None,
-    sets: tuple[str, ...],
-    seed: int,
-    out: Path | None,
+    mission: Annotated[Path | None, Argument(help="The mission that is flown.")] = None,
+    *,
+    still: Annotated[
+        list[StillBody],
+        repeated("--still", parser=still_body, metavar="NAME=X,Y,Z", help="A body at rest."),
+    ],
+    host: Annotated[str, Option(help="Where to listen; 0.0.0.0 lets everybody in.")] = "127.0.0.1",
+    port: Annotated[int, Option(min=0, max=65535, help="TCP and UDP; 0 takes a free one.")] = 3883,
+    target: Target = None,
+    sets: Sets,
+    seed: Seed = 0,
+    out: Out = None,
 ) -> None:
     """Fly a mission in real time and publish its simulated vehicles over VRPN, as a motion-capture
     system would.
 
     Each vehicle is the tracker of its name, sensor 0, in metres, z up, noise and faults included.
+    Bodies at rest, in metres, are published instead of a mission until Ctrl-C.
+
+    \b
+    Examples:
+      kybflow mocap-server missions/figure_eight.yaml
+      kybflow mocap-server missions/figure_eight.yaml --host 10.0.0.5 --port 3884
+      kybflow mocap-server --still courier=0,0,0.1 --still pillar=1,2,0
     """
     if (mission is None) == (not still):
-        raise click.BadParameter("give a mission, or bodies with --still", param_hint="MISSION")
-    places = dict(_place(text) for text in still)
+        raise wrong("MISSION", "give a mission, or bodies with --still")
+    from kybflow.api.emulation import stand_still
+    from kybflow.api.flight import RunRequest
+    from kybflow.cli.commands.run import fly_plan
+    from kybflow.sensors.vrpn.codec import CodecError
+    from kybflow.sensors.vrpn.publishing import published, to
     from kybflow.sensors.vrpn.server import Server
 
     plan = None if mission is None else compiled(mission, target, sets)[0]
@@ -82,52 +76,10 @@ def command(
     try:
         echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
         if plan is None:
-            _stand(places, server, seed)
+            with suppress(KeyboardInterrupt), refusing("--still", CodecError):
+                stand_still(dict(still), server, seed)
         else:
-            raise Exit(_fly(plan, server, sets, seed, out))
+            request = RunRequest(seed, out, 1.0, sets=tuple(sets))
+            raise Exit(fly_plan(published(plan, to(server)), request, report=False))
     finally:
         server.close()
-
-
-def _fly(plan: Plan, server: Server, sets: tuple[str, ...], seed: int, out: Path | None) -> int:
-    from kybflow.api.flight import RunRequest
-    from kybflow.cli.commands.run import fly_plan
-    from kybflow.sensors.vrpn.publishing import published, to
-
-    request = RunRequest(seed, out, 1.0, sets=sets)
-    return fly_plan(published(plan, to(server)), request, report=False)
-
-
-def _stand(places: dict[str, Vec3], server: Server, seed: int) -> None:
-    import random
-
-    from kybflow.parts.catalog import load_catalog
-    from kybflow.runtime.clock import WallClock
-    from kybflow.sensors.vrpn.codec import CodecError
-    from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
-
-    sim = load_catalog().get("drivers", "sim").params()
-    noise = PoseNoise(sim.mocap_position_noise, sim.mocap_attitude_noise)
-    publish, clock = still(places, to(server), noise, random.Random(seed)), WallClock(STILL_RATE)
-    try:
-        while True:
-            publish(clock.step())
-    except KeyboardInterrupt:
-        return
-    except CodecError as error:
-        raise click.BadParameter(str(error), param_hint="--still") from None
-
-
-def _place(text: str) -> tuple[str, Vec3]:
-    """Name and place of `NAME=X,Y,Z`."""
-    from math import isfinite
-
-    name, _, numbers = text.rpartition("=")
-    try:
-        x, y, z = map(float, numbers.split(","))
-    except ValueError:
-        x = float("nan")
-        y = z = x
-    if not name.strip() or not all(map(isfinite, (x, y, z))):
-        raise click.BadParameter(f"`{text}` is not NAME=X,Y,Z", param_hint="--still")
-    return name.strip(), (x, y, z)

@@ -4,41 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-import click
-from click.exceptions import Exit
+from typer import Argument, Exit
 
-from kybflow.cli.arguments import (
-    PATH,
-    Subcommand,
-    argument,
-    compiled,
-    examples,
-    seed_option,
-    set_option,
-    target_option,
-)
-from kybflow.cli.output import echo
-from kybflow.core.details import details, headline
+from kybflow.cli.arguments import Seed, Sets, Target, compiled, failing
+from kybflow.cli.output import columns, echo
+from kybflow.core.details import INDENT, details, headline
+from kybflow.core.exit_codes import DRIVER_FAILED, FAILED
 
 if TYPE_CHECKING:
-    from kybflow.dsl.plan import Plan
     from kybflow.runtime.preflight import PreflightResult
 
-EXAMPLES = examples(
-    "kybflow preflight missions/figure_eight.yaml",
-    "kybflow preflight missions/figure_eight.yaml --target lab",
-)
-RED, FAILED = 1, 3
 
-
-@click.command("preflight", cls=Subcommand, epilog=EXAMPLES)
-@argument("mission", "The mission that is to fly.", type=PATH)
-@target_option
-@set_option
-@seed_option
-def command(mission: Path, target: str | None, sets: tuple[str, ...], seed: int) -> None:
+def command(
+    mission: Annotated[Path, Argument(help="The mission that is to fly.")],
+    *,
+    target: Target = None,
+    sets: Sets,
+    seed: Seed = 0,
+) -> None:
     """Look at everything that must be well before take-off; nothing arms.
 
     \b
@@ -47,43 +32,46 @@ def command(mission: Path, target: str | None, sets: tuple[str, ...], seed: int)
     1: one is red.
     2: the mission is invalid.
     3: a driver or device failed.
+
+    \b
+    Examples:
+      kybflow preflight missions/figure_eight.yaml
+      kybflow preflight missions/figure_eight.yaml --target lab
     """
-    plan, result = compiled(mission, target, sets)
-    raise Exit(_inspect(plan, result.texts, seed))
-
-
-def _inspect(plan: Plan, texts: dict[str, str], seed: int) -> int:
     from kybflow.api.flight import inspect
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.cli.printing.rehearsal import preflight_line
+    from kybflow.api.rehearsal.telling import preflight_line
     from kybflow.core.errors import DriverError, PartFailed
 
+    plan, result = compiled(mission, target, sets)
     try:
-        rehearsed = preflight_line(rehearse(plan, texts=texts))
-        found = inspect(plan, seed)
-    except DriverError as error:
-        echo(f"error: {error}", err=True)
-        return FAILED
+        with failing(DRIVER_FAILED, DriverError):
+            rehearsed = preflight_line(rehearse(plan, texts=result.texts))
+            found = inspect(plan, seed)
     except PartFailed as failure:
         echo(f"error: `{failure.part}` can't be made: {failure}", err=True)
-        return RED
+        raise Exit(FAILED) from None
     lines = [*found.lines, rehearsed]
     echo("\n".join(table(lines)))
     if found.driver_failed:
-        return FAILED
-    return 0 if all(line.green for line in lines) else RED
+        raise Exit(DRIVER_FAILED)
+    raise Exit(0 if all(line.green for line in lines) else FAILED)
 
 
 def table(lines: Sequence[PreflightResult]) -> list[str]:
     """The lines in columns: red or green, vehicle, check, reason, mission line; below a line the
     table that its reason carries."""
-    names = max(len(line.vehicle) for line in lines)
-    checks = max(len(line.check) for line in lines)
-    margin = " " * (len("green") + names + checks + 8)
+    rows = [
+        (
+            "green" if line.green else "RED  ",
+            line.vehicle,
+            line.check,
+            headline(line.reason) + (f"  [{line.at}]" if line.at else ""),
+        )
+        for line in lines
+    ]
     found = []
-    for line in lines:
-        colour, at = "green" if line.green else "RED  ", f"  [{line.at}]" if line.at else ""
-        reason = headline(line.reason)
-        found.append(f"{colour}  {line.vehicle:{names}}  {line.check:{checks}}  {reason}{at}")
-        found += [f"{margin}{row}" for row in details(line.reason)]
+    for line, row, text in zip(lines, rows, columns(rows), strict=True):
+        margin = " " * (len(text) - len(row[-1])) + INDENT
+        found += [text, *(f"{margin}{detail}" for detail in details(line.reason))]
     return found

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
-import click
-
-from kybflow.cli.arguments import PATH, Subcommand, examples, published
-
-EXAMPLES = examples(
-    "kybflow schema > mission.schema.json",
-    "kybflow schema --check schemas/mission.schema.json",
-)
+from kybflow.cli.arguments import Check, WriteTo, published, unknown
 
 
-@click.command("schema", cls=Subcommand, epilog=EXAMPLES)
-@click.option("--write", "write_to", type=PATH, help="Write it to this file.")
-@click.option("--check", type=PATH, help="Fail unless this file is current.")
-def command(write_to: Path | None, check: Path | None) -> None:
+def command(write_to: WriteTo = None, check: Check = None) -> None:
     """The JSON Schema of a mission, made from the parts that are installed; editors complete from
-    it."""
-    from kybflow.dsl.schema.published import schema_text
+    it. With a Markdown file, the tables of keys that it has places for.
+
+    \b
+    Examples:
+      kybflow schema > mission.schema.json
+      kybflow schema --check schemas/mission.schema.json
+      kybflow schema --write docs/mission-language.md
+    """
+    from kybflow.dsl.language.published import schema_text
+    from kybflow.dsl.language.tables import records, with_tables
     from kybflow.parts.catalog import load_catalog
 
-    text = schema_text(load_catalog())
+    page = write_to or check
+    try:
+        has_tables = page is not None and page.suffix == ".md" and page.is_file()
+        text = with_tables(page) if page and has_tables else schema_text(load_catalog())
+    except KeyError as title:
+        raise unknown("no record is called", title.args[0], records(), "--write") from None
     if not published(lambda: text, "kybflow schema", write_to, check):
         sys.stdout.write(text)

@@ -3,40 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-import click
-from click.exceptions import Exit
+from typer import Argument, Exit
 
-from kybflow.cli.arguments import (
-    PATH,
-    Subcommand,
-    argument,
-    examples,
-    set_option,
-    target_option,
-)
+from kybflow.cli.arguments import Format, Sets, Target
 from kybflow.cli.output import echo
 from kybflow.core.exit_codes import INVALID
 
-EXAMPLES = examples(
-    "kybflow validate missions/figure_eight.yaml",
-    "kybflow validate missions --format sarif",
-    "kybflow validate missions/figure_eight.yaml --set lap=8s",
-)
 
-
-@click.command("validate", cls=Subcommand, epilog=EXAMPLES)
-@argument("paths", "Missions, or folders with missions below.", type=PATH, nargs=-1, required=True)
-@click.option(
-    "--format",
-    type=click.Choice(["text", "json", "sarif", "github"]),
-    default="text",
-    help="For people, programs, code scanning or GitHub Actions.",
-)
-@target_option
-@set_option
 def command(
-    paths: tuple[Path, ...], format: str, target: str | None, sets: tuple[str, ...]
+    paths: Annotated[list[Path], Argument(help="Missions, or folders with missions below.")],
+    *,
+    format: Format = "text",
+    target: Target = None,
+    sets: Sets,
 ) -> None:
     """Prove all of a mission that can be proven before take-off.
 
@@ -47,6 +28,12 @@ def command(
     Exit codes:
     0: every mission is valid.
     2: one is not.
+
+    \b
+    Examples:
+      kybflow validate missions/figure_eight.yaml
+      kybflow validate missions --format sarif
+      kybflow validate missions/figure_eight.yaml --set lap=8s
     """
     from kybflow.api.validation import WHOLE, validate_paths
 

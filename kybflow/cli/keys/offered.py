@@ -24,7 +24,7 @@ from kybflow.runtime.commanding.orders import (
     ResumeOrder,
     text,
 )
-from kybflow.runtime.commanding.situation import Situation, VehicleSituation
+from kybflow.runtime.commanding.situation import Situation
 
 FIXED: dict[str, Order] = {
     "p": PauseOrder(),
@@ -69,8 +69,10 @@ class OfferedKeys:
             if is_legal:
                 legal.append(offer)
                 self._legal[offer.order] = now
-        fixed = (offer._replace(key=key) for key, offer in _fixed(situation))
-        return (*fixed, *(offer._replace(key=self._key(offer.order, now)) for offer in legal))
+        return (
+            *_fixed(situation),
+            *(offer._replace(key=self._key(offer.order, now)) for offer in legal),
+        )
 
     def _key(self, order: Order, now: float) -> str:
         if order not in self._keys:
@@ -84,7 +86,7 @@ class OfferedKeys:
         return self._legal.get(order, -inf)
 
 
-def _fixed(situation: Situation) -> Iterator[tuple[str, Offer]]:
+def _fixed(situation: Situation) -> Iterator[Offer]:
     vehicles = situation.vehicles
     legal = {
         "p": any(v.pause is None and "pause" not in v.holders for v in vehicles),
@@ -96,7 +98,7 @@ def _fixed(situation: Situation) -> Iterator[tuple[str, Offer]]:
     for key, order in FIXED.items():
         name = text(order)
         if legal[key] or situation.emit.get(f"{PREFIX}{name}", False):
-            yield key, Offer("", name, order)
+            yield Offer("", name, order, key)
 
 
 def _known(situation: Situation) -> Iterator[tuple[Offer, bool]]:
@@ -105,20 +107,14 @@ def _known(situation: Situation) -> Iterator[tuple[Offer, bool]]:
         if name not in COMMANDS:
             yield Offer("events", name, Emit(name)), waits
     for vehicle in situation.vehicles:
-        for state, is_legal in _states(vehicle).items():
+        states: dict[str, bool] = {}  # a chain by its own name
+        for state, reason in vehicle.enter.items():
+            if state not in BUILT_IN or state in _OF_ANY_VEHICLE:
+                states.setdefault(state.partition(".")[0], reason is None)
+        for state, is_legal in states.items():
             offer = Offer(vehicle.name, state, Switch(vehicle.name, state))
             yield offer, is_legal and state != vehicle.state
     for flow in situation.flows:
         for phase, reason in flow.enter.items():
             offer = Offer(flow.name, phase, EnterPhase(flow.name, phase))
             yield offer, reason is None and phase != flow.phase
-
-
-def _states(vehicle: VehicleSituation) -> dict[str, bool]:
-    """Return the states that are offered, a chain by its own name, each with whether the vehicle
-    may enter it."""
-    states: dict[str, bool] = {}
-    for state, reason in vehicle.enter.items():
-        if state not in BUILT_IN or state in _OF_ANY_VEHICLE:
-            states.setdefault(state.partition(".")[0], reason is None)
-    return states

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,11 +33,6 @@ class Saying(NamedTuple):
     kind: str
 
 
-class _Chosen(NamedTuple):
-    order: Order
-    take: bool
-
-
 class TerminalCommander:
     """`fly` is given `serve` as a server. Whoever shows the run calls `hear` often, `look` when it
     draws. offers: what is legal, as of the last look. read: the time, s."""
@@ -49,7 +43,7 @@ class TerminalCommander:
         self._pressed, self._offered = PressedKeys(), OfferedKeys()
         self._commands: CommandQueue | None = None
         self._holder: str | None = None
-        self._chosen: _Chosen | None = None
+        self._chosen: tuple[Order, bool] | None = None
         self._said = Saying("", "")
         self._until = 0.0
 
@@ -94,32 +88,26 @@ class TerminalCommander:
                 self._give(*chosen)
         elif key == ESCAPE:
             self._say("", "")
-        elif (offer := self._offer(key)) is None:
+        elif (offer := next((one for one in self.offers if one.key == key), None)) is None:
             self._say(f"`{key}` is no key now", "refused")
         elif isinstance(offer.order, AT_ONCE):
             self._give(offer.order)
         else:
-            self._choose(offer.order)
-
-    def _offer(self, key: str) -> Offer | None:
-        return next((offer for offer in self.offers if offer.key == key), None)
-
-    def _choose(self, order: Order) -> None:
-        take = self._holder not in (None, BY)
-        takes = f" and takes the lease from {self._holder}" if take else ""
-        self._say(f"{text(order)}? Enter gives it{takes}, Esc leaves it", "asked")
-        self._chosen = _Chosen(order, take)
+            take = self._holder not in (None, BY)
+            takes = f" and takes the lease from {self._holder}" if take else ""
+            self._say(f"{text(offer.order)}? Enter gives it{takes}, Esc leaves it", "asked")
+            self._chosen = offer.order, take
 
     def _give(self, order: Order, take: bool = False) -> None:
+        def answered(answer: Answer) -> None:
+            kind = "accepted" if answer.accepted else "refused"
+            link = ", but " if answer.accepted else ": "
+            reason = f"{link}{answer.reason}" if answer.reason else ""
+            self._say(f"{text(order)}: {kind}{reason}", kind)
+
         if self._commands is not None:
             self._say(f"{text(order)} ...", "asked")
-            self._commands.ask(order, BY, partial(self._answered, order), take=take)
-
-    def _answered(self, order: Order, answer: Answer) -> None:
-        kind = "accepted" if answer.accepted else "refused"
-        link = ", but " if answer.accepted else ": "
-        reason = f"{link}{answer.reason}" if answer.reason else ""
-        self._say(f"{text(order)}: {kind}{reason}", kind)
+            self._commands.ask(order, BY, answered, take=take)
 
     def _say(self, words: str, kind: str) -> None:
         self._said, self._until = Saying(words, kind), self._read() + SAID_FOR

@@ -19,6 +19,7 @@ _ADVICE = {
 }
 """How to walk where a kind of correction is not told."""
 _UNKNOWN = "not told"
+_COLUMNS = f"{'now':>12}{'correction':>14}{'spread':>13}"
 _LIMITS = {
     "corners": (0.5, "is it this lens, and this `row_time`?"),
     "survey": (0.05, "are `size` and `rows` those of the floor?"),
@@ -41,14 +42,25 @@ _AMISS = {
 
 
 class _Row(NamedTuple):
-    """A line of a table. is_told: whether the walk says more than was believed before."""
+    """A correction, in `unit` with as many digits. is_told: whether the walk says more than was
+    believed before; kind: of what it is."""
 
     name: str
-    value: str
-    correction: str
-    spread: str
+    value: float | None
+    off: float
+    spread: float
+    digits: int
+    unit: str
     is_told: bool
     kind: str
+
+    def __str__(self) -> str:
+        digits, unit = self.digits, self.unit
+        value = "" if self.value is None else f"{self.value:.{digits}f} {unit}".rstrip()
+        off = f"{self.off:+.{digits}f} {unit}".rstrip()
+        spread = f"{max(self.spread, 0.0):.{digits + 1}f} {unit}".rstrip()
+        end = "" if self.is_told else f"  {_UNKNOWN}"
+        return f"  {self.name:<16}{value:>12}{off:>14}{spread:>13}{end}"
 
 
 def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator[str]:
@@ -62,7 +74,8 @@ def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator
         yield f"clock: that of the poses is {found.ahead:+.3f} s from that of the frames"
     yield ""
     lens = list(_lens(found))
-    yield from _table(f"lens of `{name}`", lens)
+    yield f"{f'lens of `{name}`':<18}{_COLUMNS}"
+    yield from map(str, lens)
     yield ""
     if walk.reference is None:
         yield f"mount of `{name}`: frames alone don't tell it; say where the body was:"
@@ -70,7 +83,8 @@ def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator
     else:
         mount = list(_mount(found))
         lens += mount
-        yield from _table(f"mount of `{name}`", mount)
+        yield f"{f'mount of `{name}`':<18}{_COLUMNS}"
+        yield from map(str, mount)
     yield ""
     yield from _map(found)
     for kind in dict.fromkeys(row.kind for row in lens if not row.is_told):
@@ -111,7 +125,7 @@ def _lens(found: WalkCalibration) -> Iterator[_Row]:
     ):
         told = found.is_told(spread / (before.fx if kind == "focal" else 1.0), kind)
         digits = 2 if unit else 4
-        yield _row(name, new, new - old, spread, digits, unit, told, kind)
+        yield _Row(name, new, new - old, spread, digits, unit, told, kind)
 
 
 def _mount(found: WalkCalibration) -> Iterator[_Row]:
@@ -120,30 +134,12 @@ def _mount(found: WalkCalibration) -> Iterator[_Row]:
     for i, name in enumerate(("x", "y", "z")):
         kind, value = "mount position", 1000.0 * found.camera.position[i]
         told = found.is_told(spreads[i], kind)
-        yield _row(name, value, 1e3 * correction[i], 1e3 * spreads[i], 1, "mm", told, kind)
+        yield _Row(name, value, 1e3 * correction[i], 1e3 * spreads[i], 1, "mm", told, kind)
     for i, name in enumerate(("roll", "pitch", "yaw"), start=3):
         kind = "mount attitude"
         told = found.is_told(spreads[i], kind)
         off, spread = degrees(correction[i]), degrees(spreads[i])
-        yield _row(name, None, off, spread, 2, "deg", told, kind)
-
-
-def _row(
-    name: str, value: float | None, off: float, spread: float,
-    digits: int, unit: str, is_told: bool, kind: str,
-) -> _Row:  # fmt: skip
-    shown = "" if value is None else f"{value:.{digits}f} {unit}".rstrip()
-    return _Row(
-        name, shown, f"{off:+.{digits}f} {unit}".rstrip(),
-        f"{max(spread, 0.0):.{digits + 1}f} {unit}".rstrip(), is_told, kind,
-    )  # fmt: skip
-
-
-def _table(title: str, rows: list[_Row]) -> Iterator[str]:
-    yield f"{title:<18}{'now':>12}{'correction':>14}{'spread':>13}"
-    for row in rows:
-        end = "" if row.is_told else f"  {_UNKNOWN}"
-        yield f"  {row.name:<16}{row.value:>12}{row.correction:>14}{row.spread:>13}{end}"
+        yield _Row(name, None, off, spread, 2, "deg", told, kind)
 
 
 def _map(found: WalkCalibration) -> Iterator[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import textwrap
 from collections.abc import Iterator
-from itertools import takewhile
 from pathlib import Path
 
 from kybflow.api.library import (
@@ -18,8 +17,8 @@ from kybflow.api.library import (
     read_file,
     text_of,
 )
+from kybflow.cli.output import columns, grouped
 from kybflow.core.errors import KybflowError
-from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.render import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 
@@ -32,19 +31,17 @@ def list_shipped() -> str:
     """Every library with what it offers, then every mission."""
     blocks = ["\n".join(_contents(one)) for one in libraries()]
     shipped = missions()
-    width = max((len(one.name) for one in shipped), default=0)
-    rows = [f"  {one.name:<{width}}  {one.summary}".rstrip() for one in shipped]
-    rows.insert(0, "missions, for `kybflow new NAME --from`")
+    rows = map(str.rstrip, columns([(one.name, one.summary) for one in shipped], indent="  "))
+    heading = "missions, for `kybflow new NAME --from`"
     missing = [f"{name}: installed without its YAML files ({_INSTALL})" for name in hollow()]
-    return "\n\n".join([*blocks, "\n".join(rows), *missing])
+    return "\n\n".join([*blocks, "\n".join((heading, *rows)), *missing])
 
 
 def _contents(one: Shipped) -> Iterator[str]:
     """The name of a file and what it offers, a line each."""
     yield f"{one.name}  {one.summary}".rstrip()
-    by_section: dict[str, list[str]] = {}
-    for section, name, entry in one.entries():
-        by_section.setdefault(section, []).append(f"{name}{_signature(entry.value)}")
+    entries = one.entries()
+    by_section = grouped((s, f"{name}{_signature(entry.value)}") for s, name, entry in entries)
     if one.root and one.root.get("parameters") is not None:
         by_section["with"] = [_signature(one.root)[1:-1]]
     for section, names in by_section.items():
@@ -82,16 +79,15 @@ def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
     """The lines of an entry; a block of YAML ends before what is indented as its key is."""
     key = entry.key.span
     first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]
-    inside = list(takewhile(lambda line: line[: key.column].isspace() or not line, rest))
+    inside = list(itertools.takewhile(lambda line: line[: key.column].isspace() or not line, rest))
     text = textwrap.dedent("\n".join([first, *inside])).rstrip()
     return f"# {section[:-1]} of {one.name}\n{text}"
 
 
-def unknown_name(name: str) -> str:
-    """The message for a name that nothing has."""
+def known_names() -> list[str]:
+    """What can be shown by its name."""
     known = [one.name for one in (*libraries(), *missions())]
-    known += [own for one in libraries() for _, own, _ in one.entries()]
-    return f"nothing at hand is called `{name}`; {did_you_mean(name, known)}"
+    return known + [own for one in libraries() for _, own, _ in one.entries()]
 
 
 def show_file(path: Path) -> str:
@@ -117,7 +113,9 @@ def show_import(name: str) -> str | None:
     """What the library has that a mission here, or else one that is shipped, imports as `name`; or
     one entry of it, `name.ENTRY`. None where no mission imports anything by that name."""
     alias, _, inner = name.partition(".")
-    for mission in (*_here(), *missions()):
+    files = sorted(itertools.islice(Path().glob("*.yaml"), _MOST_FILES))
+    here = (read_file(str(path), path) for path in files)
+    for mission in itertools.chain(here, missions()):
         library = next((i.library for i in imports_of(mission) if i.name == alias), None)
         if library is None:
             continue
@@ -128,9 +126,3 @@ def show_import(name: str) -> str | None:
         if found:
             return "\n\n".join(found)
     return None
-
-
-def _here() -> Iterator[Shipped]:
-    """The YAML files of the present folder."""
-    for path in sorted(itertools.islice(Path().glob("*.yaml"), _MOST_FILES)):
-        yield read_file(str(path), path)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
+from math import ceil
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from kybflow.cli.keys.terminal_commander import TerminalCommander
-from kybflow.cli.printing import keys
+from kybflow.cli.keys.offered import Offer
+from kybflow.cli.keys.terminal_commander import Saying, TerminalCommander
+from kybflow.cli.output import grouped
 from kybflow.cli.printing.run import sentence
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Event
@@ -25,6 +27,9 @@ _HELD = {"pause": "paused", "brake": "braked", "pilot": "by pilot"}
 _FRAME, _LEAST_EVENTS = 6, 1
 """Lines that the table has beside its vehicles, and events that stay in sight below the keys."""
 _LEFT = ("vehicle", "behavior")
+_GAP, _LABEL = 3, 10
+"""Letters between two keys, and for the name of their group."""
+_STYLES = {"asked": "bold yellow", "accepted": "green", "refused": "bold red"}
 
 
 class LivePanel:
@@ -32,7 +37,7 @@ class LivePanel:
     events below it."""
 
     def __init__(self, console: Console, commander: TerminalCommander | None = None) -> None:
-        self._console, self._commander = console, commander
+        self._console, self.commander = console, commander
         self._events: deque[str] = deque(maxlen=_LAST_EVENTS)
         self._live = Live(console=console, auto_refresh=False)
         self._drawn = 0.0
@@ -53,7 +58,7 @@ class LivePanel:
     def look(self, engine: Engine) -> None:
         """Hear the keys; redraw, ten times a second and after a key."""
         self._engine = engine
-        pressed = self._commander is not None and self._commander.hear()
+        pressed = self.commander is not None and self.commander.hear()
         if pressed or time.monotonic() - self._drawn >= _REDRAW:
             self._draw()
 
@@ -73,40 +78,32 @@ class LivePanel:
         for vehicle in engine.vehicles:
             nearest = (_nearest(vehicle, engine.vehicles),) if several else ()
             table.add_row(*_row(vehicle, engine.flying), *nearest)
-        below = [*_phases(engine), *_waits(engine)]
-        lines = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
+        below = [*_below(engine)] if engine.flying else []
+        keys: Iterator[Text] = iter(())
+        if (person := self.commander) is not None:
+            person.look(engine.commander.situation(engine.clock.now, flying=engine.flying))
+            if person.offers:
+                lines = _FRAME + len(engine.vehicles) + len(below) + _LEAST_EVENTS
+                room = self._console.height - lines
+                keys = keys_drawn(person.offers, person.saying, self._console.width, room)
+        cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
         events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
-        return Group(table, *lines, *self._keys(engine, len(below)), *events)
-
-    def _keys(self, engine: Engine, taken: int) -> Iterator[Text]:
-        """Yield the lines about the keys, as many as the screen has room for. taken: lines between
-        the table and them."""
-        if self._commander is None:
-            return
-        self._commander.look(engine.commander.situation(engine.clock.now, flying=engine.flying))
-        if offers := self._commander.offers:
-            room = self._console.height - _FRAME - len(engine.vehicles) - taken - _LEAST_EVENTS
-            yield from keys.drawn(offers, self._commander.saying, self._console.width, room)
+        return Group(table, *cut, *keys, *events)
 
 
 def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
+    """A vehicle: the state that it is in, what keeps it from going on, and its measures."""
     estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.wanted
-    wanted = setpoint.position if setpoint is not None else None
+    wanted, hold = setpoint.position if setpoint is not None else None, vehicle.activity.hold
+    held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
     return (
         vehicle.name,
-        _doing(vehicle) if flying else "preflight",
+        ", ".join((vehicle.state, *held)) if flying else "preflight",
         vehicle.estimator or "none",
         f"{battery.remaining:.0%}" if battery else "-",
         f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
         f"{estimate.position[2]:.2f} m" if estimate else "-",
     )
-
-
-def _doing(vehicle: Vehicle) -> str:
-    """The state that a vehicle is in, and what keeps it from going on."""
-    hold = vehicle.activity.hold
-    held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
-    return ", ".join((vehicle.state, *held))
 
 
 def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
@@ -120,10 +117,8 @@ def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
     return f"{gap:.2f} m {name}" if name else "-"
 
 
-def _phases(engine: Engine) -> Iterator[str]:
-    """The line about the flows that are in a phase."""
-    if not engine.flying:
-        return
+def _below(engine: Engine) -> Iterator[str]:
+    """The flows that are in a phase, then what vehicles wait for, each reason once."""
     running = (engine.flows.running(flow.name) for flow in engine.plan.flows)
     phases = [
         f"{one.plan.name} {one.phase.name} {(engine.clock.now - one.entered) / NS:.0f} s"
@@ -132,15 +127,35 @@ def _phases(engine: Engine) -> Iterator[str]:
     ]
     if phases:
         yield f"phases     {'   '.join(phases)}"
-
-
-def _waits(engine: Engine) -> Iterator[str]:
-    """The line about what vehicles wait for, each reason once."""
-    reasons: dict[str, list[str]] = {}
-    for vehicle in engine.vehicles if engine.flying else ():
-        activity = vehicle.activity
-        if activity.hold is None and activity.behavior.waits_for is not None:
-            reasons.setdefault(activity.behavior.waits_for, []).append(vehicle.name)
-    if reasons:
+    free = [vehicle for vehicle in engine.vehicles if vehicle.activity.hold is None]
+    waits = ((vehicle.activity.behavior.waits_for, vehicle.name) for vehicle in free)
+    if reasons := grouped(wait for wait in waits if wait[0] is not None):
         whom = (f"{', '.join(names)} for {reason}" for reason, names in reasons.items())
         yield f"waiting    {'; '.join(whom)}"
+
+
+def keys_drawn(offers: Sequence[Offer], saying: Saying, width: int, most: int) -> Iterator[Text]:
+    """At most `most` lines, each at most `width` letters wide: the offers by their groups, a line
+    ending between two, then what is said of the last key, in as many lines as that takes."""
+    groups = grouped((offer.group, offer) for offer in offers)
+    lines: list[Text] = []
+    for name, members in groups.items():
+        line = Text(f"{name[: _LABEL - 1]:{_LABEL}}", style="dim")
+        for offer in members:
+            key = (f" {offer.key or '-'} ", "bold not dim reverse")
+            shown = Text.assemble(key, f" {offer.name}")
+            if line.cell_len > _LABEL and line.cell_len + _GAP + shown.cell_len > width:
+                lines.append(line)
+                line = Text(" " * _LABEL)
+            if line.cell_len > _LABEL:
+                line.append(" " * _GAP)
+            line.append_text(Text("", style="not dim").append_text(shown))
+        lines.append(line)
+    left = max(most - max(ceil(len(saying.text) / width), 1), 2)
+    if len(lines) > left:
+        more = Text("more: `kybflow command state` says all that is legal", style="dim")
+        lines = [*lines[: left - 1], more]
+    for line in lines:
+        line.no_wrap, line.overflow = True, "ellipsis"
+    yield from lines
+    yield Text(saying.text, style=_STYLES.get(saying.kind, ""), overflow="fold")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from kybflow.cli.output import columns, grouped
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, LENGTH, MASS, format_quantity
-from kybflow.dsl.document import Parameter
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.graph.drawing import cause_of
@@ -23,13 +23,14 @@ from kybflow.dsl.plan import (
     FlowPlan,
     InputPlan,
     LogText,
+    Parameter,
     PartPlan,
     Perform,
-    PhasePlan,
     Plan,
     SetOption,
-    StatePlan,
+    Stop,
     Switch,
+    TransitionPlan,
     Values,
     VehiclePlan,
 )
@@ -41,34 +42,26 @@ from kybflow.flight.loops.margins import in_words
 
 def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
     """A mission in a few lines: its parameters, its vehicles with their states, then the rest."""
-    return "\n".join(_lines(plan, parameters))
-
-
-def _lines(plan: Plan, parameters: Mapping[str, Parameter]) -> Iterator[str]:
-    yield f"{plan.mission}, on {plan.target}"
-    if plan.summary:
-        yield plan.summary
+    lines = [f"{plan.mission}, on {plan.target}", *filter(None, [plan.summary])]
     if parameters:
-        yield ""
-        yield "parameters (change one with `--set NAME=VALUE`)"
-    width = max(map(len, parameters), default=0)
-    for name, parameter in parameters.items():
-        yield f"  {name:<{width}}  {shown_parameter(parameter)}"
+        rows = [(name, shown_parameter(parameter)) for name, parameter in parameters.items()]
+        lines += ["", "parameters (change one with `--set NAME=VALUE`)", *columns(rows, "  ")]
     for vehicle in plan.vehicles:
-        yield ""
-        yield from _vehicle(vehicle, 1.0 / plan.control_rate)
-    for heading, lines in _sections(plan):
-        yield ""
-        yield heading
-        yield from (f"  {line}" for line in lines)
-
-
-def _sensors(vehicle: VehiclePlan) -> Iterator[str]:
-    """Each sensor, with its name where the vehicle has several of its kind."""
-    kinds = [sensor.part.name for sensor in vehicle.sensors]
-    for sensor, kind in zip(vehicle.sensors, kinds, strict=True):
-        own = sensor.part.label.partition(".")[2]
-        yield f"{kind} ({own})" if kinds.count(kind) > 1 else kind
+        lines += ["", *_vehicle(vehicle, 1.0 / plan.control_rate)]
+    groups = [f"{name}: {', '.join(members)}" for name, members in plan.groups.items()]
+    sections: list[tuple[str, Iterable[str]]] = [
+        ("world", _world(plan)),
+        ("inputs", map(_input, plan.inputs)),
+        ("groups", groups),
+        *(_flow(flow, plan.groups) for flow in plan.flows),
+        ("callbacks", map(_callback, plan.callbacks)),
+        ("faults", map(_fault, plan.faults)),
+        ("expected", (expectation.text for expectation in plan.expectations)),
+    ]
+    for heading, found in sections:
+        if within := [f"  {line}" for line in found]:
+            lines += ["", heading, *within]
+    return "\n".join(lines)
 
 
 def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
@@ -76,18 +69,20 @@ def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
     size = format_quantity(vehicle.airframe.diameter, LENGTH)
     yield f"{vehicle.name} ({mass}, {size} across)"
     yield f"  trusts     {', '.join(e.part.name for e in vehicle.estimators) or 'nothing'}"
-    if vehicle.sensors:
-        yield f"  senses by  {', '.join(_sensors(vehicle))}"
+    if sensors := [sensor.part for sensor in vehicle.sensors]:
+        kinds = [part.name for part in sensors]
+        own = (part.label.partition(".")[2] for part in sensors)
+        names = (f"{k} ({o})" if kinds.count(k) > 1 else k for k, o in zip(kinds, own, strict=True))
+        yield f"  senses by  {', '.join(names)}"
     yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
     yield f"  tracked    by {vehicle.tracker.name}, flown by {vehicle.driver.name}"
     yield from _loop(vehicle, period)
     yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
     for part in (*vehicle.processors, *vehicle.supervisors):
         yield from (f"  loosened   {line}" for line in _loosened(part))
-    own = [state for state in vehicle.states.values() if not state.built_in]
-    width = max(len(state.name) for state in own)
-    for state in own:
-        yield f"  {state.name:<{width}}  {state.behavior.name}{_ways(state)}"
+    states = [state for state in vehicle.states.values() if not state.built_in]
+    rows = [(s.name, s.behavior.name + _ways(s.transitions)) for s in states]
+    yield from columns(rows, "  ")
 
 
 def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
@@ -97,10 +92,14 @@ def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
     outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
     if outer is None:
         return
-    k, d, i = outer.proportional, outer.derivative, outer.integral
-    yield f"  gains      proportional {k:.3g}, derivative {d:.3g}, integral {i:.3g}"
+    d, i, matrix = outer.derivative, outer.integral, outer.stiffness
+    all_of = (outer.proportional,) if matrix is None else (*matrix.level, *matrix.up)
+    k = " to ".join(f"{gain:.3g}" for gain in sorted({min(all_of), max(all_of)}))
+    yield f"  gains      proportional {k}, derivative {d:.3g}, integral {i:.3g}"
     if inner is not None:
-        yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}"
+        is_coupled = matrix is not None and matrix.is_coupled
+        about = ", estimated: the height is coupled with x and y" if is_coupled else ""
+        yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}{about}"
 
 
 def _loosened(part: PartPlan) -> Iterator[str]:
@@ -113,24 +112,10 @@ def _loosened(part: PartPlan) -> Iterator[str]:
             yield f"{part.label}.{field.name} from {before} to {after} ({part.at})"
 
 
-def _ways(state: StatePlan) -> str:
-    """The transitions of a state, without those that the language adds."""
-    ways = [f"{cause_of(a)}: {a.target}" for a in state.transitions if not a.implied]
-    return f" ({'; '.join(ways)})" if ways else ""
-
-
-def _sections(plan: Plan) -> Iterator[tuple[str, list[str]]]:
-    """The heading and lines of each section that the mission has beside its vehicles."""
-    every = [
-        ("world", list(_world(plan))),
-        ("inputs", [_input(own) for own in plan.inputs]),
-        ("groups", [f"{name}: {', '.join(of)}" for name, of in plan.groups.items()]),
-        *((_flow_heading(flow), _flow(flow, plan.groups)) for flow in plan.flows),
-        ("callbacks", [_callback(callback) for callback in plan.callbacks]),
-        ("faults", [_fault(fault) for fault in plan.faults]),
-        ("expected", [expectation.text for expectation in plan.expectations]),
-    ]
-    return ((heading, lines) for heading, lines in every if lines)
+def _ways(transitions: Iterable[TransitionPlan]) -> str:
+    """Transitions in brackets, without those that the language adds."""
+    ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in transitions if not way.implied)
+    return f" ({ways})" if ways else ""
 
 
 def _world(plan: Plan) -> Iterator[str]:
@@ -153,35 +138,28 @@ def _point(point: Vec3) -> str:
 
 def _input(own: InputPlan) -> str:
     """`stick: gamepad (a is take; dead man: right_shoulder)`."""
-    renamed = [f"{button} is {name}" for button, name in own.buttons.items() if button != name]
+    renamed = [f"{button} is {name}" for button, name in own.button_names.items() if button != name]
     held = [] if own.dead_man is None else [f"dead man: {own.dead_man}"]
     known = "; ".join((*renamed, *held))
     return f"{own.name}: {own.part.name}" + (f" ({known})" if known else "")
 
 
-def _flow_heading(flow: FlowPlan) -> str:
+def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list[str]]:
+    """The heading of a flow, and a line for each phase: the states, options and vehicles that it
+    sets, and its transitions."""
+    rows, names = [], {of: name for name, of in groups.items()}
+    for name, phase in flow.phases.items():
+        states = grouped(
+            (_goal(request.chain or request.state, request.values), vehicle)
+            for vehicle, request in phase.run.items()
+        )
+        steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
+        steps += [f"arrive {phase.arrive}"] if phase.arrive else []
+        steps += [f"give {vehicle} to {of}" for vehicle, of in phase.give.items()]
+        steps += [_action(option) for option in phase.options]
+        rows.append((name, "; ".join(steps) + _ways(phase.transitions)))
     drives = ", ".join(flow.vehicles) or "what it is given"
-    return f"flow {flow.name} (drives {drives}; begins with {flow.begin})"
-
-
-def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> list[str]:
-    width = max(map(len, flow.phases))
-    return [f"{name:<{width}}  {_phase(phase, groups)}" for name, phase in flow.phases.items()]
-
-
-def _phase(phase: PhasePlan, groups: dict[str, tuple[str, ...]]) -> str:
-    """The states, options and vehicles that a phase sets, and its transitions."""
-    states: dict[str, list[str]] = {}
-    for vehicle, state in phase.run.items():
-        goal = _goal(phase.chains.get(vehicle, state), phase.values.get(vehicle, ()))
-        states.setdefault(goal, []).append(vehicle)
-    names = {of: name for name, of in groups.items()}
-    steps = [f"{names.get(tuple(v), ', '.join(v))}: {state}" for state, v in states.items()]
-    steps += [f"arrive {phase.arrive}"] if phase.arrive else []
-    steps += [f"give {vehicle} to {flow}" for vehicle, flow in phase.give.items()]
-    steps += [_action(option) for option in phase.set]
-    ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in phase.transitions)
-    return "; ".join(steps) + (f" ({ways})" if ways else "")
+    return f"flow {flow.name} (drives {drives}; begins with {flow.begin})", columns(rows)
 
 
 def _goal(state: str, values: Values) -> str:
@@ -209,32 +187,27 @@ def _callback(callback: CallbackPlan) -> str:
 
 
 def _action(action: ActionPlan) -> str:
-    match action:
-        case Switch() | Enable() | Perform():
-            return _asked(action)
-        case SetOption(option, value):
-            return f"set {option} to {_number(value)}"
-        case Emit(name):
-            return f"emit {name}"
-        case EnterPhase(flow, phase):
-            return f"enter {phase} of {flow}"
-        case LogText(text):
-            return f"log `{text}`"
-        case Call(part):
-            return f"call {part.name}"
-        case _:
-            return f"stop: {action.reason}"
-
-
-def _asked(action: Switch | Enable | Perform) -> str:
-    """What a vehicle is asked for."""
+    said = ""
     match action:
         case Switch(vehicle, state, values):
-            return f"switch {vehicle} to {_goal(state, values)}"
+            said = f"switch {vehicle} to {_goal(state, values)}"
         case Enable(vehicle, label, on):
-            return f"{'enable' if on else 'disable'} {label} of {vehicle}"
+            said = f"{'enable' if on else 'disable'} {label} of {vehicle}"
         case Perform(vehicle, act):
-            return f"let {vehicle} perform {act}"
+            said = f"let {vehicle} perform {act}"
+        case SetOption(option, value):
+            said = f"set {option} to {_number(value)}"
+        case Emit(name):
+            said = f"emit {name}"
+        case EnterPhase(flow, phase):
+            said = f"enter {phase} of {flow}"
+        case LogText(text):
+            said = f"log `{text}`"
+        case Call(part):
+            said = f"call {part.name}"
+        case Stop(reason):
+            said = f"stop: {reason}"
+    return said
 
 
 def _fault(fault: FaultPlan) -> str:

@@ -6,175 +6,90 @@ from collections.abc import Iterable, Iterator
 from enum import Enum
 from typing import Annotated, Any, get_args, get_origin
 
+from kybflow.cli.output import columns
 from kybflow.core import units
-from kybflow.core.params import FIXED, Field, fields_of, type_of
+from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.signals import MeasurementKind, kind_name
-from kybflow.core.text import did_you_mean
 from kybflow.core.units import Vec3
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
+from kybflow.parts.event_table import event_table
 from kybflow.world.vehicle_context import Airframe
 
-_INTRODUCTION = """\
-# Parts
-
-What a mission can name. `kybflow parts` lists the same, with the parts of packages that are
-installed beside kybflow; `kybflow parts NAME` says more of one: its equations, what it refuses.
-
-A number without a unit is SI; an angle always has one. `in flight` says how a parameter may change
-as an option while its vehicle flies: freely where nothing stands, in one direction where it keeps
-the vehicle safe, or never. What `ground → air` means: [the mission
-language](mission-language.md#behaviors-and-transitions).
-
-This page is made from the parts: `kybflow parts --write docs/parts.md`.
-"""
-_KINDS = {
-    "behaviors": "`do: NAME`: where the vehicle should be now.",
-    "estimators": "`estimators: [{use: NAME}]`: where the vehicle is ([Choose estimators]"
-    "(estimators.md)).",
-    "processors": "`processors: [{use: NAME}]`: what may bend the setpoint. A safety part can't be "
-    "switched off.",
-    "trackers": "`tracker: {use: NAME}`: the setpoint becomes a command.",
-    "supervisors": "`supervisors: [{use: NAME}]`: what watches a bound ([What happens when "
-    "something breaks](failsafe.md)).",
-    "drivers": "`targets: {lab: {all: {driver: {use: NAME}}}}`: how a vehicle is reached.",
-    "sensors": "`targets: {lab: {VEHICLE: {sensors: {ESTIMATOR: {use: NAME}}}}}`: where an "
-    "estimator's measurements come from, when the driver has none.",
-    "inputs": "`inputs: {NAME: {use: NAME}}`, or in a target: what a person steers with ([Fly with "
-    "your hands](steering.md)).",
-    "faults": "`faults: [{at: 5 s, on: VEHICLE, inject: NAME}]`: what breaks: in "
-    "simulation, and our side of it on a firmware's own simulator.",
-    "actions": "`on: [{event: ..., do: [{NAME: {...}}]}]`: what a callback does. The language's "
-    "own stand in [Callbacks](mission-language.md#callbacks); kybflow has no others, "
-    "[a package](your-own-parts.md#an-action) may.",
-}
-_AIRFRAMES = (
-    "`airframes: {NAME: {...}}`, in a mission or a library: what flies, as the controller believes "
-    "it. It is no part, and its keys are these, beside `like`."
-)
-_TYPES = (
-    "What a parameter can be that is a quantity, and the type in `kybflow.core.units` with which a "
-    "part declares it. In a mission it has one of the units, in Python it is SI: an angle in "
-    "radians, a ratio of 20 % as 0.2. Besides, a parameter can be an `int`, a `bool`,"
-    " a `str`, a choice (`Literal['near', 'far']`), a list of whole numbers (`tuple[int, ...]`), or"
-    " a file (`kybflow.core.files.File`, which is read, and `FilePath`, which is not)."
-)
-_COLUMNS = ("parameter", "type", "default", "bounds", "in flight", "what it is")
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
 """The kinds whose parameters stay what they are when a run begins."""
 
 
 def list_parts(catalog: Catalog) -> str:
     """Every part by kind, each with its summary."""
-    return "\n\n".join(_kind(catalog, kind) for kind in catalog.kinds() if catalog.names(kind))
+    blocks = []
+    for kind in catalog.kinds():
+        if specs := [catalog.get(kind, name) for name in catalog.names(kind)]:
+            rows = columns([(spec.name, spec.summary) for spec in specs], indent="  ")
+            blocks.append("\n".join([kind, *rows]))
+    return "\n\n".join(blocks)
 
 
-def _kind(catalog: Catalog, kind: str) -> str:
-    specs = [catalog.get(kind, name) for name in catalog.names(kind)]
-    width = max(len(spec.name) for spec in specs)
-    return "\n".join([kind, *(f"  {s.name:<{width}}  {s.summary}" for s in specs)])
-
-
-def show_part(catalog: Catalog, name: str) -> str | None:
-    """The documentation of every part called `name`; None when there is none."""
+def show_part(catalog: Catalog, name: str) -> str:
+    """The documentation of every part called `name`; empty when there is none."""
     kinds = [kind for kind in catalog.kinds() if name in catalog.names(kind)]
-    return "\n\n".join("\n".join(_part(catalog.get(k, name))) for k in kinds) or None
-
-
-def unknown_part(catalog: Catalog, name: str) -> str:
-    """The message for a name that no part has."""
-    known = {known for kind in catalog.kinds() for known in catalog.names(kind)}
-    return f"no part is called `{name}`; {did_you_mean(name, known)}"
+    return "\n\n".join("\n".join(_part(catalog.get(kind, name))) for kind in kinds)
 
 
 def _part(spec: PartSpec) -> Iterator[str]:
-    yield f"{spec.name} ({spec.kind[:-1]})"
-    yield ""
-    yield spec.doc.strip()
-    legs = getattr(spec.cls, "flight", ())
-    if legs:
-        yield ""
-        yield "flight: " + ", ".join(f"{leg.start.value} to {leg.end.value}" for leg in legs)
-    yield ""
-    if not spec.fields:
+    yield f"{spec.name} ({spec.kind[:-1]})\n\n{spec.doc.strip()}\n"
+    if legs := getattr(spec.cls, "flight", ()):
+        ways = ", ".join(f"{leg.start.value} to {leg.end.value}" for leg in legs)
+        yield f"flight: {ways}\n"
+    if spec.fields:
+        head = ("parameter", "type", "default", "bounds", "help")
+        yield from columns([head, *map(_cells, spec.fields)], indent="  ")
+    else:
         yield "No parameters."
-        return
-    rows = [("parameter", "type", "default", "bounds", "help"), *map(_row, spec.fields)]
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
-    for row in rows:
-        cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False))
-        yield f"  {'  '.join(cells)}  {row[4]}"
 
 
-def _row(field: Field) -> tuple[str, str, str, str, str]:
+def _cells(field: Field) -> tuple[str, str, str, str, str]:
     default = "needed" if field.required else shown_value(field.default, field)
     return field.name, type_of(field), default, bounds_of(field), field.help
 
 
 def page() -> str:
     """`docs/parts.md`: kybflow's own parts. Those of installed packages are left out, so that the
-    page is the same on every machine."""
-    return "\n".join(_page()) + "\n"
+    page is the same on every machine. What it says beside them stands in `parts.md`."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
-
-def _page() -> Iterator[str]:
     catalog = own_catalog()
-    yield _INTRODUCTION
-    for kind in catalog.kinds():
-        names = ", ".join(f"`{name}`" for name in catalog.names(kind))
-        yield f"- [{kind.capitalize()}](#{kind}): {names or 'none'}"
-    yield "- [Airframes](#airframes)"
-    yield "- [Types](#types)"
-    for kind in catalog.kinds():
-        yield f"\n## {kind.capitalize()}\n\n{_KINDS[kind]}"
-        for name in catalog.names(kind):
-            yield from _section(catalog.get(kind, name))
-    yield f"\n## Airframes\n\n{_AIRFRAMES}"
-    yield from _table(fields_of(Airframe), are_options=False)
-    yield from _types()
+    environment = Environment(
+        loader=PackageLoader("kybflow.cli", "printing"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    return environment.get_template("parts.md").render(
+        catalog=catalog,
+        cells=_cells,
+        in_flight=_in_flight,
+        facts=lambda spec: "; ".join(_facts(spec)),
+        are_options=lambda kind: kind not in _NO_OPTIONS,
+        airframe=fields_of(Airframe),
+        types=_types(),
+        events="\n".join(event_table(catalog)),
+    )
 
 
-def _types() -> Iterator[str]:
-    """The table of the types that carry a unit."""
-    yield "\n## Types\n\n" + _TYPES
-    yield "\n| type | in Python | a value is | units | like |\n|---|---|---|---|---|"
+def _types() -> Iterator[tuple[str, ...]]:
+    """The types that carry a unit: what each is, its name, its values, units and an example."""
     shapes = {float: "a number", Vec3: "`[x, y, z]`", tuple[Vec3, ...]: "`[[x, y, z], ...]`"}
     for name, hint in vars(units).items():
         if get_origin(hint) is Annotated:
             base, dimension = get_args(hint)
             known = ", ".join(f"`{unit}`" for unit in dimension.units) or "none"
-            cells = (dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`")
-            yield f"| {' | '.join(cells)} |"
-
-
-def _section(spec: PartSpec) -> Iterator[str]:
-    yield f"\n### {spec.name}\n\n{spec.summary}"
-    facts = "; ".join(_facts(spec))
-    if facts:
-        yield f"\n{facts[0].upper()}{facts[1:]}."
-    if not spec.fields:
-        yield "\nNo parameters."
-        return
-    yield from _table(spec.fields, spec.kind not in _NO_OPTIONS)
-
-
-def _table(fields: Iterable[Field], are_options: bool) -> Iterator[str]:
-    rows = [_COLUMNS, *map(_cells, fields)]
-    if not are_options:
-        rows = [row[:4] + row[5:] for row in rows]
-    head, *body = (f"| {' | '.join(row)} |" for row in rows)
-    yield f"\n{head}\n|{'---|' * len(rows[0])}"
-    yield from body
-
-
-def _cells(field: Field) -> tuple[str, ...]:
-    kind = type_of(field).replace("|", r"\|")
-    default = "needed" if field.required else shown_value(field.default, field)
-    return (f"`{field.name}`", kind, default, bounds_of(field), _in_flight(field), field.help)
+            yield dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`"
+    size, like = "3 rows of 3, `[[...], ...]`", "`[[1, 0, 0], [0, 1, 0], [0, 0, 1]]`"
+    yield "matrix of any of these", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
 
 
 def _in_flight(field: Field) -> str:
-    if field.read_only or field.shape in FIXED:
+    if field.read_only or field.type.fixed:
         return "never"
     if field.tightens is None:
         return ""
@@ -214,7 +129,7 @@ def _facts(spec: PartSpec) -> Iterator[str]:
     if getattr(cls, "needs", ()):
         yield f"uses {_kinds(cls.needs)}"
     if cls.events:
-        word = "alarms" if spec.kind == "supervisors" else "tells"
+        word = "alarms" if spec.kind == "supervisors" else "emits"
         yield f"{word} {', '.join(f'`{name}`' for name in cls.events)}"
 
 

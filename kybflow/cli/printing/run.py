@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kybflow.core.details import details, headline
@@ -11,7 +11,6 @@ from kybflow.core.units import format_measured
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown
-    from kybflow.runtime.engine import Engine
 
 _MARGIN = " " * 20
 _QUIET_FIELDS = frozenset({"behavior", "part"})
@@ -39,51 +38,22 @@ def _short(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-class PlainPanel:
-    """Prints each event as a line."""
-
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
-
-    def __enter__(self) -> PlainPanel:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Nothing is open."""
-
-    def hear(self, event: Event) -> None:
-        self._tell(sentence(event))
-
-    def look(self, engine: Engine) -> None:
-        """A plain panel shows events only."""
-
-
 def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
     """The lines that follow a run. has_pace: whether its clock could run faster than real time."""
     summary = flown.summary
     for expectation in summary["expectations"]:
         mark = "held  " if expectation["held"] else "FAILED"
-        yield f"{mark}  {expectation['text']}{_value(expectation)}"
+        value, unit = expectation["value"], str(expectation["unit"])
+        measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
+        yield f"{mark}  {expectation['text']}{measured}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given: the run had ended"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     yield f"{summary['mission']} {summary['outcome']}{reason}"
-    pace = _pace(summary["real_time_factor"]) if has_pace else ""
+    pace, factor = "", summary["real_time_factor"]
+    if has_pace and factor is not None:  # a slow one with one significant digit
+        pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
     yield (
         f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s{pace}, "
         f"recorded in {flown.folder}"
     )
-
-
-def _pace(factor: float | None) -> str:
-    """How many times as fast as real time, a slow one with one significant digit."""
-    if factor is None:
-        return ""
-    return f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
-
-
-def _value(expectation: dict[str, object]) -> str:
-    value = expectation["value"]
-    if not isinstance(value, float):
-        return ""
-    return f"  ({format_measured(value, str(expectation['unit']))})"

@@ -3,9 +3,9 @@ missions, and what no run has taken."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 
 from rich.console import Console
 from rich.markup import escape
@@ -16,43 +16,30 @@ from kybflow.campaigns.cases import FlightResult
 from kybflow.campaigns.coverage import Coverage
 
 
-class ProgressBar:
-    """The progress of a session as a bar on a terminal, with each failure as it happens. Elsewhere
-    only the failures are printed."""
+@contextmanager
+def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
+    """The progress of a session as a bar on a terminal. Gives what is called after each flight, and
+    prints one that failed, also where there is no bar."""
 
-    def __init__(self, console: Console, total: int) -> None:
-        columns = (
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-            TimeElapsedColumn(),
-        )  # fmt: skip
-        self._console = console
-        self._progress = Progress(*columns, console=console, disable=not console.is_terminal)
-        self._task = self._progress.add_task("flying", total=total)
+    def say(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True)
 
-    def __enter__(self) -> ProgressBar:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
-
-    def done(self, result: FlightResult) -> None:
-        self._progress.advance(self._task)
+    def done(result: FlightResult) -> None:
+        bar.advance(task)
         if result.passed:
             return
-        self._say(f"{result.verdict.upper()}  {result.case.name}")
+        say(f"{result.verdict.upper()}  {result.case.name}")
         for reason in result.reason:
-            self._say("    " + reason.replace("\n", "\n    "))
+            say("    " + reason.replace("\n", "\n    "))
         if result.folder is not None:
-            self._say(f"    kept in {result.folder}")
+            say(f"    kept in {result.folder}")
 
-    def _say(self, text: str) -> None:
-        self._console.print(text, markup=False, soft_wrap=True)
+    shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *shown, TimeElapsedColumn(), console=console, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("flying", total=total)
+        yield done
 
 
 def show_table(

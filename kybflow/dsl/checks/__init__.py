@@ -19,10 +19,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import Document
-from kybflow.dsl.shaping.entry_values import entered_states, valued_requests
+from kybflow.dsl.expanding.entry_values import entered_states, valued_requests
+from kybflow.dsl.plan import Plan
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -49,30 +49,35 @@ def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
             yield value
 
 
-def check(document: Document, catalog: Catalog) -> Diagnosed[None]:
-    """Everything that the checks find in `document`, in no order."""
-    found = chain(_found(Case(document, catalog)), _found_with_values(document, catalog))
-    yield from _deduplicated(found, document.vehicles)
+def check(plan: Plan, catalog: Catalog) -> list[Diagnostic]:
+    """Everything that the checks find in `plan`, in no order."""
+    found = chain(_found(Case(plan, catalog)), _found_with_values(plan, catalog))
+    return _deduplicated(found, plan.fleet)
 
 
 def _found(case: Case) -> Iterator[Diagnostic]:
     return (finding for one in checks() for finding in one(case))
 
 
-def _found_with_values(document: Document, catalog: Catalog) -> Iterator[Diagnostic]:
+def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
     """What is found for each request that brings values, with them in place of the state's own:
     what isn't found without them is what they bring."""
-    for asked in valued_requests(document):
-        entered = dict(entered_states(document, asked))
+    for asked in valued_requests(plan):
+        entered = dict(entered_states(plan, asked))
         if not entered:
             continue
-        vehicles = dict(document.vehicles)
-        for name, state in entered.items():
-            states = {**vehicles[name].states, state.name.text: state}
-            vehicles[name] = replace(vehicles[name], states=states)
-        note = f"with the values at {asked.state.span.at}"
-        for finding in _found(Case(replace(document, vehicles=vehicles), catalog)):
-            is_there = finding.span.is_in(asked.values.span)
+        vehicles = tuple(
+            vehicle.but(
+                states={**vehicle.states, entered[vehicle.name].name: entered[vehicle.name]}
+            )
+            if vehicle.name in entered
+            else vehicle
+            for vehicle in plan.vehicles
+        )
+        source = asked.request.source
+        note = f"with the values at {source.span.at}"
+        for finding in _found(Case(plan.but(vehicles=vehicles), catalog)):
+            is_there = finding.span.is_in(source.node.span)
             yield finding if is_there else replace(finding, notes=(*finding.notes, note))
 
 

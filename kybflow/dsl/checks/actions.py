@@ -8,10 +8,11 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.checks.limits import LIMITS
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionEntry
-from kybflow.dsl.names.option_names import members, option_values, unknown_vehicle
+from kybflow.dsl.names.option_names import option_values, unknown_vehicle
+from kybflow.dsl.plan import ActionKeys
+from kybflow.dsl.reading.nodes import Node
 from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
 
@@ -28,13 +29,13 @@ def switches(case: Case) -> Iterator[Diagnostic]:
     `switch_refused`.
     """
     for action in actions_of(case, "switch"):
-        who = action.target
-        assert who is not None
-        vehicles = members(case.document, who.text)
+        who, asked = action.target_text, action.value
+        vehicles = case.plan.members(who.text)
         if not vehicles:
-            yield unknown_vehicle("KYB232", who, case.document)
+            yield unknown_vehicle("KYB232", who, case.plan)
         for name in vehicles:
-            finding = wrong_goal("KYB232", action.value, case.document.vehicles[name])
+            goal = Text(asked.state, asked.span)
+            finding = wrong_goal("KYB232", goal, case.plan.fleet[name])
             if finding is not None:
                 yield finding
 
@@ -46,15 +47,16 @@ def options(case: Case) -> Iterator[Diagnostic]:
     `processors.NAME`, `supervisors.NAME`, `estimators.NAME`, `behaviors.STATE` or `tracker`. Its
     value must have the parameter's type, unit and bounds.
     """
-    for action in sets_of(case):
-        assert action.target is not None
-        values = yield from option_values(action, case.document, case.catalog)
+    for name, value in sets_of(case):
+        found = Findings()
+        values = option_values(name, value, case.plan, case.catalog, found)
+        yield from found.all
         fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
         if fixed is not None:
             yield Diagnostic(
                 "KYB233",
-                f"`{action.target.text}` can't change in flight",
-                action.target.span,
+                f"`{name.text}` can't change in flight",
+                name.span,
                 label="read-only" if fixed.field.read_only else "a path",
                 help="write it where the part is used",
             )
@@ -66,15 +68,14 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
     In flight such a parameter only tightens, so the change would be refused whatever has happened
     before.
     """
-    for action in sets_of(case):
-        assert action.target is not None
-        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+    for name, node in sets_of(case):
+        for option, value in option_values(name, node, case.plan, case.catalog, Findings()):
             if option.field.loosens(option.declared, value):
                 declared = shown_value(option.declared, option.field)
                 yield Diagnostic(
                     "KYB234",
                     f"`{option.name}` is a safety parameter, and this loosens it",
-                    action.value.span,
+                    node.span,
                     label=f"`{declared}` is stricter",
                     help="write the looser value where the part is used, and tighten it here",
                 )
@@ -84,11 +85,10 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
 def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     """KYB442: `set` gives a part a `tilt`, `speed` or `climb` beyond that of its vehicle's
     airframe."""
-    for action in sets_of(case):
-        assert action.target is not None
-        for option, value in collect(option_values(action, case.document, case.catalog)).value:
+    for asked, node in sets_of(case):
+        for option, value in option_values(asked, node, case.plan, case.catalog, Findings()):
             name, vehicle = option.field.name, option.name.partition(".")[0]
-            limit = getattr(case.document.vehicles[vehicle].airframe, name, None)
+            limit = getattr(case.plan.fleet[vehicle].airframe, name, None)
             dimension = option.field.dimension
             if name not in LIMITS or dimension not in (SPEED, ANGLE) or value is None:
                 continue
@@ -96,7 +96,7 @@ def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
                 yield Diagnostic(
                     "KYB442",
                     f"`{option.name}` is set to more than `{vehicle}` can do",
-                    action.value.span,
+                    node.span,
                     label=f"its airframe has a {name} of {format_quantity(limit, dimension)}",
                     help="set it to less",
                 )
@@ -110,11 +110,11 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
     processors, such as the fence, always work.
     """
     for action in (*actions_of(case, "enable"), *actions_of(case, "disable")):
-        name = action.value
+        name = action.value_text
         first, _, rest = name.text.partition(".")
-        vehicles = members(case.document, first)
+        vehicles = case.plan.members(first)
         if not vehicles:
-            yield unknown_vehicle("KYB235", name, case.document, end=len(first))
+            yield unknown_vehicle("KYB235", name, case.plan, end=len(first))
         for vehicle in vehicles[:1] if rest.startswith("supervisors.") else vehicles:
             finding = _not_switchable(case, vehicle, name, rest)
             if finding is not None:
@@ -122,16 +122,16 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
 
 
 def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnostic | None:
-    processors = {f"processors.{p.label}": p for p in case.document.vehicles[vehicle].processors}
+    processors = {use.label: use for use in case.plan.fleet[vehicle].processors}
     place = name.part(len(name.text) - len(rest), len(name.text))
     if rest.startswith("supervisors."):
         message = f"`{name.text}` can't be switched: a supervisor always works"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     if rest not in processors:
         message = f"`{vehicle}` has no processor `{rest}`"
-        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.spec.cls.safety])
+        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.cls.safety])
         return Diagnostic("KYB235", message, place, label="unknown", help=hint)
-    if processors[rest].spec.cls.safety:
+    if processors[rest].cls.safety:
         message = f"`{name.text}` can't be switched: it keeps the vehicle safe"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     return None
@@ -145,11 +145,10 @@ def unknown_acts(case: Case) -> Iterator[Diagnostic]:
     `perform_refused`.
     """
     for action in actions_of(case, "perform"):
-        who, act = action.target, action.value
-        assert who is not None
-        vehicles = members(case.document, who.text)
+        who, act = action.target_text, action.value_text
+        vehicles = case.plan.members(who.text)
         if not vehicles:
-            yield unknown_vehicle("KYB553", who, case.document)
+            yield unknown_vehicle("KYB553", who, case.plan)
         elif not any(act.text in _acts_of(case, vehicle) for vehicle in vehicles):
             drivers = (case.catalog.get("drivers", n) for n in case.catalog.names("drivers"))
             known = {name for driver in drivers for name in driver.cls.acts}
@@ -163,9 +162,9 @@ def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
     """KYB554: `perform` asks for an act that the vehicle's driver performs only where one of its
     parameters says so."""
     for action in actions_of(case, "perform"):
-        assert action.target is not None
-        for vehicle in members(case.document, action.target.text):
-            driver, act = case.document.vehicles[vehicle].driver, action.value
+        act = action.value_text
+        for vehicle in case.plan.members(action.target_text.text):
+            driver = case.plan.fleet[vehicle].driver
             found = _acts_of(case, vehicle).get(act.text)
             needs = None if found is None else found.needs
             if needs is not None and not getattr(driver.params, needs):
@@ -173,24 +172,25 @@ def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
                     "KYB554",
                     f"the driver of `{vehicle}` performs `{act.text}` with `{needs}: true` only",
                     act.span,
-                    help=f"add `{needs}: true` to `{driver.spec.name}`",
+                    help=f"add `{needs}: true` to `{driver.name}`",
                 )
 
 
 def _acts_of(case: Case, vehicle: str) -> Mapping[str, Act]:
-    acts: Mapping[str, Act] = case.document.vehicles[vehicle].driver.spec.cls.acts
+    acts: Mapping[str, Act] = case.plan.fleet[vehicle].driver.cls.acts
     return acts
 
 
-def actions_of(case: Case, name: str) -> Iterator[ActionEntry]:
+def actions_of(case: Case, name: str) -> Iterator[ActionKeys]:
     """The actions of every callback that are called `name`."""
-    for callback in case.document.callbacks:
-        yield from (action for action in callback.actions if action.name.text == name)
+    for callback in case.plan.callbacks:
+        yield from (action for action in callback.do if action.name == name)
 
 
-def sets_of(case: Case) -> Iterator[ActionEntry]:
-    """Every `set` of a callback and of a phase."""
-    yield from actions_of(case, "set")
-    for flow in case.document.flows.values():
+def sets_of(case: Case) -> Iterator[tuple[Text, Node]]:
+    """(name, value) of every option that a callback or a phase sets."""
+    for action in actions_of(case, "set"):
+        yield action.target_text, action.value_node
+    for flow in case.plan.flows:
         for phase in flow.phases.values():
-            yield from phase.set
+            yield from phase.pairs("set")

@@ -22,8 +22,8 @@ from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import PartUse, VehicleEntry
 from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe
@@ -52,18 +52,18 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
 
 def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
     """Every angle that is written, rad: where, its name, and its value."""
-    for vehicle in case.vehicles():
-        yield vehicle.spans.get("heading", vehicle.start_span), "heading", vehicle.heading
+    for vehicle in case.plan.vehicles:
+        yield vehicle.span_of("start", "heading"), "heading", vehicle.heading
     for number in case.cached(_written):
         if number.field.dimension is ANGLE:
-            yield number.part.spans[number.field.name], number.field.name, number.value
+            yield number.part.span_of(number.field.name), number.field.name, number.value
 
 
 class _Number(NamedTuple):
     """A number that is written for a behavior."""
 
-    vehicle: VehicleEntry
-    part: PartUse
+    vehicle: VehiclePlan
+    part: PartPlan
     field: Field
 
     @property
@@ -75,26 +75,25 @@ class _Number(NamedTuple):
 def _written(case: Case) -> Iterator[_Number]:
     """Every angle and every acceleration that is written for a behavior."""
     for vehicle, state in case.states():
-        part = state.part
-        judged = _judged(part.params.__class__)
-        for name in part.spans:
-            if name in judged:
-                yield _Number(vehicle, part, judged[name])
+        part = state.behavior
+        for field in _judged(part.params.__class__):
+            if part.is_written(field.name):
+                yield _Number(vehicle, part, field)
 
 
 @functools.cache
-def _judged(params: Any) -> dict[str, Field]:
+def _judged(params: Any) -> tuple[Field, ...]:
     kinds = (ANGLE, ACCELERATION)
-    return {f.name: f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar"}
+    return tuple(f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar")
 
 
 def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
     """KYB427: a length that says nothing inside the fence: a tolerance or a distance that is kept
     of more than half of its longest side, or a height above its top (a warning)."""
-    fence = case.document.fence
-    for name, part in _roomy(case) if fence is not None else ():
+    fence = case.plan.fence
+    for part in _parts(case) if fence is not None else ():
         for field in fields_in_rooms(part.params.__class__):
-            if fence is None or field.name not in part.spans:
+            if fence is None or not part.is_written(field.name):
                 continue
             value = getattr(part.params, field.name)
             if value is None or value <= _room(fence, field):
@@ -103,8 +102,8 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             usual = quantity(_usual(field), LENGTH)
             yield Diagnostic(
                 "KYB427",
-                f"`{field.name}` of `{name}` says nothing in this room",
-                part.spans[field.name],
+                f"`{field.name}` of `{part.alias}` says nothing in this room",
+                part.span_of(field.name),
                 label=quantity(value, LENGTH),
                 notes=(f"the fence is {extent} {'high' if field.room == 'up' else 'wide'}",),
                 help=f"write less, such as `{field.name}: {usual}`",
@@ -112,13 +111,11 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _roomy(case: Case) -> Iterator[tuple[str, PartUse]]:
-    """Every behavior and processor, and what reports call it."""
-    for vehicle in case.vehicles():
-        for state in vehicle.states.values():
-            yield state.name.text, state.part
-        for part in vehicle.processors:
-            yield part.label, part
+def _parts(case: Case) -> Iterator[PartPlan]:
+    """Every behavior and processor."""
+    for vehicle in case.plan.vehicles:
+        yield from (state.behavior for state in vehicle.states.values())
+        yield from vehicle.processors
 
 
 def _room(fence: Box, field: Field) -> float:
@@ -144,8 +141,8 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
             usual = quantity(_usual(field), ACCELERATION)
             yield Diagnostic(
                 "KYB428",
-                f"`{vehicle.name.text}` can't accelerate like that",
-                part.spans[field.name],
+                f"`{vehicle.name}` can't accelerate like that",
+                part.span_of(field.name),
                 label=quantity(number.value, ACCELERATION),
                 notes=(f"its tilt and its rotors give {quantity(most, ACCELERATION)} at most",),
                 help=f"write less, such as `{field.name}: {usual}`",
@@ -159,19 +156,19 @@ def _most_acceleration(airframe: Airframe) -> float:
 
 def crawls(case: Case) -> Iterator[Diagnostic]:
     """KYB429: a `speed` or `climb` below 2 cm/s, at which nothing gets anywhere (a warning)."""
-    uses = [state.part for _, state in case.states()]
-    uses += [part for vehicle in case.vehicles() for part in vehicle.processors]
-    for part in uses:
-        for name in LIMITS & part.spans.keys():
-            field = next(f for f in part.spec.fields if f.name == name)
+    for part in _parts(case):
+        for field in part.fields:
+            name = field.name
+            if name not in LIMITS or field.dimension is not SPEED or not part.is_written(name):
+                continue
             value = getattr(part.params, name)
-            if field.dimension is not SPEED or not value or abs(value) >= _CRAWL:
+            if not value or abs(value) >= _CRAWL:
                 continue
             faster = quantity(field.default or 0.5, SPEED)
             yield Diagnostic(
                 "KYB429",
-                f"`{name}` of `{part.label}` gets nowhere",
-                part.spans[name],
+                f"`{name}` of `{part.alias}` gets nowhere",
+                part.span_of(name),
                 label=f"a metre takes {quantity(round(1.0 / abs(value), 1), DURATION)}",
                 help=f"write more, such as `{name}: {faster}`",
                 severity=Severity.WARNING,
@@ -181,18 +178,18 @@ def crawls(case: Case) -> Iterator[Diagnostic]:
 def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
     """KYB444: a take-off climbs less than 10 cm, where a vehicle may still stand (a warning)."""
     for _, state, entry, footprint in case.cached(footprints):
-        legs = state.part.spec.cls.flight
+        legs = state.behavior.cls.flight
         if (GROUND, AIR) not in legs or entry is None or footprint.exit is None:
             continue
         climb = footprint.exit[2] - entry[2]
         if climb < _CLIMBS - _ROUNDING:
-            part = state.part
-            lengths = [f.name for f in part.spec.fields if f.dimension is LENGTH and f.required]
-            written = (part.spans[name] for name in lengths if name in part.spans)
+            part = state.behavior
+            lengths = [f.name for f in part.fields if f.dimension is LENGTH and f.required]
+            written = (part.span_of(name) for name in lengths if part.is_written(name))
             yield Diagnostic(
                 "KYB444",
-                f"`{state.name.text}` hardly leaves the ground",
-                next(written, part.name.span),
+                f"`{state.name}` hardly leaves the ground",
+                next(written, part.span),
                 label=f"climbs {quantity(climb, LENGTH)}",
                 help="climb higher; a metre keeps it clear of the ground",
                 severity=Severity.WARNING,

@@ -9,11 +9,8 @@ from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.checks.flows import Assignment, assignments, phases
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import PhaseEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members
-from kybflow.dsl.plan import Arrive
+from kybflow.dsl.plan import Arrive, PhasePlan, VehiclePlan
 
 _TOGETHER: Arrive = "together"
 _LASTING = frozenset({"hover", "landed"})
@@ -23,8 +20,7 @@ _LASTING = frozenset({"hover", "landed"})
 class _Arriving(NamedTuple):
     """A phase that says how its vehicles arrive, and what it asks of each."""
 
-    phase: PhaseEntry
-    how: Text
+    phase: PhasePlan
     asked: list[Assignment]
 
 
@@ -33,15 +29,15 @@ def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
 
     Phases that came through `like` are excepted: a template is for groups of any size.
     """
-    for phase, how, asked in case.cached(_arriving):
+    for phase, asked in case.cached(_arriving):
         vehicles = {assignment.vehicle for assignment in asked}
-        is_known = all(members(case.document, who.text) for who, _ in phase.run)
+        is_known = all(case.plan.members(who) for who in phase.run)
         if len(vehicles) < 2 and is_known and not phase.inherited:
             who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "nobody"
             yield Diagnostic(
                 "KYB530",
-                f"`{phase.name.text}` runs {who}, who can't arrive `{how.text}`",
-                how.span,
+                f"`{phase.name}` runs {who}, who can't arrive `{phase.arrive}`",
+                phase.span_of("arrive"),
                 label="needs two vehicles",
                 help="leave it out, or name the others in `run`",
             )
@@ -53,8 +49,8 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
     It must be one behavior that flies one straight line and knows how long it takes; a chain of
     behaviors is no such thing.
     """
-    for _, how, asked in case.cached(_arriving):
-        if how.text != _TOGETHER:
+    for phase, asked in case.cached(_arriving):
+        if phase.arrive != _TOGETHER:
             continue
         for vehicle, goal, assignment in _asked(case, asked):
             cls = case.behavior(vehicle, goal)
@@ -67,7 +63,7 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
                 f"`{assignment.goal.text}` of `{assignment.vehicle}` can't keep a common pace",
                 assignment.goal.span,
                 label=f"{what} keeps none",
-                notes=(_said(how, assignment),),
+                notes=(_said(phase, assignment),),
                 help=f"use {_paced(case)}, or say `arrive: in_turns`",
             )
 
@@ -83,8 +79,8 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
 
     A turn passes when the vehicle leaves the state, or the chain, that it was asked for.
     """
-    for _, how, asked in case.cached(_arriving):
-        if how.text == _TOGETHER:
+    for phase, asked in case.cached(_arriving):
+        if phase.arrive == _TOGETHER:
             continue
         for vehicle, goal, assignment in list(_asked(case, asked))[:-1]:
             if _lasts(vehicle, goal):
@@ -93,12 +89,12 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
                     f"`{assignment.goal.text}` of `{assignment.vehicle}` never ends",
                     assignment.goal.span,
                     label="the others wait for it",
-                    notes=(_said(how, assignment),),
+                    notes=(_said(phase, assignment),),
                     help="give it an end, or a `next` that leaves it",
                 )
 
 
-def _lasts(vehicle: VehicleEntry, goal: str) -> bool:
+def _lasts(vehicle: VehiclePlan, goal: str) -> bool:
     """Whether a state has no end and no way out but by a failure."""
     if goal not in vehicle.states:
         return goal in _LASTING
@@ -106,21 +102,21 @@ def _lasts(vehicle: VehicleEntry, goal: str) -> bool:
     return goal in endless_states(vehicle) and ways.isdisjoint({"next", "within"})
 
 
-def _said(how: Text, assignment: Assignment) -> str:
-    return f"{how.span.beside(assignment.goal.span)} says `arrive: {how.text}`"
+def _said(phase: PhasePlan, assignment: Assignment) -> str:
+    at = phase.span_of("arrive").beside(assignment.goal.span)
+    return f"{at} says `arrive: {phase.arrive}`"
 
 
 def _arriving(case: Case) -> Iterator[_Arriving]:
-    for _, phase in phases(case.document):
+    for _, phase in phases(case.plan):
         if phase.arrive is not None:
-            asked = list(assignments(case.document, phase.run))
-            yield _Arriving(phase, phase.arrive, asked)
+            yield _Arriving(phase, list(assignments(case.plan, phase, "run")))
 
 
-def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehicleEntry, str, Assignment]]:
+def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehiclePlan, str, Assignment]]:
     """Each vehicle and the state that it is asked for, if it has it."""
     for assignment in asked:
-        vehicle = case.document.vehicles[assignment.vehicle]
+        vehicle = case.plan.fleet[assignment.vehicle]
         goal = vehicle.goal(assignment.goal.text)
         if goal in vehicle.states or goal in BUILT_IN:
             yield vehicle, goal, assignment

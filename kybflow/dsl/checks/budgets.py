@@ -27,11 +27,6 @@ from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import (
-    StateEntry,
-    TransitionEntry,
-    VehicleEntry,
-)
 from kybflow.dsl.expressions import (
     Eventually,
     Expression,
@@ -42,6 +37,7 @@ from kybflow.dsl.expressions import (
     parse,
 )
 from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
@@ -56,7 +52,7 @@ def within_too_short(case: Case) -> Iterator[Diagnostic]:
     entry that it can have. Where both lead to the same state it is a warning."""
     for vehicle, state, transition in case.cached(_timed):
         if transition.cause == "within" and transition.after is not None:
-            least, what = least_time(case, vehicle, state), state.name.text
+            least, what = least_time(case, vehicle, state), state.name
             if transition.since:
                 least, what = _least_of_chain(case, vehicle, state, transition), transition.since
             if exceeds(least, transition.after):
@@ -70,21 +66,21 @@ def within_too_short(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _severity(state: StateEntry, limit: TransitionEntry) -> Severity:
-    then = next((t.target.text for t in state.transitions if t.cause == "then"), None)
-    end = end_of(state.part.spec.cls.flight) if then is None else then
-    return Severity.WARNING if end == limit.target.text else Severity.ERROR
+def _severity(state: StatePlan, limit: TransitionPlan) -> Severity:
+    then = next((t.target for t in state.transitions if t.cause == "then"), None)
+    end = end_of(state.behavior.cls.flight) if then is None else then
+    return Severity.WARNING if end == limit.target else Severity.ERROR
 
 
 def _least_of_chain(
-    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry
+    case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> float:
     """The least time from the first state of a chain to one outside, asked for that state alone."""
     chain = transition.since
     limit = transition.after or 0.0
-    if vehicle.goal(chain) != state.name.text or no_way_exceeds(case, vehicle, limit):
+    if vehicle.goal(chain) != state.name or no_way_exceeds(case, vehicle, limit):
         return 0.0
-    first = [node for node in flight_graph(case, vehicle).nodes if node.state == state.name.text]
+    first = [node for node in flight_graph(case, vehicle).nodes if node.state == state.name]
     ways = ways_from(case, vehicle, first, lambda node: is_in(node.state, chain))
     return min((w.seconds for n, w in ways.items() if not is_in(n.state, chain)), default=0.0)
 
@@ -99,15 +95,15 @@ def cut_short(case: Case) -> Iterator[Diagnostic]:
             continue
         then = next((t for t in state.transitions if t.cause == "then" and not t.since), None)
         least = least_time(case, vehicle, state)
-        if then is None or then.target.text == transition.target.text:
+        if then is None or then.target == transition.target:
             continue
         if exceeds(least, transition.after):
             yield Diagnostic(
                 "KYB431",
-                f"`{state.name.text}` is left before it can end",
+                f"`{state.name}` is left before it can end",
                 transition.span,
                 label=f"after {seconds_of(transition.after)}; it needs {seconds_of(least)}",
-                notes=(f"`{then.target.text}`, its `then`, is never entered",),
+                notes=(f"`{then.target}`, its `then`, is never entered",),
                 help="wait longer, or remove the `then`",
                 severity=Severity.WARNING,
             )
@@ -119,13 +115,13 @@ def after_its_end(case: Case) -> Iterator[Diagnostic]:
     for vehicle, state, transition in () if case.cached(disturbances) else case.cached(_timed):
         longest = inf if transition.since else longest_time(vehicle, state)
         wait = transition.after or 0.0
-        if transition.cause == "next" and _BEYOND * longest < wait < case.document.time_limit:
+        if transition.cause == "next" and _BEYOND * longest < wait < case.plan.time_limit:
             yield Diagnostic(
                 "KYB455",
-                f"`{state.name.text}` has ended before this way out is taken",
+                f"`{state.name}` has ended before this way out is taken",
                 transition.span,
                 label=f"after {seconds_of(wait)}",
-                notes=(f"`{state.part.name.text}` lasts {seconds_of(longest)} at most",),
+                notes=(f"`{state.behavior.name}` lasts {seconds_of(longest)} at most",),
                 help="wait for less, or let the behavior last longer",
                 severity=Severity.WARNING,
             )
@@ -138,12 +134,12 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
         for transition in state.transitions:
             if transition.after is None or not _is_at_once(transition):
                 continue
-            is_flown = any(leg.end is AIR for leg in state.part.spec.cls.flight)
+            is_flown = any(leg.end is AIR for leg in state.behavior.cls.flight)
             if not is_flown or _is_told(case, vehicle, state, transition):
                 continue
             yield Diagnostic(
                 "KYB448",
-                f"`{transition.since or state.name.text}` is left before it has done anything",
+                f"`{transition.since or state.name}` is left before it has done anything",
                 transition.span,
                 label=f"after {seconds_of(transition.after or 0.0)}",
                 help="wait longer, or remove this way out",
@@ -151,31 +147,31 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _is_at_once(transition: TransitionEntry) -> bool:
+def _is_at_once(transition: TransitionPlan) -> bool:
     """Whether a transition asks for a time alone, and for hardly any."""
     is_alone = transition.when is None and transition.event is None
     return is_alone and transition.after is not None and transition.after < _AT_ONCE
 
 
 def _is_told(
-    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry
+    case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> bool:
     """Whether KYB430 or KYB431 says more of it, or another state of its chain does."""
-    if transition.since and vehicle.goal(transition.since) != state.name.text:
+    if transition.since and vehicle.goal(transition.since) != state.name:
         return True
     if (vehicle, state, transition) not in case.cached(_timed):
         return False
     then = next((t for t in state.transitions if t.cause == "then" and not t.since), None)
-    is_cut = then is not None and then.target.text != transition.target.text
+    is_cut = then is not None and then.target != transition.target
     is_judged = transition.cause == "within" or (is_cut and not transition.since)
     least = least_time(case, vehicle, state)
     return is_judged and exceeds(least, transition.after or 0.0)
 
 
-def _timed(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, TransitionEntry]]:
+def _timed(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, TransitionPlan]]:
     """Every transition with a time out of a state that is reached and that has an end, and those of
     chains."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         endless = endless_states(vehicle)
         for name in entries_of(vehicle):
             state = vehicle.states[name]
@@ -190,14 +186,14 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
 
     A run ends after `time_limit`, 600 s unless the mission says otherwise.
     """
-    limit = case.document.time_limit
+    limit = case.plan.time_limit
     for vehicle in case.cached(_left_alone):
         way = _way_to_rest(case, vehicle, limit)
         if way is not None and not _waits_longer(vehicle, way, limit):
             yield _over(case, vehicle, way, limit)
 
 
-def _waits_longer(vehicle: VehicleEntry, way: Way, limit: float) -> bool:
+def _waits_longer(vehicle: VehiclePlan, way: Way, limit: float) -> bool:
     """Whether one wait on the way is that long by itself, as KYB259 says."""
     states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
     return any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions)
@@ -207,18 +203,18 @@ def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
     """KYB433: a parameter is longer than the one that limits it, so that the part never succeeds: a
     behavior that must be there for longer than it waits."""
     for _, state in case.states():
-        part = state.part
+        part = state.behavior
         for field in limited_fields(part.params.__class__):
             assert field.limited_by is not None
             own, most = getattr(part.params, field.name), getattr(part.params, field.limited_by)
             if own is None or most is None or own <= most or field.dimension is None:
                 continue
-            written = [part.spans[n] for n in (field.name, field.limited_by) if n in part.spans]
+            written = [n for n in (field.name, field.limited_by) if part.is_written(n)]
             shown = [format_quantity(value, field.dimension) for value in (own, most)]
             yield Diagnostic(
                 "KYB433",
-                f"`{state.name.text}` ({part.name.text}) always fails",
-                written[0] if written else part.name.span,
+                f"`{state.name}` ({part.name}) always fails",
+                part.span_of(*written[:1]),
                 label=f"its `{field.name}` of {shown[0]} exceeds its `{field.limited_by}`",
                 notes=(f"`{field.limited_by}` is {shown[1]}",),
                 help=f"let `{field.name}` be less than `{field.limited_by}`",
@@ -245,15 +241,15 @@ def begins_empty(case: Case) -> Iterator[Diagnostic]:
     """KYB456: the battery of a vehicle begins with no more than the charge below which a supervisor
     lands it: its preflight check stays red, or it comes down as soon as it has taken off (a
     warning)."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         driver = vehicle.driver
-        charge = driver.spec.cls.charge(driver.params)
+        charge = driver.cls.charge(driver.params)
         if charge is None or charge.share >= 1.0 or charge.share > _reserve(vehicle):
             continue
         yield Diagnostic(
             "KYB456",
-            f"the battery of `{vehicle.name.text}` is empty at the start",
-            driver.spans.get(charge.parameter, driver.name.span),
+            f"the battery of `{vehicle.name}` is empty at the start",
+            driver.span_of(charge.parameter),
             label=f"begins with {format_quantity(charge.share, RATIO)}",
             notes=(f"it is landed at {format_quantity(_reserve(vehicle), RATIO)}",),
             help="begin with more",
@@ -261,14 +257,14 @@ def begins_empty(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _reserve(vehicle: VehicleEntry) -> float:
+def _reserve(vehicle: VehiclePlan) -> float:
     """The charge at which a supervisor lands the vehicle."""
-    return max((s.spec.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
+    return max((s.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
 
 
-def _drained(case: Case, vehicle: VehicleEntry, way: Way, reserve: float) -> Diagnostic:
+def _drained(case: Case, vehicle: VehiclePlan, way: Way, reserve: float) -> Diagnostic:
     endurance = vehicle.airframe.endurance
-    name, lands = vehicle.name.text, f", and is landed at {format_quantity(reserve, RATIO)}"
+    name, lands = vehicle.name, f", and is landed at {format_quantity(reserve, RATIO)}"
     return Diagnostic(
         "KYB434",
         f"the battery of `{name}` does not last for this flight",
@@ -282,7 +278,7 @@ def _drained(case: Case, vehicle: VehicleEntry, way: Way, reserve: float) -> Dia
     )
 
 
-def _flights(case: Case, vehicle: VehicleEntry) -> Iterator[Way]:
+def _flights(case: Case, vehicle: VehiclePlan) -> Iterator[Way]:
     """The quickest way from each take-off to the ground."""
     for node in flight_graph(case, vehicle).nodes:
         legs = case.legs(vehicle, node.state)
@@ -297,7 +293,7 @@ def _flights(case: Case, vehicle: VehicleEntry) -> Iterator[Way]:
 def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
     """KYB435: an expectation waits for less time than the mission needs at least: to have finished,
     or until a vehicle is in a state."""
-    for text in case.document.expect:
+    for text in case.plan.texts_of("expect"):
         if "within" not in text.text:
             continue
         way = _too_slow(case, parse(text, case.scopes.expectation())[0])
@@ -334,14 +330,14 @@ def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
 
 def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
     """The quickest way of a vehicle into a state, where it takes longer than `limit`."""
-    vehicle = case.document.vehicles[name]
+    vehicle = case.plan.fleet[name]
     if vehicle not in case.cached(_left_alone) or no_way_exceeds(case, vehicle, limit):
         return None
     way = quickest_into(ways_from(case, vehicle, [_first(vehicle)]), state)
     return way if way is not None and exceeds(way.seconds, limit) else None
 
 
-def _way_to_rest(case: Case, vehicle: VehicleEntry, limit: float) -> Way | None:
+def _way_to_rest(case: Case, vehicle: VehiclePlan, limit: float) -> Way | None:
     """The quickest way of a vehicle to where it rests for good, where it takes longer than
     `limit`."""
     if no_way_exceeds(case, vehicle, limit):
@@ -352,24 +348,24 @@ def _way_to_rest(case: Case, vehicle: VehicleEntry, limit: float) -> Way | None:
     return way if way is not None and exceeds(way.seconds, limit) else None
 
 
-def _first(vehicle: VehicleEntry) -> FlightNode:
-    return FlightNode(vehicle.begin.text, GROUND)
+def _first(vehicle: VehiclePlan) -> FlightNode:
+    return FlightNode(vehicle.begin, GROUND)
 
 
-def _left_alone(case: Case) -> Iterator[VehicleEntry]:
+def _left_alone(case: Case) -> Iterator[VehiclePlan]:
     """The vehicles that fly as their own states say: no flow or callback asks them for anything,
     and no fault may end their flight early, unless it is expected to land in spite of it."""
-    broken = {fault.vehicle.text for fault in case.document.faults}
+    broken = {fault.vehicle for fault in case.plan.faults}
     broken -= set(_expected_to_land(case)) if broken else set()
-    for vehicle in () if case.cached(disturbances) else case.vehicles():
-        if not vehicle.requested and vehicle.name.text not in broken:
+    for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
+        if not vehicle.requested and vehicle.name not in broken:
             yield vehicle
 
 
 def _expected_to_land(case: Case) -> Iterator[str]:
     """The vehicles that end as their mission says, whatever faults break: in `landed`, where a
     failsafe would leave them in `fault`."""
-    for text in case.document.expect:
+    for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Finally(InState(name, "landed")):
                 yield name
@@ -377,15 +373,15 @@ def _expected_to_land(case: Case) -> Iterator[str]:
                 yield from names
 
 
-def _rests(vehicle: VehicleEntry, node: FlightNode) -> bool:
+def _rests(vehicle: VehiclePlan, node: FlightNode) -> bool:
     state = vehicle.states.get(node.state)
     return node.flight is GROUND and (state is None or not state.transitions)
 
 
-def _over(case: Case, vehicle: VehicleEntry, way: Way, limit: float) -> Diagnostic:
+def _over(case: Case, vehicle: VehiclePlan, way: Way, limit: float) -> Diagnostic:
     return Diagnostic(
         "KYB432",
-        f"`{vehicle.name.text}` can't have landed when the mission's time is over",
+        f"`{vehicle.name}` can't have landed when the mission's time is over",
         _place(case, vehicle, way),
         label=f"flies for {seconds_of(way.seconds)} at least",
         notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
@@ -394,12 +390,12 @@ def _over(case: Case, vehicle: VehicleEntry, way: Way, limit: float) -> Diagnost
     )
 
 
-def _place(case: Case, vehicle: VehicleEntry, way: Way) -> Span:
+def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:
     """Where the longest state of a way says for how long, or which wait it is."""
     name = way.longest()
     state = vehicle.states.get(name)
     if state is None:
-        return vehicle.name.span
+        return vehicle.span
     waits = [t for t in state.transitions if t.cause != "then" and t.after is not None]
     if name in endless_states(vehicle) and waits:
         return waits[0].span

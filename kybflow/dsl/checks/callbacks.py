@@ -7,22 +7,25 @@ from collections.abc import Iterator
 from string import Formatter
 from typing import NamedTuple, get_args
 
+from kybflow.core.events import AlarmRaised
 from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import OPERATOR, KnownEvents, known_events, told_by_transitions
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
-from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import ActionEntry, CallbackEntry
+from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members, options_named
-from kybflow.parts.observables import ALARM_FIELDS, EVENTS
+from kybflow.dsl.names.option_names import options_named
+from kybflow.dsl.plan import ActionKeys, CallbackPlan
+from kybflow.dsl.reading.nodes import entries_of, items_of
+from kybflow.parts.events import AWAITED_EVENTS
 
 _CUSTOM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z", re.ASCII)
 _PLACEHOLDER = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
 _ALWAYS = ("event", "time")
 _NUMBERS = frozenset({"bound", "offset"})
+_OF_ALARMS = tuple(AlarmRaised.fields)
 _REACTIONS = get_args(ReactionName)
 
 
@@ -30,40 +33,42 @@ def filters(case: Case) -> Iterator[Diagnostic]:
     """KYB231: a callback asks for a field that its event does not have, or for a value of it that
     never comes.
 
-    The fields of each event are in the language's page. Names of states, of estimators and of
+    The fields of each event are in the table of events. Names of states, of estimators and of
     reactions are judged; numbers are no names: compare them in a `when`.
     """
     (events,) = case.cached(known_events)
-    for callback in case.document.callbacks:
-        if callback.event is None:
+    for callback in case.plan.callbacks:
+        if not callback.event:
             continue
-        sources = events.sources(callback.event.text)
-        known = carried(callback.event.text, events)
-        for field, value in callback.fields if sources else ():
-            if field.text not in known:
-                message = f"`{callback.event.text}` has no field `{field.text}`"
-                hint = did_you_mean(field.text, known) or "it carries nothing"
-                yield Diagnostic("KYB231", message, field.span, label="unknown", help=hint)
-            elif field.text in _NUMBERS or (field.text == "value" and known == ALARM_FIELDS):
-                message = f"`{field.text}` is a number, and a filter compares names"
-                yield Diagnostic("KYB231", message, field.span, help="compare it in a `when`")
+        sources = events.sources(callback.event)
+        known = carried(callback.event, events)
+        for field, _ in callback.fields if sources else ():
+            if field not in known:
+                message = f"`{callback.event}` has no field `{field}`"
+                span = callback.key_span(field)
+                hint = did_you_mean(field, known) or "it carries nothing"
+                yield Diagnostic("KYB231", message, span, label="unknown", help=hint)
+            elif field in _NUMBERS or (field == "value" and known == _OF_ALARMS):
+                message = f"`{field}` is a number, and a filter compares names"
+                span = callback.key_span(field)
+                yield Diagnostic("KYB231", message, span, help="compare it in a `when`")
             else:
-                yield from _never_said(case, sources, field, value)
+                yield from _never_said(case, sources, field, callback.text_of(field))
 
 
 def _never_said(
-    case: Case, sources: tuple[str, ...], field: Text, value: Text
+    case: Case, sources: tuple[str, ...], field: str, value: Text | None
 ) -> Iterator[Diagnostic]:
-    vehicles = [case.document.vehicles[name] for name in sources if name]
+    vehicles = [case.plan.fleet[name] for name in sources if name]
     known: set[str] = set()
-    if field.text == "behavior":
+    if field == "behavior":
         known = {name for v in vehicles for name in (*v.states, *BUILT_IN)}
-    elif field.text in ("estimator", "previous"):
-        known = {use.part.label for v in vehicles for use in v.estimators}
-    elif field.text == "reaction":
+    elif field in ("estimator", "previous"):
+        known = {use.part.alias for v in vehicles for use in v.estimators}
+    elif field == "reaction":
         known = set(_REACTIONS)
-    if known and value.text not in known:
-        message = f"`{field.text}` is never `{value.text}` here"
+    if value is not None and known and value.text not in known:
+        message = f"`{field}` is never `{value.text}` here"
         hint = did_you_mean(value.text, known)
         yield Diagnostic("KYB231", message, value.span, label="unknown", help=hint)
 
@@ -75,14 +80,14 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
     called like an event of the engine or of a part, and may not begin with a vehicle's, a group's
     or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
     """
-    names = [action.value for action in actions_of(case, "emit")]
-    names += told_by_transitions(case.document)
+    names = [action.value_text for action in actions_of(case, "emit")]
+    names += emitted_by_transitions(case.plan)
     if not names:
         return
     (events,) = case.cached(known_events)
-    taken = {event for own in events.of.values() for event in own} | EVENTS.keys()
-    owners = {"any", "operator", *case.document.vehicles, *case.document.groups}
-    owners.update(case.document.flows, case.document.inputs)
+    taken = {event for own in events.of.values() for event in own} | AWAITED_EVENTS.keys()
+    owners = {"any", "operator", *case.plan.fleet, *case.plan.groups}
+    owners.update(case.plan.flows_by_name, case.plan.inputs_by_name)
     for name in names:
         first, dot, _ = name.text.partition(".")
         message = hint = ""
@@ -103,16 +108,17 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
 def phases(case: Case) -> Iterator[Diagnostic]:
     """KYB237: `phase` names a flow or a phase that does not exist, or a phase that several flows
     have."""
-    flows = case.document.flows
+    flows = case.plan.flows_by_name
     for action in actions_of(case, "phase"):
-        flow, phase = action.target, action.value
+        flow, phase = action.target, action.value_text
         owners = [name for name, f in flows.items() if phase.text in f.phases]
-        if flow is not None and flow.text not in flows:
-            message, hint = f"there is no flow `{flow.text}`", did_you_mean(flow.text, flows)
-            yield Diagnostic("KYB237", message, flow.span, label="unknown", help=hint)
-        elif flow is not None and flow.text not in owners:
-            message = f"`{flow.text}` has no phase `{phase.text}`"
-            hint = did_you_mean(phase.text, flows[flow.text].phases)
+        if flow is not None and flow not in flows:
+            message, span = f"there is no flow `{flow}`", action.target_text.span
+            hint = did_you_mean(flow, flows)
+            yield Diagnostic("KYB237", message, span, label="unknown", help=hint)
+        elif flow is not None and flow not in owners:
+            message = f"`{flow}` has no phase `{phase.text}`"
+            hint = did_you_mean(phase.text, flows[flow].phases)
             yield Diagnostic("KYB237", message, phase.span, label="unknown", help=hint)
         elif not owners:
             known = [name for f in flows.values() for name in f.phases]
@@ -132,20 +138,20 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
     `{vehicle}`, and each its own fields. Braces that are meant as such are written twice.
     """
     (events,) = case.cached(known_events)
-    for callback in case.document.callbacks:
-        if callback.event is not None and not events.sources(callback.event.text):
+    for callback in case.plan.callbacks:
+        if callback.event and not events.sources(callback.event):
             continue  # KYB208 says so
         known = log_fields(callback, events)
-        for action in callback.actions:
-            if action.name.text == "log":
-                yield from _placeholders(action.value, callback, known)
+        for action in callback.do:
+            if action.name == "log":
+                yield from _placeholders(action.value_text, callback, known)
 
 
-def log_fields(callback: CallbackEntry, events: KnownEvents) -> tuple[str, ...]:
+def log_fields(callback: CallbackPlan, events: KnownEvents) -> tuple[str, ...]:
     """The fields that a callback's `log` may name in braces."""
-    if callback.event is None:
+    event = callback.event
+    if not event:
         return ("time",)
-    event = callback.event.text
     sources = events.sources(event)
     own = ("vehicle",) if sources and sources != ("",) else ()
     return (*_ALWAYS, *own, *carried(event, events))
@@ -159,7 +165,7 @@ def carried(event: str, events: KnownEvents) -> tuple[str, ...]:
 
 
 def _placeholders(
-    text: Text, callback: CallbackEntry, known: tuple[str, ...]
+    text: Text, callback: CallbackPlan, known: tuple[str, ...]
 ) -> Iterator[Diagnostic]:
     try:
         parsed = list(Formatter().parse(text.text))
@@ -180,7 +186,7 @@ def _placeholders(
                 "KYB238", message, place, help="write `{vehicle}`, and `{{` for a brace"
             )
         elif name not in known:
-            what = "a condition" if callback.event is None else f"`{callback.event.text}`"
+            what = f"`{callback.event}`" if callback.event else "a condition"
             message = f"{what} has no field `{name}`"
             hint = did_you_mean(name, known)
             yield Diagnostic("KYB238", message, place, label="unknown", help=hint)
@@ -197,7 +203,7 @@ class _Said(NamedTuple):
 class _Way(NamedTuple):
     """From a callback to another one that hears what `action` of the first brings about."""
 
-    action: ActionEntry
+    action: ActionKeys
     to: int
 
 
@@ -210,24 +216,34 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
     `behavior_ended` and `behavior_started`, `phase` `phase_started`, `perform` `performed` or
     `perform_refused`.
     """
-    callbacks = [c for c in case.document.callbacks if c.when is None]
-    heard_events = [c.event.text for c in callbacks if c.event is not None]
+    callbacks = [c for c in case.plan.callbacks if c.when is None]
+    heard_events = [c.event for c in callbacks if c.event]
     ways = _ways(case, callbacks, heard_events)
     for first, out in ways.items():
         cycle = _back(first, ways)
         if cycle and first == min(cycle):
             heard = [heard_events[index] for index in (*cycle, first)]
+            onward = (*cycle, first)[1]
+            action = next(way.action for way in out if way.to == onward)
             yield Diagnostic(
                 "KYB239",
                 f"`{heard[0]}` is answered again and again, for ever",
-                next(way.action.name.span for way in out if way.to == (*cycle, first)[1]),
+                _key_span(callbacks[first], action),
                 label="this brings it about" if len(cycle) == 1 else "this begins a cycle",
                 notes=() if len(cycle) == 1 else ("`" + "` → `".join(heard) + "`",),
                 help="add a `when`, or hear an event that this does not bring about",
             )
 
 
-def _ways(case: Case, callbacks: list[CallbackEntry], heard: list[str]) -> dict[int, list[_Way]]:
+def _key_span(callback: CallbackPlan, action: ActionKeys) -> Span:
+    """The place of an action's key; several targets may share it."""
+    do = callback.entry("do")
+    items = () if do is None else items_of(do.value)
+    own = next(item for item in items if action.span.is_in(item.span))
+    return next(iter(entries_of(own).values())).key.span
+
+
+def _ways(case: Case, callbacks: list[CallbackPlan], heard: list[str]) -> dict[int, list[_Way]]:
     (events,) = case.cached(known_events)
     hearing: dict[tuple[str, str], list[int]] = {}
     for index, event in enumerate(heard):
@@ -236,7 +252,7 @@ def _ways(case: Case, callbacks: list[CallbackEntry], heard: list[str]) -> dict[
             hearing.setdefault((vehicle, name), []).append(index)
     ways: dict[int, list[_Way]] = {}
     for index, callback in enumerate(callbacks):
-        for action in callback.actions:
+        for action in callback.do:
             for said in _said(case, action):
                 listeners = hearing.get((said.vehicle, said.event), ())
                 found = [i for i in listeners if _passes(callbacks[i], said)]
@@ -244,37 +260,37 @@ def _ways(case: Case, callbacks: list[CallbackEntry], heard: list[str]) -> dict[
     return ways
 
 
-def _passes(callback: CallbackEntry, said: _Said) -> bool:
+def _passes(callback: CallbackPlan, said: _Said) -> bool:
     """Whether the callback's filters surely let the event through."""
-    return all(said.fields.get(field.text) == value.text for field, value in callback.fields)
+    return all(said.fields.get(field) == value for field, value in callback.fields)
 
 
-def _said(case: Case, action: ActionEntry) -> Iterator[_Said]:
-    name, target = action.name.text, action.target
+def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:
+    name, target, value = action.name, action.target, action.value
     if name == "emit":
-        yield _Said("", action.value.text, {})
+        yield _Said("", value, {})
     elif name == "log":
         yield _Said("", "logged", {})
     elif name == "set" and target is not None:
-        for option in collect(options_named(target, case.document, case.catalog)).value:
+        asked = action.target_text
+        for option in options_named(asked, case.plan, case.catalog, Findings()):
             vehicle = option.name.partition(".")[0]
             yield _Said(vehicle, "option_changed", {"option": option.name, "by": "callback"})
     elif name == "switch" and target is not None:
-        for vehicle in members(case.document, target.text):
-            state = case.document.vehicles[vehicle].goal(action.value.text)
+        for vehicle in case.plan.members(target):
+            state = case.plan.fleet[vehicle].goal(value.state)
             yield _Said(vehicle, "behavior_started", {"behavior": state})
             yield _Said(vehicle, "behavior_ended", {"how": "asked"})
     elif name == "perform" and target is not None:
-        for vehicle in members(case.document, target.text):
-            driver, act = case.document.vehicles[vehicle].driver, action.value.text
-            known = driver.spec.cls.acts.get(act)
-            can = known is not None and (known.needs is None or getattr(driver.params, known.needs))
-            yield _Said(
-                vehicle, "performed" if can else "perform_refused", {"act": act, "by": "callback"}
-            )
+        for vehicle in case.plan.members(target):
+            driver = case.plan.fleet[vehicle].driver
+            act = driver.cls.acts.get(value)
+            can = act is not None and (act.needs is None or getattr(driver.params, act.needs))
+            told = "performed" if can else "perform_refused"
+            yield _Said(vehicle, told, {"act": value, "by": "callback"})
     elif name == "phase":
-        known = {} if target is None else {"flow": target.text}
-        yield _Said("", "phase_started", {**known, "phase": action.value.text})
+        known = {} if target is None else {"flow": target}
+        yield _Said("", "phase_started", {**known, "phase": value})
 
 
 def _back(first: int, ways: dict[int, list[_Way]]) -> list[int]:

@@ -10,11 +10,12 @@ from kybflow.core.errors import PartError
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, StateEntry, VehicleEntry
 from kybflow.dsl.expressions import Condition, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
+from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
 from kybflow.parts import Behavior, Flight, Leg
 
 if TYPE_CHECKING:
@@ -37,10 +38,10 @@ WORDS = KEYWORDS | {"all", "any", "start", "operator"}
 class Case:
     """A mission under judgement, the parts at hand, and what its expressions may name."""
 
-    def __init__(self, document: Document, catalog: Catalog) -> None:
-        self.document = document
+    def __init__(self, plan: Plan, catalog: Catalog) -> None:
+        self.plan = plan
         self.catalog = catalog
-        self.scopes = Scopes(document)
+        self.scopes = Scopes(plan)
         self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
 
     def cached(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
@@ -50,12 +51,9 @@ class Case:
             self._found[find] = list(find(self))
         return self._found[find]
 
-    def vehicles(self) -> Iterator[VehicleEntry]:
-        yield from self.document.vehicles.values()
-
-    def states(self) -> Iterator[tuple[VehicleEntry, StateEntry]]:
+    def states(self) -> Iterator[tuple[VehiclePlan, StatePlan]]:
         """Every behavior of every vehicle."""
-        for vehicle in self.vehicles():
+        for vehicle in self.plan.vehicles:
             for state in vehicle.states.values():
                 yield vehicle, state
 
@@ -65,35 +63,37 @@ class Case:
             with suppress(PartError):
                 yield self.catalog.get(kind, name)
 
-    def condition(self, text: Text | None, scope: Scope) -> Condition | None:
-        """The parsed condition; None when there is none or when it has errors."""
+    def condition(self, owner: Record, key: str, scope: Scope) -> Condition | None:
+        """The condition under a key of a record, parsed; None when there is none or when it has
+        errors."""
+        text = owner.text_of(key)
         return cast("Condition | None", None if text is None else parse(text, scope)[0])
 
-    def behavior(self, vehicle: VehicleEntry, state: str) -> type[Behavior[Any]] | None:
+    def behavior(self, vehicle: VehiclePlan, state: str) -> type[Behavior[Any]] | None:
         """The class behind a state of the vehicle or a built-in one; None for an unknown name."""
         if state in vehicle.states:
-            own: type[Behavior[Any]] = vehicle.states[state].part.spec.cls
+            own: type[Behavior[Any]] = vehicle.states[state].behavior.cls
             return own
         if state in BUILT_IN:
             built_in: type[Behavior[Any]] = self.catalog.get("behaviors", BUILT_IN[state]).cls
             return built_in
         return None
 
-    def legs(self, vehicle: VehicleEntry, state: str) -> tuple[Leg, ...]:
+    def legs(self, vehicle: VehiclePlan, state: str) -> tuple[Leg, ...]:
         """The flight types of a state; none for an unknown name."""
         cls = self.behavior(vehicle, state)
         return cls.flight if cls is not None else ()
 
-    def accepts(self, vehicle: VehicleEntry, state: str, flight: Flight) -> bool:
+    def accepts(self, vehicle: VehiclePlan, state: str, flight: Flight) -> bool:
         return any(leg.start is flight for leg in self.legs(vehicle, state))
 
 
-def part_of(vehicle: VehicleEntry, state: str) -> str:
+def part_of(vehicle: VehiclePlan, state: str) -> str:
     """The name of the part behind a state."""
-    return vehicle.states[state].part.name.text if state in vehicle.states else BUILT_IN[state]
+    return vehicle.states[state].behavior.name if state in vehicle.states else BUILT_IN[state]
 
 
-def wrong_goal(code: str, name: Text, vehicle: VehicleEntry) -> Diagnostic | None:
+def wrong_goal(code: str, name: Text, vehicle: VehiclePlan) -> Diagnostic | None:
     """The finding for a goal that the vehicle does not have; None for one that it has."""
     if vehicle.goal(name.text) in vehicle.states or name.text in TARGETS:
         return None
@@ -108,16 +108,14 @@ def wrong_goal(code: str, name: Text, vehicle: VehicleEntry) -> Diagnostic | Non
     )
 
 
-def no_state(
-    code: str, name: Text, vehicle: VehicleEntry, more: tuple[str, ...] = ()
-) -> Diagnostic:
+def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] = ()) -> Diagnostic:
     """The finding for a name that is no state or chain of the vehicle, nor one of `more`."""
     key = "inner goals" if "." in name.text else "goals"
     if key not in vehicle.known:
         vehicle.known[key] = sorted(goals_like(name.text, vehicle.states))
     return Diagnostic(
         code,
-        f"`{vehicle.name.text}` has no behavior `{name.text}`",
+        f"`{vehicle.name}` has no behavior `{name.text}`",
         name.span,
         label="unknown",
         help=did_you_mean(name.text, (*vehicle.known[key], *more)),

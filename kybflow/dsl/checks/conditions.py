@@ -1,5 +1,5 @@
 """Conditions, health and expectations: read and typed (KYB210 to KYB214,
-`kybflow.dsl.expressions.errors`), times that never come (KYB259), and what no flight can answer
+`kybflow.dsl.expressions.parse`), times that never come (KYB259), and what no flight can answer
 (KYB257, KYB258)."""
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import (
     Always,
     Compare,
@@ -25,41 +24,48 @@ from kybflow.dsl.expressions import (
     GroupInState,
     InState,
     Read,
+    Scope,
     Word,
     parse,
 )
 from kybflow.dsl.expressions.tree import Aggregate
+from kybflow.dsl.language.source import Record
+from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts.observables import chains_of
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every behavior."""
     for vehicle, state in case.states():
-        scope = case.scopes.condition(vehicle.name.text)
+        scope = case.scopes.condition(vehicle.name)
         for transition in state.transitions:
-            if transition.when is not None:
-                yield from parse(transition.when, scope)[1]
+            yield from _misread(transition, "when", scope)
 
 
 def callback_conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every callback."""
-    for callback in case.document.callbacks:
-        if callback.when is not None:
-            yield from parse(callback.when, case.scopes.flow())[1]
+    for callback in case.plan.callbacks:
+        yield from _misread(callback, "when", case.scopes.flow())
 
 
 def health(case: Case) -> Iterator[Diagnostic]:
     """Every estimator's `healthy`."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for estimator in vehicle.estimators:
-            if estimator.healthy is not None:
-                yield from parse(estimator.healthy, case.scopes.health(vehicle.name.text))[1]
+            yield from _misread(estimator, "healthy", case.scopes.health(vehicle.name))
+
+
+def _misread(owner: Record, key: str, scope: Scope) -> Iterator[Diagnostic]:
+    """What is wrong with the condition under a key of a record."""
+    text = owner.text_of(key)
+    if text is not None:
+        yield from parse(text, scope)[1]
 
 
 def expectations(case: Case) -> Iterator[Diagnostic]:
     """Every line of `expect`."""
     scope = case.scopes.expectation()
-    for expectation in case.document.expect:
+    for expectation in case.plan.texts_of("expect"):
         yield from parse(expectation, scope)[1]
 
 
@@ -79,14 +85,14 @@ def after_the_end(case: Case) -> Iterator[Diagnostic]:
     A run ends after `time_limit`, 600 s unless the mission says otherwise. Often a unit is wrong:
     `min` for `ms`.
     """
-    limit = case.document.time_limit
+    limit = case.plan.time_limit
     for transition in _transitions(case):
         waits = max(transition.after or 0.0, transition.hold)
         if waits < limit:
             continue
         yield Diagnostic(
             "KYB259",
-            f"`{transition.target.text}` is never reached by a wait of {_seconds(waits)}",
+            f"`{transition.target}` is never reached by a wait of {_seconds(waits)}",
             transition.span,
             label="the run is over before",
             notes=(f"its `time_limit` is {_seconds(limit)}",),
@@ -99,10 +105,10 @@ def _seconds(value: float) -> str:
     return format_quantity(value, DURATION)
 
 
-def _transitions(case: Case) -> Iterator[TransitionEntry]:
+def _transitions(case: Case) -> Iterator[TransitionPlan]:
     for _, state in case.states():
         yield from state.transitions
-    for flow in case.document.flows.values():
+    for flow in case.plan.flows:
         for phase in flow.phases.values():
             yield from phase.transitions
 
@@ -116,41 +122,40 @@ def all_conditions(case: Case) -> Iterator[TypedCondition]:
 
 def conditions_of(case: Case) -> Iterator[TypedCondition]:
     """Every condition of a transition, a callback, a phase and a fault that parses."""
-    document, scopes = case.document, case.scopes
-    written = [
-        (transition.when, vehicle.name.text)
+    plan, scopes = case.plan, case.scopes
+    asking: list[tuple[Record, str]] = [
+        (transition, vehicle.name)
         for vehicle, state in case.states()
         for transition in state.transitions
     ]
-    written += [(f.when, f.vehicle.text) for f in document.faults]
-    shared = [callback.when for callback in document.callbacks]
-    for flow in document.flows.values():
-        shared += [
-            transition.when for phase in flow.phases.values() for transition in phase.transitions
-        ]
-    for text, own in written:
-        condition = case.condition(text, scopes.condition(own))
-        if text is not None and condition is not None:
-            yield TypedCondition(text, condition, own)
-    for text in shared:
-        condition = case.condition(text, scopes.flow())
-        if text is not None and condition is not None:
-            yield TypedCondition(text, condition, None)
+    asking += [(fault, fault.vehicle) for fault in plan.faults]
+    for owner, own in asking:
+        yield from _typed(case, owner, "when", scopes.condition(own), own)
+    phases = (phase for flow in plan.flows for phase in flow.phases.values())
+    shared = (transition for phase in phases for transition in phase.transitions)
+    for one in (*plan.callbacks, *shared):
+        yield from _typed(case, one, "when", scopes.flow(), None)
 
 
 def health_conditions(case: Case) -> Iterator[TypedCondition]:
     """Every `healthy` that parses."""
-    for vehicle in case.vehicles():
-        own = vehicle.name.text
-        for text in (estimator.healthy for estimator in vehicle.estimators):
-            condition = case.condition(text, case.scopes.health(own))
-            if text is not None and condition is not None:
-                yield TypedCondition(text, condition, own)
+    for vehicle in case.plan.vehicles:
+        scope = case.scopes.health(vehicle.name)
+        for estimator in vehicle.estimators:
+            yield from _typed(case, estimator, "healthy", scope, vehicle.name)
+
+
+def _typed(
+    case: Case, owner: Record, key: str, scope: Scope, own: str | None
+) -> Iterator[TypedCondition]:
+    text, condition = owner.text_of(key), case.condition(owner, key, scope)
+    if text is not None and condition is not None:
+        yield TypedCondition(text, condition, own)
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """The condition of every expectation, without its `always`, `eventually` or `finally`."""
-    for text in case.document.expect:
+    for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Always(condition) | Eventually(condition) | Finally(condition):
                 yield TypedCondition(text, condition, None, is_expected=True)
@@ -168,7 +173,7 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
     The state exists, but no transition, callback or flow leads to it; it came through `like`, else
     KYB204 would say so. A statistic of it is of no tick, an `eventually` of it fails.
     """
-    never = {v.name.text: _never(v) for v in case.vehicles()}
+    never = {v.name: _never(v) for v in case.plan.vehicles}
     if not any(never.values()):
         return
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
@@ -183,7 +188,7 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _never(vehicle: VehicleEntry) -> frozenset[str]:
+def _never(vehicle: VehiclePlan) -> frozenset[str]:
     reached = reached_states(vehicle)
     if not vehicle.states.keys() & reached:
         return frozenset()
@@ -216,19 +221,19 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
     false.
     """
     telling = ("battery.", *_ESTIMATED)
-    is_blind = any(_lacking(case, v, name) for v in case.vehicles() for name in telling)
+    is_blind = any(_lacking(case, v, name) for v in case.plan.vehicles for name in telling)
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):
         if not is_blind and _STICKS not in typed.text.text:
             continue
         for node in nodes(typed.condition):
-            vehicle = case.document.vehicles.get(_subject(node, typed))
+            vehicle = case.plan.fleet.get(_subject(node, typed))
             if vehicle is None or not isinstance(node, Read):
                 continue
             lacking = _lacking(case, vehicle, node.name)
             if lacking:
                 yield Diagnostic(
                     "KYB258",
-                    f"`{node.name}` of `{vehicle.name.text}` is never known",
+                    f"`{node.name}` of `{vehicle.name}` is never known",
                     typed.text.span,
                     label=lacking,
                     help="ask for something else, or change what the vehicle has",
@@ -239,16 +244,16 @@ def _subject(node: object, typed: TypedCondition) -> str:
     return (node.vehicle or typed.own or "") if isinstance(node, Read) else ""
 
 
-def _lacking(case: Case, vehicle: VehicleEntry, name: str) -> str:
+def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
     """What the vehicle lacks to know a value, for the report; empty when it lacks nothing."""
     driver = vehicle.driver
-    if name.startswith("battery.") and Battery not in driver.spec.cls.provides:
-        return f"`{driver.name.text}` reports no battery"
-    is_here_alone = "targets" not in case.document.spans
-    if name.startswith(_STICKS) and is_here_alone and Sticks not in driver.spec.cls.provides:
-        return f"`{driver.name.text}` reports no pilot"
+    if name.startswith("battery.") and Battery not in driver.cls.provides:
+        return f"`{driver.name}` reports no battery"
+    is_here_alone = not case.plan.is_written("targets")
+    if name.startswith(_STICKS) and is_here_alone and Sticks not in driver.cls.provides:
+        return f"`{driver.name}` reports no pilot"
     if name.startswith(_ESTIMATED) and not vehicle.estimators:
-        return f"`{vehicle.name.text}` has no estimator"
+        return f"`{vehicle.name}` has no estimator"
     return ""
 
 

@@ -5,27 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.document import VehicleEntry
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.world.vehicle_context import VehicleContext
 
 
-def contexts(case: Case) -> Iterator[tuple[VehicleEntry, VehicleContext]]:
+def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
     """Every vehicle with its context, but for the tags, of which there may be thousands."""
-    document = case.document
-    vehicles = document.vehicles.items()
-    obstacles = {use.name.text: use.shape for use in document.obstacles}
-    diameters = {name: vehicle.airframe.diameter for name, vehicle in vehicles}
-    starts = {name: vehicle.start for name, vehicle in vehicles}
-    groups = {name: tuple(m.text for m in of) for name, of in document.groups.items()}
-    for name, vehicle in vehicles:
+    plan = case.plan
+    diameters = {vehicle.name: vehicle.airframe.diameter for vehicle in plan.vehicles}
+    starts = {vehicle.name: vehicle.start for vehicle in plan.vehicles}
+    for vehicle in plan.vehicles:
         driver, airframe = vehicle.driver, vehicle.airframe
         context = VehicleContext(
-            name, airframe, vehicle.start, vehicle.heading, document.fence,
-            1.0 / document.control_rate, vehicle.home, obstacles, diameters,
-            cameras={camera.name.text: camera.camera for camera in vehicle.cameras},
+            vehicle.name, airframe, vehicle.start, vehicle.heading, plan.fence,
+            1.0 / plan.control_rate, vehicle.home, plan.obstacles, diameters,
+            cameras=vehicle.own_cameras,
             payload=vehicle.payload,
-            loop=driver.spec.cls.inner_loop(driver.params, airframe),
+            loop=driver.cls.inner_loop(driver.params, airframe),
             starts=starts,
-            groups=groups,
+            groups=plan.groups,
         )  # fmt: skip
         yield vehicle, context

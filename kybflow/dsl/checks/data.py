@@ -13,9 +13,9 @@ from typing import NamedTuple
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.document import EstimatorEntry, PartUse, VehicleEntry
+from kybflow.dsl.expanding.targets import divides, provided
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.shaping.targets import divides, provided
+from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
@@ -25,17 +25,18 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
     turns setpoints into kinds of command, and the driver takes kinds of command. Processors that
     are no safety parts are passed over in take-off and landing.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         driver, tracker = vehicle.driver, vehicle.tracker
-        takes = driver.spec.cls.takes(driver.params)
-        refused = sorted(tracker.spec.cls.kinds(tracker.params) - takes, key=_name)
+        takes = driver.cls.takes(driver.params)
+        refused = sorted(tracker.cls.kinds(tracker.params) - takes, key=_name)
         if refused:
             *first, last = map(_name, refused)
             kinds = f"{', '.join(first)} and {last}" if first else last
-            gap = _gap(driver, f"{kinds} commands", tracker.name.text, takes)
-            if driver.span == case.document.target.span:  # nobody wrote it
-                label = f"`{driver.name.text}` {gap.label}"
-                gap = replace(gap, span=tracker.name.span, label=label)
+            gap = _gap(driver, f"{kinds} commands", tracker.name, takes)
+            target = case.plan.target_text
+            if target is not None and driver.span == target.span:  # nobody wrote it
+                label = f"`{driver.name}` {gap.label}"
+                gap = replace(gap, span=tracker.span, label=label)
             yield replace(gap, help=_fitting_tracker(case, vehicle, takes))
         walked: dict[tuple[SetpointKind | CommandKind, bool], _Refusal | None] = {}
         for name in (*vehicle.states, *BUILT_IN):
@@ -49,46 +50,46 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
                 yield _gap(refusal.part, refusal.what, origin, refusal.takes)
 
 
-def _lands_itself(vehicle: VehicleEntry, name: str, kind: SetpointKind | CommandKind) -> bool:
+def _lands_itself(vehicle: VehiclePlan, name: str, kind: SetpointKind | CommandKind) -> bool:
     """Whether the vehicle lands blind by its own mode in place of the built-in state."""
     is_command = isinstance(kind, CommandKind)
-    return is_command and name in BUILT_IN and vehicle.driver.spec.cls.lands_blind
+    return is_command and name in BUILT_IN and vehicle.driver.cls.lands_blind
 
 
 class _Refusal(NamedTuple):
     """The part of a chain that can't take what comes to it, and what it takes."""
 
-    part: PartUse
+    part: PartPlan
     what: str
     takes: Collection[Enum]
 
 
 def _refusal(
-    vehicle: VehicleEntry, kind: SetpointKind | CommandKind, stays: bool
+    vehicle: VehiclePlan, kind: SetpointKind | CommandKind, stays: bool
 ) -> _Refusal | None:
     """The first part on the way of `kind` that can't take it. `stays`: the behavior is neither a
     take-off nor a landing, so that every processor applies."""
     if isinstance(kind, CommandKind):
         driver = vehicle.driver
-        accepted = driver.spec.cls.takes(driver.params)
+        accepted = driver.cls.takes(driver.params)
         return None if kind in accepted else _Refusal(driver, f"{kind.value} commands", accepted)
     if kind is SetpointKind.IDLE:
         return None
     for processor in vehicle.processors:
-        if not (stays or processor.spec.cls.safety):
+        if not (stays or processor.cls.safety):
             continue
-        takes = processor.spec.cls.takes(processor.params)
+        takes = processor.cls.takes(processor.params)
         if kind not in takes:
             return _Refusal(processor, f"{kind.value} setpoints", takes)
         kind = takes[kind]
-    takes = vehicle.tracker.spec.cls.accepts
+    takes = vehicle.tracker.cls.accepts
     return None if kind in takes else _Refusal(vehicle.tracker, f"{kind.value} setpoints", takes)
 
 
-def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[CommandKind]) -> str:
+def _fitting_tracker(case: Case, vehicle: VehiclePlan, takes: frozenset[CommandKind]) -> str:
     """The tracker that the driver asks for, else one, as it comes, whose commands it takes; empty
     where there is none."""
-    asked = vehicle.driver.spec.cls.tracker(vehicle.driver.params)
+    asked = vehicle.driver.cls.tracker(vehicle.driver.params)
     if asked is not None:
         return _with_tracker(case, vehicle, _written(asked))
     for spec in case.parts("trackers"):
@@ -99,9 +100,9 @@ def _fitting_tracker(case: Case, vehicle: VehicleEntry, takes: frozenset[Command
     return ""
 
 
-def _with_tracker(case: Case, vehicle: VehicleEntry, tracker: str) -> str:
-    own = f"{vehicle.name.text}: {{tracker: {tracker}}}"
-    return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
+def _with_tracker(case: Case, vehicle: VehiclePlan, tracker: str) -> str:
+    own = f"{vehicle.name}: {{tracker: {tracker}}}"
+    return f"write `targets: {{{case.plan.target}: {{{own}}}}}`"
 
 
 def _written(asked: Mapping[str, str]) -> str:
@@ -110,13 +111,13 @@ def _written(asked: Mapping[str, str]) -> str:
     return f"{{{', '.join(f'{name}: {value}' for name, value in asked.items())}}}"
 
 
-def _gap(part: PartUse, what: str, origin: str, takes: Collection[Enum]) -> Diagnostic:
+def _gap(part: PartPlan, what: str, origin: str, takes: Collection[Enum]) -> Diagnostic:
     known = ", ".join(f"`{k.value}`" for k in sorted(takes, key=_name))
     source = origin if origin.endswith(")") else f"{origin}`"
     return Diagnostic(
         "KYB301",
-        f"`{part.name.text}` can't take the {what} of `{source}",
-        part.name.span,
+        f"`{part.name}` can't take the {what} of `{source}",
+        part.span,
         label=f"takes {known or 'nothing'}",
     )
 
@@ -128,63 +129,64 @@ def _name(kind: Enum) -> str:
 def missing_measurements(case: Case) -> Iterator[Diagnostic]:
     """KYB302: an estimator needs measurements that neither the target's driver nor a sensor
     provides."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         provides = provided(vehicle)
         for use in vehicle.estimators:
-            missing = use.part.spec.cls.uses(use.part.params) - provides
+            missing = use.part.cls.uses(use.part.params) - provides
             for kind in sorted(missing, key=kind_name):
                 given = ", ".join(sorted(f"`{kind_name(k)}`" for k in provides)) or "nothing"
                 yield Diagnostic(
                     "KYB302",
-                    f"`{use.part.name.text}` needs {kind_name(kind)} measurements",
-                    use.part.name.span,
+                    f"`{use.part.name}` needs {kind_name(kind)} measurements",
+                    use.part.span,
                     label=f"{_sources(vehicle)} {given}",
                     help=_way_out(case, vehicle, use, kind),
                 )
 
 
-def _sources(vehicle: VehicleEntry) -> str:
-    parts = dict.fromkeys(f"`{use.part.name.text}`" for use in vehicle.sensors)
+def _sources(vehicle: VehiclePlan) -> str:
+    parts = dict.fromkeys(f"`{use.part.name}`" for use in vehicle.sensors)
     if not parts:
-        return f"`{vehicle.driver.name.text}` provides"
-    return f"`{vehicle.driver.name.text}` and {', '.join(parts)} provide"
+        return f"`{vehicle.driver.name}` provides"
+    return f"`{vehicle.driver.name}` and {', '.join(parts)} provide"
 
 
-def _way_out(case: Case, vehicle: VehicleEntry, use: EstimatorEntry, kind: MeasurementKind) -> str:
+def _way_out(case: Case, vehicle: VehiclePlan, use: EstimatorPlan, kind: MeasurementKind) -> str:
     """A sensor that would do, where there is one."""
-    shows = vehicle.driver.spec.cls.shows(vehicle.driver.params)
+    shows = vehicle.driver.cls.shows(vehicle.driver.params)
     for spec in case.parts("sensors"):
         if kind in spec.cls.provides and spec.cls.simulated <= shows:
-            own = f"{vehicle.name.text}: {{sensors: {{{use.part.label}: {{use: {spec.name}}}}}}}"
-            return f"write `targets: {{{case.document.target.text}: {{{own}}}}}`"
+            own = f"{vehicle.name}: {{sensors: {{{use.part.alias}: {{use: {spec.name}}}}}}}"
+            return f"write `targets: {{{case.plan.target}: {{{own}}}}}`"
     return "use another estimator, or another driver in `targets`"
 
 
 def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:
     """KYB306: a driver can't work as it is told, such as with an address that is none, or can't fly
     the vehicle: some have no payloads."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         driver = vehicle.driver
-        objection = driver.spec.cls.objection(driver.params, vehicle.start, vehicle.payload)
+        objection = driver.cls.objection(driver.params, vehicle.start, vehicle.payload)
         if objection is not None:
-            spans = {**vehicle.spans, **driver.spans}
-            span = spans.get(objection.parameter, driver.name.span)
+            span, key = driver.span_of(objection.parameter), objection.parameter
+            if vehicle.is_written(key) and not driver.is_written(key):
+                span = vehicle.key_span(key)
             yield Diagnostic("KYB306", objection.reason, span, help=objection.hint)
 
 
 def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:
     """KYB304: a vehicle has a behavior that needs an estimate of its state, and no estimator."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         if vehicle.estimators:
             continue
-        behaviors = (s for s in vehicle.states.values() if s.part.spec.cls.needs_estimate)
+        behaviors = (s for s in vehicle.states.values() if s.behavior.cls.needs_estimate)
         state = next(behaviors, None)
         if state is not None:
             yield Diagnostic(
                 "KYB304",
-                f"`{vehicle.name.text}` has no estimator",
+                f"`{vehicle.name}` has no estimator",
                 vehicle.span,
-                label=f"`{state.name.text}` ({state.part.name.text}) needs one",
+                label=f"`{state.name}` ({state.behavior.name}) needs one",
                 help="name one under `estimators`",
             )
 
@@ -192,16 +194,16 @@ def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:
 def control_rates(case: Case) -> Iterator[Diagnostic]:
     """KYB303: the control rate does not divide the rate of the driver's own steps, so that a tick
     would not fall on a step."""
-    control = case.document.control_rate
-    for vehicle in case.vehicles():
+    control = case.plan.control_rate
+    for vehicle in case.plan.vehicles:
         driver = vehicle.driver
-        rate = driver.spec.cls.step_rate(driver.params)
+        rate = driver.cls.step_rate(driver.params)
         if rate is None or divides(control, rate):
             continue
         yield Diagnostic(
             "KYB303",
-            f"control at {control} Hz does not divide `{driver.name.text}` at {rate:g} Hz",
-            case.document.control_span or driver.span,
+            f"control at {control} Hz does not divide `{driver.name}` at {rate:g} Hz",
+            case.plan.span_of("control") if case.plan.entry("control") else driver.span,
             label=f"{rate:g} / {control} = {rate / control:.4g}",
             help=f"use {_divisor(rate, control)} Hz",
         )

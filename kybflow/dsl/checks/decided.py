@@ -17,7 +17,7 @@ from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.expanding.entry_values import written
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
@@ -45,6 +45,7 @@ from kybflow.dsl.expressions.reasoning import (
     physical_bounds,
 )
 from kybflow.dsl.expressions.tree import Value
+from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR
 
 _OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
@@ -86,9 +87,10 @@ def _decided_in_states(case: Case) -> Iterator[_Asked]:
     told = {one.typed.text.span for one in case.cached(_decided)}
     for vehicle, state in case.states():
         for transition in state.transitions:
-            if transition.when is not None and _OF_STATES.search(transition.when.text):
-                one = _asked_in(case, vehicle, state, transition, transition.when)
-                found.setdefault(transition.when.span, []).append(one)
+            text = transition.text_of("when")
+            if text is not None and _OF_STATES.search(text.text):
+                one = _asked_in(case, vehicle, state, transition, text)
+                found.setdefault(text.span, []).append(one)
     for span, several in found.items():
         answers = {one.holds for one in several}
         if span not in told and len(answers) == 1 and None not in answers:
@@ -96,10 +98,10 @@ def _decided_in_states(case: Case) -> Iterator[_Asked]:
 
 
 def _asked_in(
-    case: Case, vehicle: VehicleEntry, state: StateEntry, transition: TransitionEntry, text: Text
+    case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan, text: Text
 ) -> _Asked:
-    own, where = vehicle.name.text, transition.since or state.name.text
-    condition = case.condition(text, case.scopes.condition(own))
+    own, where = vehicle.name, transition.since or state.name
+    condition = case.condition(transition, "when", case.scopes.condition(own))
     longest = inf if transition.since else _longest(case, vehicle, state)
     if condition is None:
         return _Asked(text, None)
@@ -116,7 +118,7 @@ def _asked_in(
     return _Asked(text, True if always else None, why)
 
 
-def _longest(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
+def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
     """How long a state may last; callbacks and requests that bring values may make it longer."""
     is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
     return inf if is_other else longest_time(vehicle, state)
@@ -124,7 +126,7 @@ def _longest(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
 
 def _valued(case: Case) -> Iterator[bool]:
     """Of each phase whether it enters states with values."""
-    return (bool(phase.values) for _, phase in phases(case.document))
+    return (any(map(written, phase.run.values())) for _, phase in phases(case.plan))
 
 
 def _within(own: str, longest: float, usual: Bounds) -> Bounds:
@@ -296,7 +298,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
 
 def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
     """Every expectation that parses."""
-    for text in case.document.expect:
+    for text in case.plan.texts_of("expect"):
         expression = parse(text, case.scopes.expectation())[0]
         if expression is not None:
             yield text, expression
@@ -324,7 +326,7 @@ def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
     """Of each state that a condition names and that is flown from the air into the air: that its
     vehicle isn't in it."""
     for vehicle, state in named_states(condition, None):
-        legs = case.legs(case.document.vehicles[vehicle], state)
+        legs = case.legs(case.plan.fleet[vehicle], state)
         if legs and all(leg.end is AIR for leg in legs):
             yield Not(InState(vehicle, state))
 
@@ -336,7 +338,7 @@ def _unknown(_: object) -> tuple[float, float]:
 def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
     """KYB414: an expectation gives more time than the run has, so that its `within` says nothing (a
     warning)."""
-    limit = case.document.time_limit
+    limit = case.plan.time_limit
     for text, expression in _expected(case):
         match expression:
             case Eventually(_, within) | Finished(within) if within is not None and within > limit:

@@ -26,9 +26,9 @@ from kybflow.dsl.checks.reachability import (
     may_end,
 )
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import ActionEntry, PartUse, StateEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
 from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.plan import PartPlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
@@ -85,22 +85,16 @@ N = TypeVar("N", bound=Hashable)
 _Edge = tuple[FlightNode, float]
 
 
-def disturbances(case: Case) -> Iterator[ActionEntry]:
-    """The actions after which a mission goes on elsewhere, or a behavior flies differently."""
-    for callback in case.document.callbacks:
-        for action in callback.actions:
-            if action.name.text in _DISTURBING or action.part is not None or _tunes(action):
-                yield action
-    for _, phase in phases(case.document):
-        yield from filter(_tunes, phase.set)
-
-
-def _tunes(action: ActionEntry) -> bool:
-    return (
-        action.name.text != "emit"
-        and action.target is not None
-        and ".behaviors." in action.target.text
-    )
+def disturbances(case: Case) -> Iterator[str]:
+    """What actions ask for after which a mission goes on elsewhere, or a behavior flies
+    differently."""
+    for callback in case.plan.callbacks:
+        for action in callback.do:
+            is_tuned = action.name == "set" and ".behaviors." in (action.target or "")
+            if action.name in _DISTURBING or action.part is not None or is_tuned:
+                yield action.name
+    for _, phase in phases(case.plan):
+        yield from (option for option in phase.set if ".behaviors." in option)
 
 
 def exceeds(least: float, limit: float) -> bool:
@@ -113,11 +107,11 @@ def seconds_of(value: float) -> str:
     return f"{value:.0f} s" if value >= 100.0 else f"{value:.3g} s"
 
 
-def least_time(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
+def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
     """The least seconds from the entry of a state to the normal end of its behavior, from every
     entry that it can have."""
     times: dict[str, float] = vehicle.known.setdefault("least times", {})
-    name = state.name.text
+    name = state.name
     if name not in times:
         entries = entries_of(vehicle)
         candidates = entries[name].candidates() if name in entries else [None]
@@ -125,19 +119,19 @@ def least_time(case: Case, vehicle: VehicleEntry, state: StateEntry) -> float:
     return times[name]
 
 
-def least_from(case: Case, state: StateEntry, entry: Vec3 | None) -> float:
+def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
     """The least seconds from one entry. Where there are obstacles a landing may end on one, and
     sooner."""
     footprint = state.footprint(entry)
-    if footprint is None or (case.document.obstacles and _lands(state)):
+    if footprint is None or (case.plan.obstacles and _lands(state)):
         return 0.0
     return footprint.least_time(entry)
 
 
-def longest_time(vehicle: VehicleEntry, state: StateEntry) -> float:
+def longest_time(vehicle: VehiclePlan, state: StatePlan) -> float:
     """The seconds after which the behavior of a state has surely ended; infinite where it doesn't
     say."""
-    entries = entries_of(vehicle).get(state.name.text)
+    entries = entries_of(vehicle).get(state.name)
     footprints = [state.footprint(entry) for entry in entries.candidates()] if entries else []
     ends = [
         inf if found is None or found.longest is None else found.longest for found in footprints
@@ -145,13 +139,13 @@ def longest_time(vehicle: VehicleEntry, state: StateEntry) -> float:
     return max(ends, default=inf) + _BEGINS
 
 
-def _lands(state: StateEntry) -> bool:
-    return any(leg.end is GROUND and leg.start is not GROUND for leg in state.part.spec.cls.flight)
+def _lands(state: StatePlan) -> bool:
+    return any(leg.end is GROUND and leg.start is not GROUND for leg in state.legs)
 
 
 def ways_from(
     case: Case,
-    vehicle: VehicleEntry,
+    vehicle: VehiclePlan,
     first: Iterable[FlightNode],
     through: Callable[[FlightNode], bool] = lambda _: True,
 ) -> dict[FlightNode, Way]:
@@ -192,13 +186,13 @@ def quickest_into(ways: Mapping[FlightNode, Way], state: str) -> Way | None:
     return min(ends, key=lambda way: way.seconds, default=None)
 
 
-def no_way_exceeds(case: Case, vehicle: VehicleEntry, limit: float) -> bool:
+def no_way_exceeds(case: Case, vehicle: VehiclePlan, limit: float) -> bool:
     """Whether all that the vehicle's states can take fits into a limit; that is quick to tell."""
     if "most" not in vehicle.known:
         ahead = _ahead(case, vehicle).values()
         brakes = any(target.state in _HOVERS for edges in ahead for target, _ in edges)
         most = sum([max([spent for _, spent in edges]) for edges in ahead])
-        vehicle.known["most"] = most + case.document.hover_limit if brakes else most
+        vehicle.known["most"] = most + case.plan.hover_limit if brakes else most
     return not exceeds(vehicle.known["most"], limit)
 
 
@@ -207,12 +201,12 @@ def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
         case "brake":
             yield FlightNode("hover", AIR), 0.0
         case "hover":
-            yield FlightNode("auto_land", AIR), case.document.hover_limit
+            yield FlightNode("auto_land", AIR), case.plan.hover_limit
         case "auto_land" | "land_blind":
             yield FlightNode("landed", GROUND), 0.0
 
 
-def _ahead(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
+def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
     """The nodes that follow each node of the vehicle's own states, with the least seconds until
     then. What a fault breaks may fail at once."""
     if "ahead" not in vehicle.known:
@@ -221,14 +215,14 @@ def _ahead(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
     return found
 
 
-def _followers(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge]]:
+def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
     flights, endless = flight_graph(case, vehicle), endless_states(vehicle)
-    is_broken = any(fault.vehicle.text == vehicle.name.text for fault in case.document.faults)
+    is_broken = any(fault.vehicle == vehicle.name for fault in case.plan.faults)
     found: dict[FlightNode, list[_Edge]] = {}
     for link in flights.links:
         fails = is_broken and link.transition.cause == "failed"
         if fails or _is_foreseen(link.transition, link.source.state in endless):
-            target = FlightNode(link.transition.target.text, link.flight)
+            target = FlightNode(link.transition.target, link.flight)
             spent = _least_before(case, vehicle, link)
             found.setdefault(link.source, []).append((target, spent))
     for node in flights.nodes:
@@ -237,27 +231,27 @@ def _followers(case: Case, vehicle: VehicleEntry) -> dict[FlightNode, list[_Edge
             continue
         if any(t.cause == "then" for t in state.transitions):
             continue
-        legs = [leg for leg in state.part.spec.cls.flight if leg.start is node.flight][:1]
+        legs = [leg for leg in state.legs if leg.start is node.flight][:1]
         ends = FlightNode(end_of(legs), legs[0].end if legs else GROUND)
         found.setdefault(node, []).append((ends, _least_end(case, vehicle, node)))
     return found
 
 
-def _is_foreseen(transition: TransitionEntry, is_endless: bool) -> bool:
+def _is_foreseen(transition: TransitionPlan, is_endless: bool) -> bool:
     """Whether a flight goes on there; a behavior without an end may be meant to fail."""
     return may_end(transition, is_endless) or (is_endless and transition.cause == "failed")
 
 
-def _least_before(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> float:
+def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
     transition = link.transition
     if transition.cause == "then":
         return _least_end(case, vehicle, link.source)
-    scope = case.scopes.condition(vehicle.name.text)
-    when = case.condition(transition.when, scope) if transition.when is not None else None
-    return max(own_wait(transition), _least_elapsed(when, vehicle.name.text))
+    scope = case.scopes.condition(vehicle.name)
+    when = case.condition(transition, "when", scope)
+    return max(own_wait(transition), _least_elapsed(when, vehicle.name))
 
 
-def own_wait(transition: TransitionEntry) -> float:
+def own_wait(transition: TransitionPlan) -> float:
     """The time in the state that a transition waits for; that of a chain began before."""
     after = 0.0 if transition.since else transition.after or 0.0
     return max(after, transition.hold)
@@ -272,30 +266,30 @@ def _least_elapsed(when: Condition | None, own: str) -> float:
     return 0.0
 
 
-def _least_end(case: Case, vehicle: VehicleEntry, node: FlightNode) -> float:
+def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
     """The least time of a state as it is entered there; a part that also flies may be done on the
     ground at once."""
     state = vehicle.states[node.state]
-    if node.flight is GROUND and len({leg.start for leg in state.part.spec.cls.flight}) > 1:
+    if node.flight is GROUND and len({leg.start for leg in state.legs}) > 1:
         return 0.0
     return least_time(case, vehicle, state)
 
 
-def blamed(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Span:
+def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
     """Where the time of a state is written: the parameter without which it needed less than half
     of that, else the behavior's name."""
-    part, entries = state.part, entries_of(vehicle)[state.name.text].candidates()
+    part, entries = state.behavior, entries_of(vehicle)[state.name].candidates()
     quickest = 0.5 * least_time(case, vehicle, state)
-    span = part.name.span
-    for field in part.spec.fields:
-        if field.name not in part.spans or field.required:
+    span = part.span
+    for field in part.fields:
+        if not part.is_written(field.key) or field.required:
             continue
-        shorter = replace(state, part=_without(part, field.name, field.default))
+        shorter = replace(state, behavior=_without(part, field.name, field.default))
         seconds = min(least_from(case, shorter, entry) for entry in entries)
         if seconds < quickest:
-            span, quickest = part.spans[field.name], seconds
+            span, quickest = part.span_of(field.key), seconds
     return span
 
 
-def _without(part: PartUse, name: str, default: object) -> PartUse:
+def _without(part: PartPlan, name: str, default: object) -> PartPlan:
     return replace(part, params=replace(part.params, **{name: default}))

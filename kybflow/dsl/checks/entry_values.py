@@ -9,10 +9,9 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.limits import too_steep
 from kybflow.dsl.checks.obstacles import flies_into, kept_from_goals
 from kybflow.dsl.checks.space import held_back, leaves_the_fence, refuses, too_fast
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, collect
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.expanding.entry_values import entry_values, valued_requests
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members
-from kybflow.dsl.shaping.entry_values import entry_values, valued_requests
 
 OF_ENTRIES = (
     leaves_the_fence,
@@ -35,16 +34,18 @@ def values(case: Case) -> Iterator[Diagnostic]:
     of its parameter, and where the behavior goes with it is judged as if it were written there.
     A built-in state takes no values, and a file is read before the flight.
     """
-    for asked in valued_requests(case.document):
-        for name in members(case.document, asked.who.text):
-            vehicle = case.document.vehicles[name]
-            state = vehicle.states.get(vehicle.goal(asked.state.text))
+    for who, request in valued_requests(case.plan):
+        for name in case.plan.members(who):
+            vehicle = case.plan.fleet[name]
+            state = vehicle.states.get(vehicle.goal(request.state))
             if state is not None:
-                yield from collect(entry_values(asked.values, state.part)).diagnostics
-            elif asked.state.text in BUILT_IN:
+                found = Findings()
+                entry_values(request.source, state.behavior, found)
+                yield from found.all
+            elif request.state in BUILT_IN:
                 yield Diagnostic(
                     "KYB244",
-                    f"`{asked.state.text}` is built in and takes no values",
-                    asked.values.span,
+                    f"`{request.state}` is built in and takes no values",
+                    request.source.node.span,
                     help="give the vehicle a behavior of its own for it",
                 )

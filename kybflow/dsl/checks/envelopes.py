@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.document import VehicleEntry
 from kybflow.dsl.expressions.reasoning import EVERYWHERE, Bounds, Envelopes, physical_bounds
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import Envelope
 from kybflow.world.shapes import Box
 
@@ -44,7 +44,7 @@ def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
 
 
 def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
-    vehicles, fence = case.document.vehicles.items(), case.document.fence
+    vehicles, fence = case.plan.fleet.items(), case.plan.fence
     kinds = (
         {name: _usual(vehicle, fence) for name, vehicle in vehicles},
         {name: _certain(vehicle, fence) for name, vehicle in vehicles},
@@ -55,7 +55,7 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
     def reaches(own: str | None) -> Reaches:
         if own not in made:
             usual, certain, first = (Envelopes(kind, own) for kind in kinds)
-            longest = case.document.time_limit
+            longest = case.plan.time_limit
             at_first = physical_bounds(longest, first)
             made[own] = Reaches(
                 physical_bounds(longest, usual, at_first),
@@ -67,25 +67,25 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
     return [reaches]
 
 
-def _usual(vehicle: VehicleEntry, fence: Box | None) -> Envelope:
+def _usual(vehicle: VehiclePlan, fence: Box | None) -> Envelope:
     box = _around(vehicle, fence, lambda size: tuple(max(_ROOM, _SHARE * s) for s in size))
     speed, across = _fast(vehicle), hypot(*(EVERYWHERE if fence is None else fence).size)
     tilt = 0.5 * pi + vehicle.airframe.tilt
     return Envelope(vehicle.start, *box, speed, tilt, across, 2.0 * speed, _OLD, _SPREAD)
 
 
-def _certain(vehicle: VehicleEntry, fence: Box | None) -> Envelope:
+def _certain(vehicle: VehiclePlan, fence: Box | None) -> Envelope:
     box = _around(vehicle, fence, lambda size: (max(_FAR, *size),) * 3)
     across, speed = hypot(*box.size), _fast(vehicle) + sqrt(2.0 * GRAVITY * box.size[2])
     return Envelope(vehicle.start, *box, speed, pi, across, 2.0 * speed, spread=_LEAST_SPREAD)
 
 
-def _fast(vehicle: VehicleEntry) -> float:
+def _fast(vehicle: VehiclePlan) -> float:
     return _FASTER * hypot(vehicle.airframe.speed, vehicle.airframe.climb)
 
 
 def _around(
-    vehicle: VehicleEntry, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
+    vehicle: VehiclePlan, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
 ) -> Box:
     """The fence and the start, with some room around; everywhere without a fence."""
     if fence is None:
@@ -99,6 +99,6 @@ def _around(
     )
 
 
-def _at_first(vehicle: VehicleEntry) -> Envelope:
+def _at_first(vehicle: VehiclePlan) -> Envelope:
     low, high = Box(vehicle.start, vehicle.start).grown(_PLACED)
     return Envelope(vehicle.start, low, high, _STANDS, _LEVEL)

@@ -14,9 +14,10 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import FaultEntry
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions import parse
+from kybflow.dsl.plan import FaultPlan, PartPlan
+from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import Rig
 
 _LATE: Time = 1000 * NS
@@ -25,14 +26,14 @@ _LATE: Time = 1000 * NS
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
     """KYB330: a fault breaks a vehicle that the mission does not have, or names one beside it."""
-    known = case.document.vehicles
-    for fault in case.document.faults:
+    known = case.plan.fleet
+    for fault in case.plan.faults:
         for name, span in _vehicles(fault):
             if name not in known:
                 message, hint = f"no vehicle is called `{name}`", did_you_mean(name, known)
-                group = case.document.groups.get(name)
+                group = case.plan.groups.get(name)
                 if group is not None:
-                    members = ", ".join(f"`{member.text}`" for member in group)
+                    members = ", ".join(f"`{member}`" for member in group)
                     message = f"`{name}` is a group, and a fault breaks one vehicle"
                     hint = f"write one fault for each of {members}"
                 yield Diagnostic("KYB330", message, span, help=hint)
@@ -41,23 +42,23 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
     """KYB331: a fault on a target that is no simulation: nothing there can be broken on purpose.
     On a firmware's own simulator that is so of the vehicle, but not of our side."""
-    target = case.document.target.text
-    for fault in case.document.faults:
+    target = case.plan.target
+    for fault in case.plan.faults:
         for name, _ in _vehicles(fault):
-            vehicle = case.document.vehicles.get(name)
-            if vehicle is None or vehicle.driver.spec.cls.simulated:
+            vehicle = case.plan.fleet.get(name)
+            if vehicle is None or vehicle.driver.cls.simulated:
                 continue
-            shows = vehicle.driver.spec.cls.shows(vehicle.driver.params)
-            if shows and fault.part.spec.cls.ours:
+            shows = vehicle.driver.cls.shows(vehicle.driver.params)
+            if shows and fault.part.cls.ours:
                 continue
             where = "no simulation"
             if shows:
                 where = "another program's simulator: only what comes from it can be broken here"
             yield Diagnostic(
                 "KYB331",
-                f"`{fault.part.name.text}` can't be injected on the target `{target}`",
+                f"`{fault.part.name}` can't be injected on the target `{target}`",
                 fault.span,
-                label=f"`{name}` flies on `{vehicle.driver.name.text}`, which is {where}",
+                label=f"`{name}` flies on `{vehicle.driver.name}`, which is {where}",
                 help="fly this mission in simulation, or remove the fault",
             )
             break
@@ -65,12 +66,12 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
 
 def too_late(case: Case) -> Iterator[Diagnostic]:
     """KYB332: a fault that begins at or after the end of the mission's time."""
-    limit = case.document.time_limit
-    for fault in case.document.faults:
+    limit = case.plan.time_limit
+    for fault in case.plan.faults:
         if fault.time is not None and fault.time >= limit:
             yield Diagnostic(
                 "KYB332",
-                f"`{fault.part.name.text}` is never injected",
+                f"`{fault.part.name}` is never injected",
                 fault.span,
                 label=f"at {format_quantity(fault.time, DURATION)}",
                 notes=(f"the mission's time is over at {format_quantity(limit, DURATION)}",),
@@ -81,53 +82,53 @@ def too_late(case: Case) -> Iterator[Diagnostic]:
 def twice(case: Case) -> Iterator[Diagnostic]:
     """KYB333: one and the same fault stands twice in the list."""
     first: dict[object, Span] = {}
-    for fault in case.document.faults:
-        when = None if fault.when is None else fault.when.text
-        key = (fault.part.spec.name, fault.part.params, fault.vehicle.text, fault.time, when)
+    for fault in case.plan.faults:
+        when = fault.text_of("when")
+        key = (fault.part.name, fault.part.params, fault.vehicle, fault.time, when and when.text)
         place = first.setdefault(key, fault.span)
         if place is not fault.span:
-            message = f"`{fault.part.name.text}` is injected twice at once"
+            message = f"`{fault.part.name}` is injected twice at once"
             note = f"first at {place.at}"
             yield Diagnostic("KYB333", message, fault.span, notes=(note,), help="remove one")
 
 
 def itself(case: Case) -> Iterator[Diagnostic]:
     """KYB334: a fault between two vehicles that names one vehicle twice."""
-    for fault in case.document.faults:
-        for name in _named(fault, "vehicle"):
-            if name.text == fault.vehicle.text:
-                message = f"`{fault.part.name.text}` is between two vehicles, this is one"
-                yield Diagnostic("KYB334", message, name.span, label="named by `on` already")
+    for fault in case.plan.faults:
+        for name, span in _named(fault, "vehicle"):
+            if name == fault.vehicle:
+                message = f"`{fault.part.name}` is between two vehicles, this is one"
+                yield Diagnostic("KYB334", message, span, label="named by `on` already")
 
 
 def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
     """KYB335: a fault names an estimator that its vehicle does not have."""
-    for fault in case.document.faults:
-        vehicle = case.document.vehicles.get(fault.vehicle.text)
-        known = [] if vehicle is None else [use.part.label for use in vehicle.estimators]
-        for name in _named(fault, "estimator"):
-            if known and name.text not in known:
-                message = f"`{fault.vehicle.text}` has no estimator `{name.text}`"
-                hint = did_you_mean(name.text, known) or f"it has {', '.join(known)}"
-                yield Diagnostic("KYB335", message, name.span, help=hint)
+    for fault in case.plan.faults:
+        vehicle = case.plan.fleet.get(fault.vehicle)
+        known = [] if vehicle is None else [use.part.alias for use in vehicle.estimators]
+        for name, span in _named(fault, "estimator"):
+            if known and name not in known:
+                message = f"`{fault.vehicle}` has no estimator `{name}`"
+                hint = did_you_mean(name, known) or f"it has {', '.join(known)}"
+                yield Diagnostic("KYB335", message, span, help=hint)
 
 
 def of_no_effect(case: Case) -> Iterator[Diagnostic]:
     """KYB336: a fault of the camera, the tags or motion capture on a vehicle that flies on nothing
     of the kind."""
-    for fault in case.document.faults:
-        vehicle, kind = case.document.vehicles.get(fault.vehicle.text), fault.part.spec.cls.spoils
+    for fault in case.plan.faults:
+        vehicle, kind = case.plan.fleet.get(fault.vehicle), fault.part.cls.spoils
         if vehicle is None or kind is None:
             continue
         parts = [use.part for use in vehicle.estimators]
-        if any(kind in part.spec.cls.uses(part.params) for part in parts):
+        if any(kind in part.cls.uses(part.params) for part in parts):
             continue
-        known = ", ".join(f"`{part.label}`" for part in parts) or "nothing"
+        known = ", ".join(f"`{part.alias}`" for part in parts) or "nothing"
         yield Diagnostic(
             "KYB336",
-            f"`{fault.part.name.text}` can't break `{vehicle.name.text}`: no estimator of it needs "
+            f"`{fault.part.name}` can't break `{vehicle.name}`: no estimator of it needs "
             f"{kind_name(kind)}s",
-            fault.part.name.span,
+            fault.part.span,
             label=f"it flies on {known}",
             help="break another vehicle, or remove the fault",
         )
@@ -136,13 +137,13 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
 def of_no_size(case: Case) -> Iterator[Diagnostic]:
     """KYB438: a fault whose parameters leave nothing of it, such as a gust of `[0, 0, 0]` (a
     warning). Each fault says so of itself."""
-    for fault in case.document.faults:
+    for fault in case.plan.faults:
         part = fault.part
-        if part.spec.cls.is_nothing(part.params):
+        if part.cls.is_nothing(part.params):
             yield Diagnostic(
                 "KYB438",
-                f"`{part.name.text}` changes nothing",
-                next(iter(part.spans.values()), part.name.span),
+                f"`{part.name}` changes nothing",
+                _first_span(part),
                 label="leaves everything as it is",
                 help="give it a size, or remove the fault",
                 severity=Severity.WARNING,
@@ -156,8 +157,8 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
     pushes it across: g tan(tilt) against the drag of the wind and a push. Weak rotors and wrong
     sensors are not judged: what becomes of them is what such a mission is for.
     """
-    for fault in case.document.faults:
-        vehicle = case.document.vehicles.get(fault.vehicle.text)
+    for fault in case.plan.faults:
+        vehicle = case.plan.fleet.get(fault.vehicle)
         if vehicle is None:
             continue
         frame, rig = vehicle.airframe, _rig_under(fault)
@@ -173,19 +174,25 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB457",
-            f"`{vehicle.name.text}` can't hold against `{fault.part.name.text}`",
-            next(iter(fault.part.spans.values()), fault.part.name.span),
+            f"`{vehicle.name}` can't hold against `{fault.part.name}`",
+            _first_span(fault.part),
             label=why,
             help="make the fault smaller, unless that is what the mission is to show",
             severity=Severity.WARNING,
         )
 
 
-def _rig_under(fault: FaultEntry) -> Rig:
+def _first_span(part: PartPlan) -> Span:
+    """The place of its first parameter, else of its name."""
+    written = entries_of(part.source.node).values()
+    return next((entry.value.span for entry in written), part.span)
+
+
+def _rig_under(fault: FaultPlan) -> Rig:
     """The vehicle's rig with the fault's effects."""
-    rig = Rig(fault.vehicle.text)
+    rig = Rig(fault.vehicle)
     try:
-        effects = fault.part.spec.cls(fault.part.params, Random(0)).effects(rig.vehicle)
+        effects = fault.part.cls(fault.part.params, Random(0)).effects(rig.vehicle)
     except Exception:  # a part may raise anything: `fault_failed` tells it when it is injected
         return rig
     if rig.vehicle in effects:
@@ -195,18 +202,19 @@ def _rig_under(fault: FaultEntry) -> Rig:
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every fault, as of its vehicle: KYB210 to KYB214."""
-    for fault in case.document.faults:
-        if fault.when is not None and fault.vehicle.text in case.document.vehicles:
-            yield from parse(fault.when, case.scopes.condition(fault.vehicle.text))[1]
+    for fault in case.plan.faults:
+        when = fault.text_of("when")
+        if when is not None and fault.vehicle in case.plan.fleet:
+            yield from parse(when, case.scopes.condition(fault.vehicle))[1]
 
 
-def _vehicles(fault: FaultEntry) -> Iterator[tuple[str, Span]]:
-    yield fault.vehicle.text, fault.vehicle.span
-    for name in _named(fault, "vehicle"):
-        yield name.text, name.span
+def _vehicles(fault: FaultPlan) -> Iterator[tuple[str, Span]]:
+    name = fault.text_of("on")
+    yield fault.vehicle, fault.span if name is None else name.span
+    yield from _named(fault, "vehicle")
 
 
-def _named(fault: FaultEntry, what: Named) -> Iterator[Text]:
+def _named(fault: FaultPlan, what: Named) -> Iterator[tuple[str, Span]]:
     """The vehicles, or whatever names are asked for, among its parameters."""
     for parameter, name in named_in(fault.part.params, what).items():
-        yield Text(name, fault.part.spans.get(parameter, fault.span))
+        yield name, fault.part.span_of(parameter)

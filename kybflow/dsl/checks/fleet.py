@@ -12,7 +12,6 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.checks.space import shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
 from kybflow.dsl.expressions import (
     And,
     Compare,
@@ -25,6 +24,7 @@ from kybflow.dsl.expressions import (
     Word,
 )
 from kybflow.dsl.names.built_in import BUILT_IN, end_of
+from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, Claim
 from kybflow.parts.observables import is_in
 
@@ -35,50 +35,50 @@ _UP = 0.2
 def taken_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB440: two vehicles have what only one can have on the target: a body of motion capture, a
     system id at one address, a device. Each would be taken for the other, or one has nothing."""
-    first: dict[str, tuple[VehicleEntry, PartUse]] = {}
+    first: dict[str, tuple[VehiclePlan, PartPlan]] = {}
     for vehicle, part, claim in _claims(case):
         owner, other = first.setdefault(claim.what, (vehicle, part))
         if owner is vehicle:
             continue
         yield Diagnostic(
             "KYB440",
-            f"`{vehicle.name.text}` has {claim.what}, as `{owner.name.text}` has",
-            part.spans.get(claim.parameter, part.name.span),
-            notes=(f"`{owner.name.text}` takes it at {other.span.at}",),
+            f"`{vehicle.name}` has {claim.what}, as `{owner.name}` has",
+            part.span_of(claim.parameter),
+            notes=(f"`{owner.name}` takes it at {other.span.at}",),
             help=f"give each its own `{claim.parameter}`",
         )
 
 
-def _claims(case: Case) -> Iterator[tuple[VehicleEntry, PartUse, Claim]]:
-    if len(case.document.vehicles) < 2:
+def _claims(case: Case) -> Iterator[tuple[VehiclePlan, PartPlan, Claim]]:
+    if len(case.plan.fleet) < 2:
         return
     seats: Counter[str] = Counter()
-    for vehicle in case.vehicles():
-        name, driver = vehicle.name.text, vehicle.driver
-        seats[driver.spec.name] += 1
-        claims = [(driver, driver.spec.cls.claim(driver.params, name, seats[driver.spec.name]))]
+    for vehicle in case.plan.vehicles:
+        name, driver = vehicle.name, vehicle.driver
+        seats[driver.name] += 1
+        claims = [(driver, driver.cls.claim(driver.params, name, seats[driver.name]))]
         for sensor in vehicle.sensors:
-            claims.append((sensor.part, sensor.part.spec.cls.claim(sensor.part.params, name)))
+            claims.append((sensor.part, sensor.part.cls.claim(sensor.part.params, name)))
         yield from ((vehicle, part, claim) for part, claim in claims if claim is not None)
 
 
 def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
     """KYB441: two vehicles have their home so close to each other that they touch. Home is where
     `go_home` flies and the failsafe may land; without one it is the start."""
-    vehicles = list(case.vehicles())
+    vehicles = case.plan.vehicles
     for index, b in enumerate(vehicles):
         for a in vehicles[:index]:
-            written = b.home_span or a.home_span
+            written = b.entry("home") or a.entry("home")
             apart = (a.airframe.diameter + b.airframe.diameter) / 2.0
             gap = distance(a.home or a.start, b.home or b.start)
             if written is None or gap >= apart:
                 continue
             yield Diagnostic(
                 "KYB441",
-                f"`{b.name.text}` has its home where `{a.name.text}` has",
-                written,
+                f"`{b.name}` has its home where `{a.name}` has",
+                written.value.span,
                 label=f"{format_quantity(gap, LENGTH)} away",
-                notes=(f"the home of `{a.name.text}` is at {shown_point(a.home or a.start)}",),
+                notes=(f"the home of `{a.name}` is at {shown_point(a.home or a.start)}",),
                 help=f"let them be at least {format_quantity(apart, LENGTH)} apart",
                 severity=Severity.WARNING,
             )
@@ -89,8 +89,8 @@ class _Settled(NamedTuple):
     """Where a vehicle comes to by itself, and stays: `state`, None where it rests for good. `seen`:
     every state that it may have been in by then, should anything fail on the way."""
 
-    vehicle: VehicleEntry
-    state: StateEntry | None
+    vehicle: VehiclePlan
+    state: StatePlan | None
     seen: frozenset[str]
 
     @property
@@ -107,7 +107,7 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
     That is told of vehicles that come to such a behavior by `then` alone, and that no flow or
     callback asks for anything. Conditions count that say in which state a vehicle is.
     """
-    settled = {s.vehicle.name.text: s for v in case.vehicles() if (s := _settled(v)) is not None}
+    settled = {s.vehicle.name: s for v in case.plan.vehicles if (s := _settled(v)) is not None}
     waiting = {name for name, s in settled.items() if s.state is not None and _waits(s.state)}
     while waiting:
         leaving = {name for name in waiting if not _is_stuck(case, settled, name, waiting)}
@@ -122,30 +122,30 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
         others = " and ".join(f"`{other}`" for other in sorted(_awaited(case, name, state)))
         yield Diagnostic(
             "KYB443",
-            f"`{name}` waits in `{state.name.text}` for ever",
-            state.name.span,
+            f"`{name}` waits in `{state.name}` for ever",
+            state.span,
             label=f"waits for {others}",
             notes=tuple(_where(settled[other]) for other in sorted(_awaited(case, name, state))),
             help="add a `next` with `after: 60 s`, or an event such as `operator.go`",
         )
 
 
-def _waits(state: StateEntry) -> bool:
+def _waits(state: StatePlan) -> bool:
     return any(transition.cause == "next" for transition in state.transitions)
 
 
 def _where(other: _Settled) -> str:
-    name = other.vehicle.name.text
+    name = other.vehicle.name
     if other.state is None:
         return f"`{name}` rests for good by then"
-    return f"`{name}` waits in `{other.state.name.text}`"
+    return f"`{name}` waits in `{other.state.name}`"
 
 
-def _settled(vehicle: VehicleEntry) -> _Settled | None:
+def _settled(vehicle: VehiclePlan) -> _Settled | None:
     """Where a vehicle comes to by `then` alone; None where anything else may lead elsewhere."""
     if vehicle.requested:
         return None
-    name, passed, endless = vehicle.begin.text, list[StateEntry](), endless_states(vehicle)
+    name, passed, endless = vehicle.begin, list[StatePlan](), endless_states(vehicle)
     while name in vehicle.states and vehicle.states[name] not in passed:
         state = vehicle.states[name]
         passed.append(state)
@@ -153,24 +153,24 @@ def _settled(vehicle: VehicleEntry) -> _Settled | None:
             return _Settled(vehicle, state, _seen(vehicle, passed))
         if any(t.cause == "next" for t in state.transitions):
             return None
-        then = next((t.target.text for t in state.transitions if t.cause == "then"), None)
-        name = end_of(state.part.spec.cls.flight) if then is None else then
+        then = next((t.target for t in state.transitions if t.cause == "then"), None)
+        name = end_of(state.legs) if then is None else then
     return None if name in vehicle.states else _Settled(vehicle, None, _seen(vehicle, passed))
 
 
-def _seen(vehicle: VehicleEntry, passed: list[StateEntry]) -> frozenset[str]:
+def _seen(vehicle: VehiclePlan, passed: list[StatePlan]) -> frozenset[str]:
     """The states that were passed, and all that their failures may lead to."""
-    seen = {state.name.text for state in passed}
-    failures = {t.target.text for s in passed for t in s.transitions if t.cause != "next"} - seen
+    seen = {state.name for state in passed}
+    failures = {t.target for s in passed for t in s.transitions if t.cause != "next"} - seen
     while failures:
         seen |= failures
         states = (vehicle.states[name] for name in failures if name in vehicle.states)
-        failures = {t.target.text for state in states for t in state.transitions} - seen
+        failures = {t.target for state in states for t in state.transitions} - seen
     return frozenset(seen)
 
 
-def _flies(state: StateEntry) -> bool:
-    return any(AIR in leg for leg in state.part.spec.cls.flight)
+def _flies(state: StatePlan) -> bool:
+    return any(AIR in leg for leg in state.legs)
 
 
 def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:
@@ -181,7 +181,7 @@ def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[
     for transition in own.transitions:
         if transition.cause == "then":
             continue
-        when = case.condition(transition.when, scope)
+        when = case.condition(transition, "when", scope)
         if when is None or not _is_barred(when, settled, waiting):
             return False
     return True
@@ -225,10 +225,10 @@ def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Set
     return None if other.state.transitions else other
 
 
-def _awaited(case: Case, name: str, state: StateEntry) -> set[str]:
+def _awaited(case: Case, name: str, state: StatePlan) -> set[str]:
     """The vehicles that the ways out of a state ask about."""
     scope = case.scopes.condition(name)
-    conditions = [case.condition(t.when, scope) for t in state.transitions]
+    conditions = [case.condition(t, "when", scope) for t in state.transitions]
     return {v for when in conditions if when is not None for v in _named(when)} - {name}
 
 

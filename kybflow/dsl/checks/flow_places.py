@@ -16,9 +16,9 @@ from kybflow.dsl.checks.durations import disturbances
 from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import endless_states, entries_of, left_at, stays
-from kybflow.dsl.document import FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
 from kybflow.dsl.names.built_in import end_of
-from kybflow.dsl.shaping.flows import GROUNDED, own_vehicles
+from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 
 _MOST = 16
 _KEEP = frozenset({"hover", "landed"})
@@ -31,7 +31,7 @@ _Places = dict[str, _Points]
 class EnteredByFlow(NamedTuple):
     """A state as a flow leads to it: entered at `point`."""
 
-    vehicle: VehicleEntry
+    vehicle: VehiclePlan
     state: str
     point: Vec3
 
@@ -39,19 +39,17 @@ class EnteredByFlow(NamedTuple):
 def entered_by_flows(case: Case) -> Iterator[EnteredByFlow]:
     """Every entry of a state that flows lead to and that the vehicle's own states don't tell."""
     told: set[tuple[str, str, Vec3]] = set()
-    for flow in () if case.cached(disturbances) else case.document.flows.values():
+    for flow in () if case.cached(disturbances) else case.plan.flows:
         for name, places in _places(case, flow).items():
             for who, goal in runs_of(case, flow.phases[name]).items():
-                vehicle = case.document.vehicles[who]
+                vehicle = case.plan.fleet[who]
                 for state, point in _entries(vehicle, vehicle.goal(goal), places.get(who, ())):
                     if (who, state, point) not in told:
                         told.add((who, state, point))
                         yield EnteredByFlow(vehicle, state, point)
 
 
-def _entries(
-    vehicle: VehicleEntry, goal: str, points: Iterable[Vec3]
-) -> Iterator[tuple[str, Vec3]]:
+def _entries(vehicle: VehiclePlan, goal: str, points: Iterable[Vec3]) -> Iterator[tuple[str, Vec3]]:
     known = entries_of(vehicle)
     for point in points:
         for state, entries in _walked(vehicle, goal, point).items():
@@ -60,21 +58,21 @@ def _entries(
                 yield from ((state, entry) for entry in entries if entry not in before)
 
 
-def _places(case: Case, flow: FlowEntry) -> dict[str, _Places]:
+def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
     """Where each vehicle may be when a phase is entered, by phase."""
-    vehicles = case.document.vehicles
+    fleet = case.plan.fleet
     first: _Places = {
-        name: frozenset({vehicles[name].start})
-        for name in own_vehicles(case.document, flow)
-        if vehicles[name].begin.text == GROUNDED
+        name: frozenset({fleet[name].start})
+        for name in own_vehicles(case.plan, flow)
+        if fleet[name].begin == GROUNDED
     }
-    entered = {flow.begin.text: first} if flow.begin.text in flow.phases else {}
+    entered = {flow.begin: first} if flow.begin in flow.phases else {}
     waiting = list(entered)
     while waiting:
         phase = flow.phases[waiting.pop()]
         for transition in phase.transitions:
-            left = _places_after(case, phase, transition, entered[phase.name.text])
-            target, before = transition.target.text, entered.get(transition.target.text)
+            left = _places_after(case, phase, transition, entered[phase.name])
+            target, before = transition.target, entered.get(transition.target)
             merged = _united(before or {}, left)
             if target in flow.phases and merged != before:
                 entered[target] = merged
@@ -88,18 +86,18 @@ def _united(a: _Places, b: _Places) -> _Places:
 
 
 def _places_after(
-    case: Case, phase: PhaseEntry, transition: TransitionEntry, places: _Places
+    case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
     """Where vehicles are after a way out of a phase: those that it asked for nothing where they
     were, those that are in a state that stays where that is."""
-    document = case.document
+    plan = case.plan
     run = runs_of(case, phase)
-    given = {asked.vehicle for asked in handovers(document, phase)}
+    given = {asked.vehicle for asked in handovers(plan, phase)}
     left = {v: points for v, points in places.items() if v not in run and v not in given}
-    for name, state in said_states(case.condition(transition.when, case.scopes.flow())):
+    for name, state in said_states(case.condition(transition, "when", case.scopes.flow())):
         if name not in run or name in given:
             continue
-        vehicle, found = document.vehicles[name], set[Vec3]()
+        vehicle, found = plan.fleet[name], set[Vec3]()
         for point in places.get(name, ()):
             found |= _walked(vehicle, vehicle.goal(run[name]), point).get(state, set())
         own = vehicle.states.get(state)
@@ -108,7 +106,7 @@ def _places_after(
     return left
 
 
-def _walked(vehicle: VehicleEntry, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
+def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
     """The known entries of a state that is entered at `point`, and of all that follow it."""
     walks: dict[tuple[str, Vec3], dict[str, set[Vec3]]] = vehicle.known.setdefault("walks", {})
     if (goal, point) in walks:
@@ -125,7 +123,7 @@ def _walked(vehicle: VehicleEntry, goal: str, point: Vec3) -> dict[str, set[Vec3
     return found
 
 
-def _left(vehicle: VehicleEntry, name: str, entry: Vec3) -> Iterator[tuple[str, Vec3 | None]]:
+def _left(vehicle: VehiclePlan, name: str, entry: Vec3) -> Iterator[tuple[str, Vec3 | None]]:
     """(state, where it is entered) of all that may follow a state."""
     if name == "brake":
         yield "hover", entry
@@ -133,7 +131,7 @@ def _left(vehicle: VehicleEntry, name: str, entry: Vec3) -> Iterator[tuple[str, 
     if state is None:
         return
     for transition in state.transitions:
-        yield transition.target.text, left_at(state, transition.cause, entry)
+        yield transition.target, left_at(state, transition.cause, entry)
     ends = name not in endless_states(vehicle)
     if ends and all(transition.cause != "then" for transition in state.transitions):
-        yield end_of(state.part.spec.cls.flight), left_at(state, "then", entry)
+        yield end_of(state.legs), left_at(state, "then", entry)

@@ -5,28 +5,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import given_by_a_person
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import members, unknown_vehicle
-from kybflow.dsl.plan import END
+from kybflow.dsl.names.option_names import unknown_vehicle
+from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan
+from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_of
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
     """KYB191: a flow is called like a vehicle, a group or a word of the language, or a phase
     `end`."""
-    document = case.document
-    for flow in document.flows.values():
-        name = flow.name.text
-        taken = {**dict.fromkeys(document.vehicles, "a vehicle's name")}
-        taken |= dict.fromkeys(document.groups, "a group's name")
+    plan = case.plan
+    for flow in plan.flows:
+        name = flow.name
+        taken = dict.fromkeys(plan.fleet, "a vehicle's name")
+        taken |= dict.fromkeys(plan.groups, "a group's name")
         taken |= dict.fromkeys(WORDS, "a word of the language")
         if name in taken:
             message, hint = f"a flow can't be called `{name}`", "give it another name"
@@ -40,25 +40,25 @@ def flow_names(case: Case) -> Iterator[Diagnostic]:
 def phase_targets(case: Case) -> Iterator[Diagnostic]:
     """KYB193: a phase asks something of a vehicle or a group that is none, or gives to a flow that
     is none."""
-    document = case.document
-    for flow, phase in phases(document):
-        for who, _ in (*phase.run, *phase.give):
-            if not members(document, who.text) and who.text not in document.groups:
-                yield _nobody(who, document)
-        for _, goal in phase.give:
-            if goal.text not in document.flows:
+    plan = case.plan
+    for flow, phase in phases(plan):
+        for who, _ in (pair for key in ASKED for pair in goals_of(phase, key)):
+            if not plan.members(who.text) and who.text not in plan.groups:
+                yield _nobody(who, plan)
+        for _, goal in goals_of(phase, "give"):
+            if goal.text not in plan.flows_by_name:
                 message = f"there is no flow `{goal.text}`"
-                hint = did_you_mean(goal.text, [n for n in document.flows if n != flow.name.text])
+                hint = did_you_mean(goal.text, [n for n in plan.flows_by_name if n != flow.name])
                 yield Diagnostic("KYB193", message, goal.span, label="unknown", help=hint)
-            elif goal.text == flow.name.text:
+            elif goal.text == flow.name:
                 message = f"`{goal.text}` can't give to itself"
                 yield Diagnostic("KYB193", message, goal.span, label="drives it already")
 
 
-def _nobody(who: Text, document: Document) -> Diagnostic:
+def _nobody(who: Text, plan: Plan) -> Diagnostic:
     """The finding for what is no vehicle and no group; a flow that the mission starts from may need
     a group."""
-    finding = unknown_vehicle("KYB193", who, document)
+    finding = unknown_vehicle("KYB193", who, plan)
     if not who.span.used:
         return finding
     group = f"write `groups: {{{who.text}: [...]}}`, with the vehicles that the flow is about"
@@ -73,38 +73,37 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
     A state is one of the vehicle's own behaviors or one of the built-in states `landed`, `brake`,
     `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
     """
-    for _, phase in phases(case.document):
-        for vehicle, _, state in assignments(case.document, phase.run):
-            finding = wrong_goal("KYB194", state, case.document.vehicles[vehicle])
+    for _, phase in phases(case.plan):
+        for vehicle, _, state in assignments(case.plan, phase, "run"):
+            finding = wrong_goal("KYB194", state, case.plan.fleet[vehicle])
             if finding is not None:
                 yield finding
 
 
 def phase_transitions(case: Case) -> Iterator[Diagnostic]:
     """KYB195: a transition of a phase, or `begin`, names a phase that the flow does not have."""
-    for flow in case.document.flows.values():
-        transitions = (
-            transition for phase in flow.phases.values() for transition in phase.transitions
-        )
-        for goal in [flow.begin, *(transition.target for transition in transitions)]:
-            if goal.text in flow.phases or (goal.text == END and goal is not flow.begin):
-                continue
-            message = f"the flow `{flow.name.text}` has no phase `{goal.text}`"
-            hint = did_you_mean(goal.text, [*flow.phases, END])
-            yield Diagnostic("KYB195", message, goal.span, label="unknown", help=hint)
+    for flow in case.plan.flows:
+        begin = flow.text_of("begin")
+        goals = [(flow.begin, flow.span if begin is None else begin.span)]
+        for phase in flow.phases.values():
+            goals += [(t.target, t.target_span) for t in phase.transitions if t.target != END]
+        for goal, span in goals:
+            if goal not in flow.phases:
+                message = f"the flow `{flow.name}` has no phase `{goal}`"
+                hint = did_you_mean(goal, [*flow.phases, END])
+                yield Diagnostic("KYB195", message, span, label="unknown", help=hint)
 
 
 def tries_for_ever(case: Case) -> Iterator[Diagnostic]:
     """KYB454: a phase that did not get through in its time begins anew, and so on for ever (a
     warning)."""
-    for _, phase in phases(case.document):
+    for _, phase in phases(case.plan):
         for transition in phase.transitions:
-            goal = transition.target.text
-            if transition.cause == "within" and goal == phase.name.text and goal != END:
+            if transition.cause == "within" and transition.target == phase.name != END:
                 yield Diagnostic(
                     "KYB454",
-                    f"`{phase.name.text}` tries again for ever",
-                    transition.target.span,
+                    f"`{phase.name}` tries again for ever",
+                    transition.target_span,
                     label="leads back to itself",
                     help="let it lead to a phase that lands everybody",
                     severity=Severity.WARNING,
@@ -117,12 +116,12 @@ def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
     Phases that came through `like` are excepted: a template may offer more than one mission uses.
     Where a transition leads to an unknown name, nothing is said before that is mended.
     """
-    for flow in case.document.flows.values():
-        found = reached(case.document, flow)
+    for flow in case.plan.flows:
+        found = reached(case.plan, flow)
         for phase in flow.phases.values() if found <= {*flow.phases} else ():
-            if phase.name.text not in found | {END} and not phase.inherited:
-                message = f"the phase `{phase.name.text}` is never reached"
-                hint = f"let another phase go there, as `go: {phase.name.text}`, or remove it"
+            if phase.name not in found | {END} and not phase.inherited:
+                message = f"the phase `{phase.name}` is never reached"
+                hint = f"let another phase go there, as `go: {phase.name}`, or remove it"
                 label = "no transition leads here"
                 yield Diagnostic("KYB196", message, phase.span, label=label, help=hint)
 
@@ -134,14 +133,14 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
     `otherwise`, or a way out by time alone. Two waits need no bound: for a person (`operator.NAME`
     and `INPUT.BUTTON`), and for the end of a flow that was given a vehicle, which has its own.
     """
-    for flow, phase in phases(case.document):
+    for flow, phase in phases(case.plan):
         bounded = any(_is_time_alone(transition) for transition in phase.transitions)
         own = [transition for transition in phase.transitions if not transition.since]
-        waits = [a for a in own if not _may_wait(a, flow, case.document)]
+        waits = [a for a in own if not _may_wait(a, flow, case.plan)]
         if waits and not bounded:
             yield Diagnostic(
                 "KYB197",
-                f"the phase `{phase.name.text}` can block for ever",
+                f"the phase `{phase.name}` can block for ever",
                 phase.span,
                 label="waits for others",
                 notes=(f"{waits[0].span.beside(phase.span)} waits for what may never come",),
@@ -149,24 +148,23 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _is_time_alone(transition: TransitionEntry) -> bool:
+def _is_time_alone(transition: TransitionPlan) -> bool:
     return transition.after is not None and transition.when is None and transition.event is None
 
 
-def _may_wait(transition: TransitionEntry, flow: FlowEntry, document: Document) -> bool:
+def _may_wait(transition: TransitionPlan, flow: FlowPlan, plan: Plan) -> bool:
     """Whether waiting for this alone needs no bound."""
     if transition.event is None or transition.when is not None:
         return False
-    given = {goal.text for phase in flow.phases.values() for _, goal in phase.give}
-    finished = {f"{name}.finished" for name in given & set(document.flows)}
-    event = transition.event.text
-    return event in finished or given_by_a_person(event, document)
+    given = {goal for phase in flow.phases.values() for goal in phase.give.values()}
+    finished = {f"{name}.finished" for name in given & set(plan.flows_by_name)}
+    return transition.event in finished or given_by_a_person(transition.event, plan)
 
 
 def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
     """KYB240: phases follow each other in a cycle in which no time passes: each goes on `after:
     0 s`."""
-    for flow in case.document.flows.values():
+    for flow in case.plan.flows:
         told: set[str] = set()
         for name in flow.phases:
             cycle = _cycle(flow, name)
@@ -174,7 +172,7 @@ def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
                 told.update(cycle)
                 yield Diagnostic(
                     "KYB240",
-                    f"the flow `{flow.name.text}` runs in a cycle without an end",
+                    f"the flow `{flow.name}` runs in a cycle without an end",
                     flow.phases[name].span,
                     label="no time passes here",
                     notes=("`" + "` → `".join([*cycle, cycle[0]]) + "`",),
@@ -182,7 +180,7 @@ def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _cycle(flow: FlowEntry, name: str) -> list[str]:
+def _cycle(flow: FlowPlan, name: str) -> list[str]:
     """The phases that follow `name` at once, up to itself; none when they don't come back."""
     path = [name]
     while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
@@ -193,21 +191,22 @@ def _cycle(flow: FlowEntry, name: str) -> list[str]:
     return path if ahead == name else []
 
 
-def _at_once(phase: PhaseEntry | None) -> str | None:
+def _at_once(phase: PhasePlan | None) -> str | None:
     """The phase that follows at once; None when something may be waited for."""
     for transition in phase.transitions if phase else ():
         if transition.after == 0.0 and transition.when is None and transition.event is None:
-            return transition.target.text
+            return transition.target
     return None
 
 
 def phase_conditions(case: Case) -> Iterator[Diagnostic]:
     """Every `when` of every phase: KYB210 to KYB215."""
     scope = case.scopes.flow()
-    for _, phase in phases(case.document):
+    for _, phase in phases(case.plan):
         for transition in phase.transitions:
-            if transition.when is not None:
-                yield from parse(transition.when, scope)[1]
+            when = transition.text_of("when")
+            if when is not None:
+                yield from parse(when, scope)[1]
 
 
 def groups(case: Case) -> Iterator[Diagnostic]:
@@ -216,10 +215,11 @@ def groups(case: Case) -> Iterator[Diagnostic]:
     Its name is no vehicle's and no word of the language; it has a member at least; each is a
     vehicle of the mission, and named once.
     """
-    document = case.document
-    for name, own in document.groups.items():
-        span = document.group_spans[name]
-        if name in document.vehicles:
+    plan = case.plan
+    own_groups = plan.entry("groups")
+    for name, entry in entries_of(own_groups and own_groups.value).items():
+        span, own = entry.key.span, items_of(entry.value)
+        if name in plan.fleet:
             message, hint = f"`{name}` is a vehicle already", "give the group another name"
             yield Diagnostic("KYB190", message, span, label="a group", help=hint)
         elif name in WORDS:
@@ -228,24 +228,30 @@ def groups(case: Case) -> Iterator[Diagnostic]:
         if not own:
             message = f"the group `{name}` is empty"
             yield Diagnostic("KYB190", message, span, help="name a vehicle, or remove it")
-        yield from _members(name, own, document)
+        members = [item.as_text for item in own if isinstance(item, Scalar)]
+        yield from _members(name, members, plan)
 
 
-def _members(group: str, members: tuple[Text, ...], document: Document) -> Iterator[Diagnostic]:
+def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic]:
     first: dict[str, Text] = {}
     for member in members:
         if member.text in first:
             message = f"`{member.text}` is in `{group}` twice"
             yield Diagnostic("KYB190", message, member.span, help="name it once")
-        elif member.text not in document.vehicles:
-            is_group = member.text in document.groups
-            hint = did_you_mean(member.text, document.vehicles)
+        elif member.text not in plan.fleet:
+            is_group = member.text in plan.groups
+            hint = did_you_mean(member.text, plan.fleet)
             if is_group:
                 hint = "a group holds vehicles: name each of them"
             message = f"there is no vehicle `{member.text}`"
             label = "a group" if is_group else "unknown"
             yield Diagnostic("KYB190", message, member.span, label=label, help=hint)
         first.setdefault(member.text, member)
+
+
+Asked = Literal["run", "give"]
+ASKED: tuple[Asked, ...] = get_args(Asked)
+"""The keys of a phase that ask something of vehicles."""
 
 
 class Assignment(NamedTuple):
@@ -257,22 +263,36 @@ class Assignment(NamedTuple):
     goal: Text
 
 
-def phases(document: Document) -> Iterator[tuple[FlowEntry, PhaseEntry]]:
+def phases(plan: Plan) -> Iterator[tuple[FlowPlan, PhasePlan]]:
     """Every phase of every flow."""
-    for flow in document.flows.values():
+    for flow in plan.flows:
         for phase in flow.phases.values():
             yield flow, phase
 
 
-def assignments(document: Document, pairs: tuple[tuple[Text, Text], ...]) -> Iterator[Assignment]:
+def goals_of(phase: PhasePlan, key: Asked) -> Iterator[tuple[Text, Text]]:
+    """(vehicle or group, the state or the flow) of each entry of `run` or `give`."""
+    for who, goal in phase.pairs(key):
+        if not is_null(goal):
+            yield who, _name(goal)
+
+
+def _name(goal: Node) -> Text:
+    """The name of a goal, which may have values beside it."""
+    keys = [entry.key for entry in entries_of(goal).values()]
+    name = keys[0] if keys else goal
+    assert isinstance(name, Scalar)
+    return name.as_text
+
+
+def assignments(plan: Plan, phase: PhasePlan, key: Asked) -> Iterator[Assignment]:
     """The `run` or the `give` of a phase, vehicle by vehicle; unknown names are left out."""
-    for who, goal in pairs:
-        for vehicle in members(document, who.text):
-            if vehicle in document.vehicles:
-                yield Assignment(vehicle, who, goal)
+    for who, goal in goals_of(phase, key):
+        for vehicle in plan.members(who.text):
+            yield Assignment(vehicle, who, goal)
 
 
-def runs_of(case: Case, phase: PhaseEntry) -> Mapping[str, str]:
+def runs_of(case: Case, phase: PhasePlan) -> Mapping[str, str]:
     """The state or chain that a phase asks each of its vehicles for."""
     (runs,) = case.cached(_runs)
     return runs[id(phase)]
@@ -280,51 +300,52 @@ def runs_of(case: Case, phase: PhaseEntry) -> Mapping[str, str]:
 
 def _runs(case: Case) -> Iterator[dict[int, Mapping[str, str]]]:
     yield {
-        id(phase): {a.vehicle: a.goal.text for a in assignments(case.document, phase.run)}
-        for _, phase in phases(case.document)
+        id(phase): {v: r.state for who, r in phase.run.items() for v in case.plan.members(who)}
+        for _, phase in phases(case.plan)
     }
 
 
-def handovers(document: Document, phase: PhaseEntry) -> Iterator[Assignment]:
+def handovers(plan: Plan, phase: PhasePlan) -> Iterator[Assignment]:
     """The `give` of a phase, vehicle by vehicle, to flows that exist."""
-    yield from (w for w in assignments(document, phase.give) if w.goal.text in document.flows)
+    asked = assignments(plan, phase, "give")
+    yield from (a for a in asked if a.goal.text in plan.flows_by_name)
 
 
-def all_known(document: Document) -> bool:
+def all_known(plan: Plan) -> bool:
     """Whether every vehicle and state that phases ask for exists."""
-    asked = [(who.text, state.text) for _, phase in phases(document) for who, state in phase.run]
+    asked = [one for _, phase in phases(plan) for one in phase.run.items()]
     return all(
-        bool(members(document, who))
+        bool(plan.members(who))
         and all(
-            has_state(document.vehicles[v], state) or state in BUILT_IN
-            for v in members(document, who)
+            has_state(plan.fleet[name], request.state) or request.state in BUILT_IN
+            for name in plan.members(who)
         )
-        for who, state in asked
+        for who, request in asked
     )
 
 
-def has_state(vehicle: VehicleEntry, state: str) -> bool:
+def has_state(vehicle: VehiclePlan, state: str) -> bool:
     """Whether a mission's own state, or a chain of them, has that name."""
     return vehicle.goal(state) in vehicle.states
 
 
-def reached(document: Document, flow: FlowEntry) -> set[str]:
+def reached(plan: Plan, flow: FlowPlan) -> set[str]:
     """The phases that transitions lead to from the first, or from one that a callback asks for."""
-    waiting = [flow.begin.text, *_asked(document, flow)]
+    waiting = [flow.begin, *_asked(plan, flow)]
     found = set(waiting)
     while waiting:
         phase = flow.phases.get(waiting.pop())
         for transition in phase.transitions if phase else ():
-            if transition.target.text not in found:
-                found.add(transition.target.text)
-                waiting.append(transition.target.text)
+            if transition.target not in found:
+                found.add(transition.target)
+                waiting.append(transition.target)
     return found - {END}
 
 
-def _asked(document: Document, flow: FlowEntry) -> Iterator[str]:
+def _asked(plan: Plan, flow: FlowPlan) -> Iterator[str]:
     """The phases of the flow that callbacks enter."""
-    for callback in document.callbacks:
-        for action in callback.actions:
-            named = action.target is None or action.target.text == flow.name.text
-            if action.name.text == "phase" and named and action.value.text in flow.phases:
-                yield action.value.text
+    for callback in plan.callbacks:
+        for action in callback.do:
+            named = action.target is None or action.target == flow.name
+            if action.name == "phase" and named and action.value in flow.phases:
+                yield action.value

@@ -12,10 +12,11 @@ from kybflow.dsl.checks.case import WORDS, Case
 from kybflow.dsl.checks.conditions import conditions_of, nodes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import StateEntry
 from kybflow.dsl.expressions import Axis
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.names.option_names import no_vehicles
+from kybflow.dsl.plan import InputPlan, StatePlan
+from kybflow.dsl.reading.nodes import Scalar, entries_of
 
 LOST = "input_lost"
 
@@ -23,85 +24,90 @@ LOST = "input_lost"
 class _Steered(NamedTuple):
     """A state whose behavior is steered, and the name of the input as it is written."""
 
-    state: StateEntry
+    state: StatePlan
     input: Text
 
 
 def _steered(case: Case) -> Iterator[_Steered]:
     for _, state in case.states():
-        for parameter, name in named_in(state.part.params, "input").items():
-            span = state.part.spans.get(parameter, state.part.name.span)
+        for parameter, name in named_in(state.behavior.params, "input").items():
+            span = state.behavior.span_of(parameter)
             yield _Steered(state, Text(name, span))
 
 
 def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
     """KYB401: a behavior names an input, or an input a vehicle, that isn't there."""
-    document = case.document
+    known = case.plan.inputs_by_name
     for _, name in case.cached(_steered):
-        if name.text not in document.inputs:
+        if name.text not in known:
             message = f"the mission has no input `{name.text}`"
-            hint = did_you_mean(name.text, document.inputs) if document.inputs else ""
+            hint = did_you_mean(name.text, known) if known else ""
             hint = hint or f"declare it: `inputs: {{{name.text}: {{use: gamepad}}}}`"
             yield Diagnostic("KYB401", message, name.span, label="unknown", help=hint)
-    for use in document.inputs.values():
-        yield from no_vehicles("KYB401", use.part, document)
+    for use in case.plan.inputs:
+        yield from no_vehicles("KYB401", use.part, case.plan)
 
 
 def missing_axes(case: Case) -> Iterator[Diagnostic]:
     """KYB402: an input lacks an axis by which a behavior is steered."""
     for state, name in case.cached(_steered):
-        use = case.document.inputs.get(name.text)
-        lacking = [a for a in state.part.spec.cls.axes if use is not None and a not in use.axes]
+        use = case.plan.inputs_by_name.get(name.text)
+        lacking = [a for a in state.behavior.cls.axes if use is not None and a not in use.axes]
         if use is not None and lacking:
             yield Diagnostic(
                 "KYB402",
                 f"`{name.text}` has no axis `{lacking[0]}`",
                 name.span,
-                label=f"`{state.part.name.text}` is steered by it",
-                notes=(f"`{name.text}` ({use.part.name.text}) is at {use.part.span.at}",),
+                label=f"`{state.behavior.name}` is steered by it",
+                notes=(f"`{name.text}` ({use.part.name}) is at {use.part.span.at}",),
                 help=f"its axes are {_listed(use.axes)}",
             )
 
 
 def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
     """KYB403: `buttons` or `dead_man` names a button that the input doesn't have."""
-    for use in case.document.inputs.values():
-        device = use.part.spec.cls.buttons(use.part.params)
-        wrong = [(name, device) for _, name in use.renamed if name.text not in device]
-        known = use.buttons.values()
-        if use.dead_man is not None and use.dead_man.text not in known:
-            wrong.append((use.dead_man, tuple(known)))
+    for use in case.plan.inputs:
+        device = use.part.cls.buttons(use.part.params)
+        wrong = [(name, device) for name in _renamed(use) if name.text not in device]
+        known, dead_man = tuple(use.button_names.values()), use.text_of("dead_man")
+        if dead_man is not None and dead_man.text not in known:
+            wrong.append((dead_man, known))
         for name, choices in wrong:
-            message = f"`{use.part.name.text}` has no button `{name.text}`"
+            message = f"`{use.part.name}` has no button `{name.text}`"
             hint = did_you_mean(name.text, choices) if choices else "it has no buttons"
             yield Diagnostic("KYB403", message, name.span, label="unknown", help=hint)
+
+
+def _renamed(use: InputPlan) -> list[Text]:
+    """The buttons of the device that the mission gives names of its own."""
+    buttons = use.entry("buttons")
+    named = () if buttons is None else entries_of(buttons.value).values()
+    return [one.value.as_text for one in named if isinstance(one.value, Scalar)]
 
 
 def unused_inputs(case: Case) -> Iterator[Diagnostic]:
     """KYB404: nothing is steered by an input, waits for one of its buttons or asks for one of its
     axes (a warning)."""
     used = {name.text for _, name in case.cached(_steered)} | _heard(case)
-    for typed in case.cached(conditions_of) if case.document.inputs else ():
+    for typed in case.cached(conditions_of) if case.plan.inputs else ():
         used |= {node.input for node in nodes(typed.condition) if isinstance(node, Axis)}
-    for name, use in case.document.inputs.items():
-        if name not in used:
+    for use in case.plan.inputs:
+        if use.name not in used:
             yield Diagnostic(
                 "KYB404",
-                f"nothing uses the input `{name}`",
-                use.name.span,
-                help=f"steer by it (`input: {name}`), hear one of its buttons, or remove it",
+                f"nothing uses the input `{use.name}`",
+                use.span,
+                help=f"steer by it (`input: {use.name}`), hear one of its buttons, or remove it",
                 severity=Severity.WARNING,
             )
 
 
 def _heard(case: Case) -> set[str]:
     """What stands before the dot in every event that a mission waits for."""
-    flows = case.document.flows.values()
-    transitions = [t for _, state in case.states() for t in state.transitions]
-    transitions += [t for flow in flows for p in flow.phases.values() for t in p.transitions]
-    events = [t.event.text for t in transitions if t.event is not None]
-    events += [one.event.text for one in case.document.callbacks if one.event is not None]
-    return {event.partition(".")[0] for event in events}
+    ways = [t for _, state in case.states() for t in state.transitions]
+    ways += [t for f in case.plan.flows for p in f.phases.values() for t in p.transitions]
+    events = [way.event for way in ways] + [one.event for one in case.plan.callbacks]
+    return {event.partition(".")[0] for event in events if event}
 
 
 def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
@@ -113,12 +119,12 @@ def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
     """
     for state, name in case.cached(_steered):
         own = state.transitions
-        if any(t.cause == "failed" or (t.event and t.event.text == LOST) for t in own):
+        if any(t.cause == "failed" or t.event == LOST for t in own):
             continue
         yield Diagnostic(
             "KYB405",
             f"nothing says what follows when `{name.text}` is lost",
-            state.part.name.span,
+            state.behavior.span,
             label="it would only brake",
             help="write what it does then, like `failed: down`",
         )
@@ -127,23 +133,23 @@ def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
 def input_names(case: Case) -> Iterator[Diagnostic]:
     """KYB406: an input is called like a vehicle, a group, a flow or a word of the language, so that
     `NAME.x` could mean either."""
-    document = case.document
-    for name, use in document.inputs.items():
-        taken = dict.fromkeys(document.vehicles, "a vehicle's name")
-        taken |= dict.fromkeys(document.groups, "a group's name")
-        taken |= dict.fromkeys(document.flows, "a flow's name")
-        taken |= dict.fromkeys(WORDS, "a word of the language")
-        if name in taken:
-            message, hint = f"an input can't be called `{name}`", "give it another name"
-            yield Diagnostic("KYB406", message, use.name.span, label=taken[name], help=hint)
+    plan = case.plan
+    taken = dict.fromkeys(plan.fleet, "a vehicle's name")
+    taken |= dict.fromkeys(plan.groups, "a group's name")
+    taken |= dict.fromkeys(plan.flows_by_name, "a flow's name")
+    taken |= dict.fromkeys(WORDS, "a word of the language")
+    for use in plan.inputs:
+        if use.name in taken:
+            message, hint = f"an input can't be called `{use.name}`", "give it another name"
+            yield Diagnostic("KYB406", message, use.span, label=taken[use.name], help=hint)
 
 
 def not_as_told(case: Case) -> Iterator[Diagnostic]:
     """KYB407: an input can't work as it is told: its device has no such axis."""
-    for use in case.document.inputs.values():
-        objection = use.part.spec.cls.objection(use.part.params)
+    for use in case.plan.inputs:
+        objection = use.part.cls.objection(use.part.params)
         if objection is not None:
-            span = use.part.spans.get(objection.parameter, use.part.name.span)
+            span = use.part.span_of(objection.parameter)
             yield Diagnostic("KYB407", objection.reason, span, help=objection.hint)
 
 
@@ -159,13 +165,13 @@ def silent_for_long(case: Case) -> Iterator[Diagnostic]:
     """KYB447: an input that falls silent steers on with what it said last for more than 5 s (a
     warning)."""
     steering = {name.text for _, name in case.cached(_steered)}
-    for name, use in case.document.inputs.items():
-        if name in steering and use.silent_after > _SILENT:
+    for use in case.plan.inputs:
+        if use.name in steering and use.silent_after > _SILENT:
             silent = quantity(use.silent_after, DURATION)
             yield Diagnostic(
                 "KYB447",
-                f"`{name}` steers on for {silent} after it has fallen silent",
-                use.spans.get("silent_after", use.part.name.span),
+                f"`{use.name}` steers on for {silent} after it has fallen silent",
+                use.span_of("silent_after"),
                 help="write less, such as `silent_after: 300 ms`",
                 severity=Severity.WARNING,
             )

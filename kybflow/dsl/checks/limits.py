@@ -14,8 +14,8 @@ from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import Footprint
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
@@ -30,25 +30,25 @@ LIMITS = frozenset({"tilt", "speed", "climb"})
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     """KYB316: a tracker or a processor is given a `tilt`, `speed` or `climb` beyond the
     airframe's."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for part in (vehicle.tracker, *vehicle.processors):
-            if not LIMITS.isdisjoint(part.spans):
+            if not LIMITS.isdisjoint(part.source.node.entries):
                 yield from _beyond(vehicle, part)
 
 
-def _beyond(vehicle: VehicleEntry, part: PartUse) -> Iterator[Diagnostic]:
+def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
     for field in fields_of(Airframe):
         name, dimension = field.name, field.dimension
-        if name not in LIMITS or name not in part.spans or dimension is None:
+        if name not in LIMITS or not part.is_written(name) or dimension is None:
             continue
-        own = next(f for f in part.spec.fields if f.name == name)
+        own = next(f for f in part.fields if f.name == name)
         value, limit = getattr(part.params, name), getattr(vehicle.airframe, name)
         if own.dimension is not dimension or value is None or value <= limit + _ROUNDING:
             continue
         yield Diagnostic(
             "KYB316",
-            f"`{part.name.text}` asks for more {name} than `{vehicle.name.text}` has",
-            part.spans[name],
+            f"`{part.name}` asks for more {name} than `{vehicle.name}` has",
+            part.span_of(name),
             label=format_quantity(value, dimension),
             notes=(f"its airframe has {format_quantity(limit, dimension)}",),
             related=the_limit(vehicle, name),
@@ -64,15 +64,15 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB317",
-            f"`{state.name.text}` ({state.part.name.text}) is too sharp for `{vehicle.name.text}`",
-            state.part.name.span,
+            f"`{state.name}` ({state.behavior.name}) is too sharp for `{vehicle.name}`",
+            state.behavior.span,
             label=f"needs a tilt of {format_quantity(tilt, ANGLE)}",
             notes=(
                 f"its airframe may tilt {format_quantity(limit, ANGLE)}",
                 *_sharpest(footprint),
             ),
             help="fly it slower or wider",
-            related=(*the_limit(vehicle, "tilt"), *values_of(state.part)),
+            related=(*the_limit(vehicle, "tilt"), *values_of(state.behavior)),
         )
 
 
@@ -81,25 +81,29 @@ def _sharpest(footprint: Footprint) -> tuple[str, ...]:
 
 
 class _Frame(NamedTuple):
-    """An airframe, what is called by it, and where its numbers are written."""
+    """An airframe, what is called by it, and where that stands."""
 
-    name: Text
-    airframe: Airframe
-    spans: dict[str, Span]
+    name: str
+    span: Span
+    body: Body
+
+    @property
+    def airframe(self) -> Airframe:
+        return self.body.airframe
 
     def place(self, *keys: str) -> Span:
         """Where the first of `keys` is that is written in the same file."""
-        spans = [self.spans[key] for key in keys if key in self.spans]
-        return next((s for s in spans if s.file == self.name.span.file), self.name.span)
+        spans = (self.body.span_of(key) for key in keys if self.body.is_written(key))
+        return next((s for s in spans if s.file == self.span.file), self.span)
 
 
 def _airframes(case: Case) -> Iterator[_Frame]:
     """Every airframe that is flown, then those that the mission only describes."""
-    flown = [_Frame(v.name, v.airframe, v.airframe_spans) for v in case.vehicles()]
+    flown = [_Frame(v.name, v.span, v.body) for v in case.plan.vehicles]
     yield from flown
-    for use in case.document.airframes:
-        if all(use.airframe != frame.airframe for frame in flown):
-            yield _Frame(use.name, use.airframe, use.spans)
+    for body in case.plan.airframes:
+        if all(body.airframe != frame.airframe for frame in flown):
+            yield _Frame(body.name, body.span, body)
 
 
 def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
@@ -120,7 +124,7 @@ def too_heavy(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB318",
-            f"`{frame.name.text}` can't fly: its four rotors lift {most:.3g} N",
+            f"`{frame.name}` can't fly: its four rotors lift {most:.3g} N",
             frame.place("thrust", "mass"),
             label=f"it weighs {format_quantity(weight, FORCE)}",
             notes=(_STEER,),
@@ -169,14 +173,14 @@ def _implausible(case: Case) -> Iterator[_Doubt]:
         if not _lifts(frame.airframe) or not _is_rigid(frame.airframe):
             continue
         for found in of_airframe(frame.airframe):
-            if not frame.spans.keys().isdisjoint(found.parameters):
-                yield _Doubt(f"`{frame.name.text}`", found, frame.place(*found.parameters))
-    for vehicle in case.vehicles():
+            if any(map(frame.body.is_written, found.parameters)):
+                yield _Doubt(f"`{frame.name}`", found, frame.place(*found.parameters))
+    for vehicle in case.plan.vehicles:
         payload, airframe = vehicle.payload, vehicle.airframe
         if payload is not None and _lifts(airframe, payload.mass):
             for found in of_parcel(payload, airframe):
-                span = vehicle.spans.get("payload", vehicle.span)
-                yield _Doubt(f"the payload of `{vehicle.name.text}`", found, span)
+                span = vehicle.key_span("payload")
+                yield _Doubt(f"the payload of `{vehicle.name}`", found, span)
 
 
 def _doubted(code: str, what: str, doubt: _Doubt) -> Diagnostic:
@@ -196,7 +200,7 @@ def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB319",
-            f"no body has the moments of inertia of `{frame.name.text}`",
+            f"no body has the moments of inertia of `{frame.name}`",
             frame.place("inertia"),
             help="each is above zero and at most the sum of the other two",
         )
@@ -212,9 +216,9 @@ def nothing_to_hold(case: Case) -> Iterator[Diagnostic]:
         if vehicle.payload is None:
             yield Diagnostic(
                 "KYB395",
-                f"`{state.part.name.text}` needs a payload, and `{vehicle.name.text}` has none",
-                state.part.name.span,
-                help=f"give `{vehicle.name.text}` one: `payload: {{mass: 200 g, size: 10 cm}}`",
+                f"`{state.behavior.name}` needs a payload, and `{vehicle.name}` has none",
+                state.behavior.span,
+                help=f"give `{vehicle.name}` one: `payload: {{mass: 200 g, size: 10 cm}}`",
             )
 
 
@@ -223,12 +227,12 @@ def no_servo(case: Case) -> Iterator[Diagnostic]:
     servo."""
     for vehicle, state in _gripping(case):
         driver = vehicle.driver
-        if vehicle.payload is not None and not driver.spec.cls.grips:
+        if vehicle.payload is not None and not driver.cls.grips:
             yield Diagnostic(
                 "KYB396",
-                f"`{state.part.name.text}` needs a servo, and `{driver.name.text}` moves none",
-                state.part.name.span,
-                label=f"`{vehicle.name.text}` flies on `{driver.name.text}`",
+                f"`{state.behavior.name}` needs a servo, and `{driver.name}` moves none",
+                state.behavior.span,
+                label=f"`{vehicle.name}` flies on `{driver.name}`",
                 help="fly it on a target whose driver has one, or leave the behavior out",
             )
 
@@ -236,7 +240,7 @@ def no_servo(case: Case) -> Iterator[Diagnostic]:
 def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
     """KYB397: four rotors at their largest thrust can't lift the vehicle and its payload with 15 %
     to spare."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         if vehicle.payload is None:
             continue
         most = vehicle.airframe.max_thrust
@@ -244,15 +248,15 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
         if not _lifts(vehicle.airframe, vehicle.payload.mass):
             yield Diagnostic(
                 "KYB397",
-                f"`{vehicle.name.text}` can't fly with its payload: its rotors lift {most:.3g} N",
-                vehicle.spans.get("payload", vehicle.span),
+                f"`{vehicle.name}` can't fly with its payload: its rotors lift {most:.3g} N",
+                vehicle.key_span("payload"),
                 label=f"together they weigh {format_quantity(weight, FORCE)}",
                 notes=(_STEER,),
                 help=_lighter(vehicle, vehicle.payload),
             )
 
 
-def _lighter(vehicle: VehicleEntry, payload: Parcel) -> str:
+def _lighter(vehicle: VehiclePlan, payload: Parcel) -> str:
     """The way out: the same number in grams where that was probably meant, else the largest
     payload."""
     most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
@@ -264,8 +268,8 @@ def _lighter(vehicle: VehicleEntry, payload: Parcel) -> str:
     return f"carry {format_quantity(grams / 1000.0, MASS)} at most, or fly a stronger airframe"
 
 
-def _gripping(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry]]:
+def _gripping(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan]]:
     """Every state whose behavior uses the servo of the payload."""
     for vehicle, state in case.states():
-        if state.part.spec.cls.grips:
+        if state.behavior.cls.grips:
             yield vehicle, state

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import PartUse, VehicleEntry
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.flight.loops.design import (
     ASKED,
     LEAST,
@@ -24,7 +24,7 @@ from kybflow.flight.loops.margins import Margins, in_words
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.world.inner_loop import InnerLoop
 
-GAINS = ("proportional", "derivative", "integral")
+GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"
 _SWINGS = Margins(1.1, radians(10.0), 0.0)
 """Below these a loop swings long after each disturbance."""
 
@@ -33,7 +33,7 @@ class _Closed(NamedTuple):
     """A vehicle's position loop. is_chosen: its gains are the author's or follow from the loop, so
     that they are no tracker's by nature."""
 
-    vehicle: VehicleEntry
+    vehicle: VehiclePlan
     outer: OuterLoop
     inner: InnerLoop
     margins: Margins
@@ -42,21 +42,22 @@ class _Closed(NamedTuple):
 
 def _loops(case: Case) -> Iterator[_Closed]:
     """The loop of each vehicle of which one is known."""
-    period = 1.0 / case.document.control_rate
-    for vehicle in case.vehicles():
+    period = 1.0 / case.plan.control_rate
+    for vehicle in case.plan.vehicles:
         driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
-        inner = driver.spec.cls.inner_loop(driver.params, airframe)
+        inner = driver.cls.inner_loop(driver.params, airframe)
         if inner is None:
             continue
-        outer = tracker.spec.cls.outer_loop(tracker.params, airframe, inner, period)
+        outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
         if outer is not None:
             found = margins_of(outer, inner)
-            yield _Closed(vehicle, outer, inner, found, any(map(_is_chosen, _gains(tracker))))
+            is_chosen = outer.stiffness is not None or any(map(_is_chosen, _gains(tracker)))
+            yield _Closed(vehicle, outer, inner, found, is_chosen)
 
 
-def _gains(tracker: PartUse) -> Iterator[tuple[float | None, float | None]]:
+def _gains(tracker: PartPlan) -> Iterator[tuple[float | None, float | None]]:
     """Each gain of a tracker, and the one that it has by itself."""
-    for field in tracker.spec.fields:
+    for field in tracker.fields:
         if field.name in GAINS:
             yield getattr(tracker.params, field.name), field.default
 
@@ -101,22 +102,26 @@ def _is_little(loop: _Closed) -> bool:
 
 
 def _finding(code: str, loop: _Closed) -> Diagnostic:
-    tracker, name = loop.vehicle.tracker, loop.vehicle.name.text
+    tracker, name = loop.vehicle.tracker, loop.vehicle.name
     bound = asked_of(loop.outer, loop.inner)
     what = f"would make `{name}` oscillate"
     if holds(loop.margins, _SWINGS):
         little = "little" if code == "KYB324" else "too little"
         what = f"leaves `{name}` {little} margin"
-    written = (tracker.spans[key] for key in (*GAINS, "observer") if key in tracker.spans)
-    span = next(written, tracker.name.span)
+    written = (key for key in (MATRIX, *GAINS, "observer") if tracker.is_written(key))
     return Diagnostic(
         code,
-        f"`{tracker.name.text}` {what}",
-        span,
+        f"`{tracker.name}` {what}",
+        tracker.span_of(next(written, "")),
         label=in_words(loop.margins),
-        notes=(f"at least {in_words(bound)} are asked for",),
+        notes=(f"at least {in_words(bound)} are asked for", *_estimated(loop)),
         help=_way_out(loop, bound),
     )
+
+
+def _estimated(loop: _Closed) -> Iterator[str]:
+    if loop.outer.stiffness is not None and loop.outer.stiffness.is_coupled:
+        yield f"estimated, because `{MATRIX}` couples the height with x and y"
 
 
 def _way_out(loop: _Closed, bound: Margins) -> str:
@@ -127,10 +132,12 @@ def _way_out(loop: _Closed, bound: Margins) -> str:
     if holds(margins_of(outer._replace(observer=0.0), inner), bound):
         return f"give `observer: {quickest_observer(outer, inner, bound):g} Hz` at most"
     gains = designed(outer, inner)
-    k, d, i = gains
-    best = outer._replace(proportional=k, derivative=d, integral=i)
-    if not holds(margins_of(best, inner), PLANNED):
+    if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
         return "no gains suit this loop: make it answer sooner"
+    if outer.stiffness is not None:
+        k, d, i = (f"{gain:.3g}" for gain in gains)
+        start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"
+        return f"start at `{MATRIX}: {start}`, `derivative: {d}`, `integral: {i}`"
     if outer.proportional != loop.vehicle.tracker.params.proportional:
         return "give smaller gains: start at half of them"
     return "give at most " + ", ".join(f"`{n}: {v:.3g}`" for n, v in zip(GAINS, gains, strict=True))

@@ -11,6 +11,8 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_needed
 from kybflow.dsl.checks.space import footprints, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.world import Obstacle
+from kybflow.world.moving_sphere import MovingSphere
 
 
 class _Way(NamedTuple):
@@ -36,36 +38,41 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
     Each line along which it goes must stay further from the line of the climb, from the start on,
     than its radius and the vehicle's arm.
     """
-    moving = case.document.moving
-    for vehicle, state, _, footprint in case.cached(footprints) if moving else ():
+    balls = list(_balls(case))
+    for vehicle, state, _, footprint in case.cached(footprints) if balls else ():
         if not is_vertical(state):
             continue
         path, arm = path_of(footprint), vehicle.airframe.arm
-        for ball in moving:
-            ways = (_Way(a, b, ball.sphere.radius) for a, b in pairwise(ball.sphere.along))
+        for ball, sphere in balls:
+            ways = (_Way(a, b, sphere.radius) for a, b in pairwise(sphere.along))
             room, point = min((nearest(path, way, arm) for way in ways), default=(arm, None))
             if room < arm and point is not None:
-                who, what = vehicle.name.text, state.name.text
+                who, what = vehicle.name, state.name
                 yield Diagnostic(
                     "KYB556",
-                    f"`{ball.name.text}` comes where `{who}` does `{what}`",
+                    f"`{ball.name}` comes where `{who}` does `{what}`",
                     ball.span,
                     label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
-                    notes=(f"`{what}` is at {state.name.span.beside(ball.span)}",),
+                    notes=(f"`{what}` is at {state.span.beside(ball.span)}",),
                     help="let it go elsewhere: nothing is avoided in a take-off or a landing",
                     severity=Severity.WARNING,
                 )
 
 
+def _balls(case: Case) -> Iterator[tuple[Obstacle, MovingSphere]]:
+    """Every obstacle that moves."""
+    return ((o, o.moving) for o in case.plan.world.obstacles if o.moving is not None)
+
+
 def goes_nowhere(case: Case) -> Iterator[Diagnostic]:
     """KYB557: an obstacle that moves has all its points in one place, where it stays (a
     warning)."""
-    for ball in case.document.moving:
-        first = ball.sphere.along[0]
-        if all(point == first for point in ball.sphere.along):
+    for ball, sphere in _balls(case):
+        first = sphere.along[0]
+        if all(point == first for point in sphere.along):
             yield Diagnostic(
                 "KYB557",
-                f"`{ball.name.text}` moves from a place to the same place",
+                f"`{ball.name}` moves from a place to the same place",
                 ball.span,
                 label=f"stays at {shown_point(first)}",
                 help="give `along` another point, or write a `sphere`",

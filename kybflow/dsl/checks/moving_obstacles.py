@@ -6,22 +6,27 @@ from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.world import Obstacle
 
 
 def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
     """KYB511: an obstacle moves, the target's vehicles are real, and none has a sensor that could
     tell where it is: motion capture."""
-    if all(vehicle.driver.spec.cls.simulated for vehicle in case.vehicles()):
+    if all(vehicle.driver.cls.simulated for vehicle in case.plan.vehicles):
         return
-    for moving in case.document.moving:
-        if moving.tracked_by(case.vehicles()) is None:
+    for moving in _moving(case):
+        if case.plan.tracked_by(moving.name) is None:
             yield Diagnostic(
                 "KYB511",
-                f"nothing sees where `{moving.name.text}` is",
+                f"nothing sees where `{moving.name}` is",
                 moving.span,
                 label="motion capture tracks no vehicle",
                 help=f"give one the sensor {_real(case)}, or fly a simulated target",
             )
+
+
+def _moving(case: Case) -> list[Obstacle]:
+    return [one for one in case.plan.world.obstacles if one.moving is not None]
 
 
 def _real(case: Case) -> str:
@@ -34,14 +39,14 @@ def seen_as_another(case: Case) -> Iterator[Diagnostic]:
     """KYB547: an obstacle that moves has the body in motion capture of a vehicle, or of another
     obstacle: it would be where that one is."""
     taken: dict[str, str] = {}
-    for vehicle in case.vehicles() if case.document.moving else ():
+    for vehicle in case.plan.vehicles if case.plan.moving else ():
         for sensor in vehicle.sensors:
-            claim = sensor.part.spec.cls.claim(sensor.part.params, vehicle.name.text)
+            claim = sensor.part.cls.claim(sensor.part.params, vehicle.name)
             if claim is not None:
-                taken.setdefault(claim.what, vehicle.name.text)
-    for moving in case.document.moving:
-        name, by = moving.name.text, moving.tracked_by(case.vehicles())
-        claim = None if by is None else by[1].spec.cls.claim(by[2], name)
+                taken.setdefault(claim.what, vehicle.name)
+    for moving in _moving(case):
+        name, by = moving.name, case.plan.tracked_by(moving.name)
+        claim = None if by is None else by[1].cls.claim(by[2], name)
         if claim is not None and taken.setdefault(claim.what, name) != name:
             yield Diagnostic(
                 "KYB547",

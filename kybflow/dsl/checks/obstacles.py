@@ -14,9 +14,9 @@ from kybflow.dsl.checks.actions import actions_of, sets_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.document import ObstacleEntry, PartUse, StateEntry, VehicleEntry
+from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Footprint
-from kybflow.world.shapes import Box, Cylinder, Plane, Scanned
+from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
@@ -33,17 +33,17 @@ _RATIO = 0.6180339887498949  # of the golden section
 
 def starts_inside(case: Case) -> Iterator[Diagnostic]:
     """KYB340: a vehicle starts inside an obstacle or touches it. It may stand on one."""
-    for vehicle in case.vehicles():
-        for obstacle in case.document.obstacles:
-            if not _starts_in(obstacle, vehicle):
+    for vehicle in case.plan.vehicles:
+        for obstacle, shape in case.plan.obstacles.items():
+            if not _starts_in(shape, vehicle):
                 continue
-            room = obstacle.shape.distance(vehicle.start)
+            room = shape.distance(vehicle.start)
             yield Diagnostic(
                 "KYB340",
-                f"`{vehicle.name.text}` starts in the obstacle `{obstacle.name.text}`",
-                vehicle.start_span,
+                f"`{vehicle.name}` starts in the obstacle `{obstacle}`",
+                vehicle.span_of("start", "at"),
                 label=room_needed(vehicle, room),
-                notes=(_stands(obstacle),),
+                notes=(_stands(case, obstacle),),
                 help="start further away",
             )
             break
@@ -52,8 +52,8 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
 def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB345: a vehicle starts neither on the ground nor on an obstacle. In the simulator it
     falls until its take-off catches it; a real one can't be put there."""
-    for vehicle in case.vehicles():
-        if any(_starts_in(obstacle, vehicle) for obstacle in case.document.obstacles):
+    for vehicle in case.plan.vehicles:
+        if any(_starts_in(shape, vehicle) for shape in case.plan.obstacles.values()):
             continue
         below, what = _support(case, vehicle.start)
         above = vehicle.start[2] - below
@@ -61,8 +61,8 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
             side = "above" if above > 0 else "below"
             yield Diagnostic(
                 "KYB345",
-                f"`{vehicle.name.text}` starts with nothing under it",
-                vehicle.start_span,
+                f"`{vehicle.name}` starts with nothing under it",
+                vehicle.span_of("start", "at"),
                 label=f"{format_quantity(abs(above), LENGTH)} {side} {what}",
                 help=f"start at a height of {format_quantity(below, LENGTH)}; `take_off` climbs",
                 severity=Severity.WARNING,
@@ -72,10 +72,10 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
 def _support(case: Case, place: Vec3) -> tuple[float, str]:
     """The height of what is under a place, and what that is."""
     below, what = 0.0, "the ground"
-    for obstacle in case.document.obstacles:
-        top, inside = _top(obstacle, place)
+    for name, shape in case.plan.obstacles.items():
+        top, inside = _top(shape, place)
         if inside >= 0.0 and below < top <= place[2] + _ROUNDING:
-            below, what = top, f"`{obstacle.name.text}`"
+            below, what = top, f"`{name}`"
     return below, what
 
 
@@ -83,7 +83,7 @@ def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB453: a landing ends on a point that is more than 15 cm above whatever is under it (a
     warning)."""
     for vehicle, state, _, footprint in case.cached(footprints):
-        legs = state.part.spec.cls.flight
+        legs = state.behavior.cls.flight
         if footprint.exit is None or not any((leg.start, leg.end) == (AIR, GROUND) for leg in legs):
             continue
         below, what = _support(case, footprint.exit)
@@ -91,7 +91,7 @@ def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
         if above > _LANDS:
             yield Diagnostic(
                 "KYB453",
-                f"`{state.name.text}` of `{vehicle.name.text}` lands in the air",
+                f"`{state.name}` of `{vehicle.name}` lands in the air",
                 aim_of(state, footprint),
                 label=f"{format_quantity(above, LENGTH)} above {what}",
                 help=f"land at a height of {format_quantity(below, LENGTH)}",
@@ -107,25 +107,25 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
     a landing is none to it, nor is one that it is too close to already. Where a processor leads it
     round obstacles, only the points themselves must be clear.
     """
-    obstacles = list(kept_from(case))
+    obstacles = _kept_from(case)
     for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
         path, arm = path_of(footprint), vehicle.airframe.arm - _ROUNDING
-        for obstacle in obstacles:
-            if entry is not None and obstacle.shape.distance(entry) < arm:
+        for obstacle, shape in obstacles.items():
+            if entry is not None and shape.distance(entry) < arm:
                 continue
-            room, point = nearest(path, obstacle.shape, arm)
+            room, point = nearest(path, shape, arm)
             if room < arm and _goes_round(vehicle, state):
-                room, point = min((obstacle.shape.distance(p), p) for p in path)
-            if room >= arm or (is_vertical(state) and _carries(obstacle, path[0], vehicle)):
+                room, point = min((shape.distance(p), p) for p in path)
+            if room >= arm or (is_vertical(state) and _carries(shape, path[0], vehicle)):
                 continue
             yield Diagnostic(
                 "KYB341",
-                f"`{state.name.text}` ({state.part.name.text}) flies into `{obstacle.name.text}`",
+                f"`{state.name}` ({state.behavior.name}) flies into `{obstacle}`",
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
-                notes=(_stands(obstacle), *footprint.line_of(point)),
+                notes=(_stands(case, obstacle), *footprint.line_of(point)),
                 help=_way_round(obstacle, room),
-                related=values_of(state.part),
+                related=values_of(state.behavior),
             )
             break
 
@@ -136,28 +136,28 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
 
     A processor that the mission switches, or gives other values in flight, is not judged.
     """
-    obstacles = list(kept_from(case))
+    obstacles = _kept_from(case)
     keepers = _keepers(case) if obstacles else {}
     for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
         if not footprint.goals or is_vertical(state):
             continue
-        for part, keep in keepers.get(vehicle.name.text, ()):
+        for part, keep in keepers.get(vehicle.name, ()):
             found = _out_of_reach(footprint, keep, obstacles)
             if found is None or found.room < vehicle.airframe.arm - _ROUNDING:
                 continue  # what is nearer, KYB341 tells
             where = f"{shown_point(found.goal)} is {format_quantity(found.room, LENGTH)}"
             yield Diagnostic(
                 "KYB558",
-                f"`{part.label}` keeps `{vehicle.name.text}` from where `{state.name.text}` goes",
+                f"`{part.alias}` keeps `{vehicle.name}` from where `{state.name}` goes",
                 aim_of(state, footprint),
-                label=f"{where} from `{found.obstacle.name.text}`",
+                label=f"{where} from `{found.obstacle}`",
                 notes=(
-                    f"`{part.label}` keeps its centre {format_quantity(keep, LENGTH)} away",
-                    _stands(found.obstacle),
+                    f"`{part.alias}` keeps its centre {format_quantity(keep, LENGTH)} away",
+                    _stands(case, found.obstacle),
                     *footprint.line_of(found.goal),
                 ),
                 help="stay further from the obstacle, or let the processor keep less",
-                related=values_of(state.part),
+                related=values_of(state.behavior),
             )
             break
 
@@ -167,50 +167,50 @@ class _OutOfReach(NamedTuple):
 
     goal: Vec3
     room: float
-    obstacle: ObstacleEntry
+    obstacle: str
 
 
 def _out_of_reach(
-    footprint: Footprint, keep: float, obstacles: list[ObstacleEntry]
+    footprint: Footprint, keep: float, obstacles: Mapping[str, Shape]
 ) -> _OutOfReach | None:
     """The first goal that nobody reaches who keeps so far away."""
     for goal, near in footprint.goals:
-        for obstacle in obstacles:
-            room = obstacle.shape.distance(goal)
+        for name, shape in obstacles.items():
+            room = shape.distance(goal)
             if keep - room > max(near, _CLAMPED):
-                return _OutOfReach(goal, room, obstacle)
+                return _OutOfReach(goal, room, name)
     return None
 
 
-def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartUse, float]]]:
+def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
     """The processors of each vehicle that keep it off obstacles all the time, and how far."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
-    names = [action.value.text for action in switched]
-    names += [action.target.text for action in sets_of(case) if action.target is not None]
+    names = [action.value for action in switched]
+    names += [name.text for name, _ in sets_of(case)]
     changed = {name.split(".")[2] for name in names if ".processors." in name}
     return {
-        vehicle.name.text: [
+        vehicle.name: [
             (part, keep)
             for part in vehicle.processors
-            if (keep := part.spec.cls.keeps_off(part.params, vehicle.airframe)) > 0.0
-            and part.label not in changed
+            if (keep := part.cls.keeps_off(part.params, vehicle.airframe)) > 0.0
+            and part.alias not in changed
         ]
-        for vehicle in case.vehicles()
+        for vehicle in case.plan.vehicles
     }
 
 
-def _way_round(obstacle: ObstacleEntry, room: float) -> str:
+def _way_round(obstacle: str, room: float) -> str:
     """What to do about a way into an obstacle; one that touches and goes no deeper may be meant."""
     meant = ", or say `contact: allowed` where it stands" if room > -_TOUCHES else ""
-    return f"lead it round by points beside `{obstacle.name.text}`, or further away{meant}"
+    return f"lead it round by points beside `{obstacle}`, or further away{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
     """KYB546: no point of a scan or of a map is in the fence (a warning): it is in another unit, or
     its origin is elsewhere."""
-    fence = case.document.fence
-    for obstacle in case.document.obstacles:
-        if fence is None or obstacle.scan is None or not isinstance(obstacle.shape, Scanned):
+    fence = case.plan.fence
+    for obstacle in case.plan.world.obstacles:
+        if fence is None or not isinstance(obstacle.shape, Scanned):
             continue
         points = obstacle.shape.array
         axes = slice(points.shape[1])
@@ -219,8 +219,8 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
             low, high = obstacle.shape.bounds
             yield Diagnostic(
                 "KYB546",
-                f"no point of `{obstacle.name.text}` is in the fence",
-                obstacle.scan.span,
+                f"no point of `{obstacle.name}` is in the fence",
+                obstacle.span_of("occupancy" if obstacle.occupancy else "point_cloud", "file"),
                 label=f"it reaches from {shown_point(low)} to {shown_point(high)}",
                 notes=(extent(fence),),
                 help="mend where its origin is, or the unit that it is taken in",
@@ -228,29 +228,31 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def kept_from(case: Case) -> Iterator[ObstacleEntry]:
+def _kept_from(case: Case) -> Mapping[str, Shape]:
     """The obstacles that nothing may touch."""
-    return (obstacle for obstacle in case.document.obstacles if not obstacle.may_touch)
+    plan = case.plan
+    return {name: shape for name, shape in plan.obstacles.items() if name not in plan.touchable}
 
 
 def may_fly_into(case: Case) -> Iterator[Diagnostic]:
     """KYB342: it can't be told whether a behavior stays clear of an obstacle, because only the
     bounds of its path are known and the obstacle stands within."""
-    for vehicle, state, _, footprint in case.cached(footprints):
+    obstacles = _kept_from(case)
+    for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
         if path_of(footprint) or not footprint.points:
             continue
         low, high = (tuple(map(end, zip(*footprint.points, strict=True))) for end in (min, max))
         centre: Vec3 = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
         reach = distance(low, high) / 2 + vehicle.airframe.arm
-        near = (o for o in kept_from(case) if o.shape.distance(centre) < reach)
+        near = (name for name, shape in obstacles.items() if shape.distance(centre) < reach)
         obstacle = next(near, None)
         if obstacle is not None:
             yield Diagnostic(
                 "KYB342",
-                f"can't tell whether `{state.name.text}` stays clear of `{obstacle.name.text}`",
-                state.part.name.span,
+                f"can't tell whether `{state.name}` stays clear of `{obstacle}`",
+                state.behavior.span,
                 label="only the bounds of its path are known",
-                notes=(_stands(obstacle),),
+                notes=(_stands(case, obstacle),),
                 severity=Severity.WARNING,
             )
 
@@ -258,24 +260,29 @@ def may_fly_into(case: Case) -> Iterator[Diagnostic]:
 def homes(case: Case) -> Iterator[Diagnostic]:
     """KYB343: the place that `go_home` flies to, and where the failsafe may land the vehicle, is
     outside the fence or in an obstacle."""
-    fence = case.document.fence
-    for vehicle in case.vehicles():
-        home, span = vehicle.home, vehicle.home_span
-        if home is None or span is None:
+    fence = case.plan.fence
+    for vehicle in case.plan.vehicles:
+        home, label, note = vehicle.home, "", ""
+        if home is None:
             continue
-        name, label, note = vehicle.name.text, "", ""
         related: tuple[Related, ...] = ()
         if fence is not None and fence.outside_by(home) > _ROUNDING:
             beyond = format_quantity(fence.outside_by(home), LENGTH)
             label, note = f"{shown_point(home)} is {beyond} outside", extent(fence)
             related = the_fence(case)
-        for obstacle in case.document.obstacles:
-            room = obstacle.shape.distance(home)
-            if room < vehicle.airframe.arm - _ROUNDING and not _carries(obstacle, home, vehicle):
-                label, note = room_needed(vehicle, room), _stands(obstacle)
+        for obstacle, shape in case.plan.obstacles.items():
+            room = shape.distance(home)
+            if room < vehicle.airframe.arm - _ROUNDING and not _carries(shape, home, vehicle):
+                label, note = room_needed(vehicle, room), _stands(case, obstacle)
         if label:
-            message = f"`{name}` can't go home"
-            yield Diagnostic("KYB343", message, span, label=label, notes=(note,), related=related)
+            yield Diagnostic(
+                "KYB343",
+                f"`{vehicle.name}` can't go home",
+                vehicle.span_of("home"),
+                label=label,
+                notes=(note,),
+                related=related,
+            )
 
 
 def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
@@ -328,32 +335,32 @@ def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
     return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
 
 
-def _goes_round(vehicle: VehicleEntry, state: StateEntry) -> bool:
+def _goes_round(vehicle: VehiclePlan, state: StatePlan) -> bool:
     """Whether something leads the vehicle round what is in the way: it does so in the air only."""
-    return not is_vertical(state) and any(use.spec.cls.goes_round for use in vehicle.processors)
+    return not is_vertical(state) and any(use.cls.goes_round for use in vehicle.processors)
 
 
-def is_vertical(state: StateEntry) -> bool:
+def is_vertical(state: StatePlan) -> bool:
     """Whether it is a take-off or a landing."""
-    return any(GROUND in leg and leg.start is not leg.end for leg in state.part.spec.cls.flight)
+    return any(GROUND in leg and leg.start is not leg.end for leg in state.behavior.cls.flight)
 
 
-def _starts_in(obstacle: ObstacleEntry, vehicle: VehicleEntry) -> bool:
-    room = obstacle.shape.distance(vehicle.start)
+def _starts_in(shape: Shape, vehicle: VehiclePlan) -> bool:
+    room = shape.distance(vehicle.start)
     too_close = room < vehicle.airframe.arm - _ROUNDING
-    return too_close and not _carries(obstacle, vehicle.start, vehicle)
+    return too_close and not _carries(shape, vehicle.start, vehicle)
 
 
-def _carries(obstacle: ObstacleEntry, point: Vec3, vehicle: VehicleEntry) -> bool:
+def _carries(shape: Shape, point: Vec3, vehicle: VehiclePlan) -> bool:
     """Whether the vehicle, at or above the top of the obstacle, has all of itself over it."""
-    top, inside = _top(obstacle, point)
+    top, inside = _top(shape, point)
     return point[2] >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
 
 
-def _top(obstacle: ObstacleEntry, point: Vec3) -> tuple[float, float]:
+def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
     """(height of the obstacle's level top, distance of the point inside the top's edge, seen from
     above). An obstacle without a level top gives (inf, -inf)."""
-    (x, y, _), shape = point, obstacle.shape
+    x, y, _ = point
     match shape:
         case Box(low, high):
             top = high[2]
@@ -368,11 +375,12 @@ def _top(obstacle: ObstacleEntry, point: Vec3) -> tuple[float, float]:
     return top, inside
 
 
-def room_needed(vehicle: VehicleEntry, room: float) -> str:
+def room_needed(vehicle: VehiclePlan, room: float) -> str:
     """How close it comes, and what it needs."""
     where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
     return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
 
 
-def _stands(obstacle: ObstacleEntry) -> str:
-    return f"`{obstacle.name.text}` stands in the world at {obstacle.span.at}"
+def _stands(case: Case, name: str) -> str:
+    obstacle = next(o for o in case.plan.world.obstacles if o.name == name)
+    return f"`{name}` stands in the world at {obstacle.span.at}"

@@ -16,13 +16,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.flows import Assignment, assignments, handovers, phases
+from kybflow.dsl.checks.flows import ASKED, Assignment, assignments, handovers, phases, runs_of
 from kybflow.dsl.checks.reachability import PHRASES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import Document, FlowEntry, PhaseEntry, TransitionEntry
+from kybflow.dsl.expanding.flows import GROUNDED, named_vehicles, own_vehicles
 from kybflow.dsl.expressions import And, Condition, GroupInState, InState
-from kybflow.dsl.shaping.flows import GROUNDED, named_vehicles, own_vehicles
+from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 
@@ -48,26 +48,26 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
     A flow has every vehicle that it names and that no other flow gives it. A vehicle is driven by
     one flow at a time: let one give it to the other.
     """
-    first: dict[str, FlowEntry] = {}
-    for flow in case.document.flows.values():
-        for vehicle in own_vehicles(case.document, flow):
+    first: dict[str, FlowPlan] = {}
+    for flow in case.plan.flows:
+        for vehicle in own_vehicles(case.plan, flow):
             if vehicle not in first:
                 first[vehicle] = flow
                 continue
             other = first[vehicle]
             yield Diagnostic(
                 "KYB198",
-                f"`{flow.name.text}` and `{other.name.text}` both drive `{vehicle}`",
-                _named_at(case.document, flow, vehicle),
-                label=f"`{other.name.text}` has it from the start",
-                help=f"let a phase of one give it: `give: {{{vehicle}: {flow.name.text}}}`",
+                f"`{flow.name}` and `{other.name}` both drive `{vehicle}`",
+                _named_at(case.plan, flow, vehicle),
+                label=f"`{other.name}` has it from the start",
+                help=f"let a phase of one give it: `give: {{{vehicle}: {flow.name}}}`",
             )
 
 
-def _named_at(document: Document, flow: FlowEntry, vehicle: str) -> Span:
+def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
     """Where a flow names a vehicle first."""
     for phase in flow.phases.values():
-        for assignment in assignments(document, (*phase.run, *phase.give)):
+        for assignment in (one for key in ASKED for one in assignments(plan, phase, key)):
             if assignment.vehicle == vehicle:
                 return assignment.who.span
     return flow.span
@@ -76,30 +76,30 @@ def _named_at(document: Document, flow: FlowEntry, vehicle: str) -> Span:
 def not_driven(case: Case) -> Iterator[Diagnostic]:
     """KYB199: a phase runs or gives a vehicle that another flow drives then; where that holds
     along some ways into the phase only, it is a warning."""
-    for flow in case.document.flows.values():
-        holders = _holders(case.document, flow)
+    for flow in case.plan.flows:
+        holders = _holders(case.plan, flow)
         for name, phase in flow.phases.items():
             held = dict(holders.get(name, {}))
-            for assignment in handovers(case.document, phase):
+            for assignment in handovers(case.plan, phase):
                 yield from _taken(assignment, held, flow, phase)
                 held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
-            for assignment in assignments(case.document, phase.run):
+            for assignment in assignments(case.plan, phase, "run"):
                 yield from _taken(assignment, held, flow, phase)
 
 
 def _taken(
-    assignment: Assignment, held: _Holders, flow: FlowEntry, phase: PhaseEntry
+    assignment: Assignment, held: _Holders, flow: FlowPlan, phase: PhasePlan
 ) -> Iterator[Diagnostic]:
     holder = held.get(assignment.vehicle)
-    if holder is None or holder.flow == flow.name.text:
+    if holder is None or holder.flow == flow.name:
         return
     sure, given = holder.is_sure, holder.given
     yield Diagnostic(
         "KYB199",
         f"`{holder.flow}` {'drives' if sure else 'may drive'} `{assignment.vehicle}` in the phase "
-        f"`{phase.name.text}`",
+        f"`{phase.name}`",
         assignment.who.span,
-        label=f"`{flow.name.text}` {'does' if sure else 'may'} not have it",
+        label=f"`{flow.name}` {'does' if sure else 'may'} not have it",
         notes=(f"it was given at {given.at}",) if given is not None else (),
         help=_way_out(holder),
         severity=Severity.ERROR if sure else Severity.WARNING,
@@ -112,22 +112,22 @@ def _way_out(holder: _Holder) -> str:
     return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
 
 
-def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
+def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
     """The holder of each vehicle on entry to each phase."""
-    own = _Holder(flow.name.text)
-    entered: dict[str, _Holders] = {flow.begin.text: _first(document, flow)}
-    waiting = [flow.begin.text]
+    own = _Holder(flow.name)
+    entered: dict[str, _Holders] = {flow.begin: _first(plan, flow)}
+    waiting = [flow.begin]
     while waiting:
         phase = flow.phases.get(waiting.pop())
         if phase is None:
             continue
-        held = dict(entered[phase.name.text])
-        for assignment in handovers(document, phase):
+        held = dict(entered[phase.name])
+        for assignment in handovers(plan, phase):
             held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
         for transition in phase.transitions:
-            event = "" if transition.event is None else transition.event.text
+            event = transition.event or ""
             left = {v: _held_after(holder, own, event) for v, holder in held.items()}
-            target = transition.target.text
+            target = transition.target
             before = entered.get(target)
             merged = left if before is None else {v: _merged(before[v], left[v]) for v in left}
             if merged != before:
@@ -136,21 +136,19 @@ def _holders(document: Document, flow: FlowEntry) -> dict[str, _Holders]:
     return entered
 
 
-def _first(document: Document, flow: FlowEntry) -> _Holders:
+def _first(plan: Plan, flow: FlowPlan) -> _Holders:
     """The holder of each vehicle when the flow begins. A flow that waits for its vehicles surely
     has those that every giver gives it."""
-    own, had = _Holder(flow.name.text), own_vehicles(document, flow)
+    own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
-        (other.name.text, {w.vehicle for w in given})
-        for other, phase in phases(document)
-        if (
-            given := [w for w in assignments(document, phase.give) if w.goal.text == flow.name.text]
-        )
+        (other.name, {w.vehicle for w in given})
+        for other, phase in phases(plan)
+        if (given := [w for w in assignments(plan, phase, "give") if w.goal.text == flow.name])
     ]
     held: _Holders = {}
-    for vehicle in named_vehicles(document, flow):
+    for vehicle in named_vehicles(plan, flow):
         sure = vehicle in had or (not had and all(vehicle in given for _, given in givers))
-        giver = next((name for name, given in givers if vehicle in given), flow.name.text)
+        giver = next((name for name, given in givers if vehicle in given), flow.name)
         held[vehicle] = own if sure else _Holder(giver, is_sure=False)
     return held
 
@@ -172,10 +170,10 @@ def _merged(a: _Holder, b: _Holder) -> _Holder:
 def assigned_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB242: a phase asks one vehicle for two things, by its name and by a group's, or by two
     groups'."""
-    for _, phase in phases(case.document):
-        for pairs in (phase.run, phase.give):
+    for _, phase in phases(case.plan):
+        for key in ASKED:
             first: dict[str, Assignment] = {}
-            for assignment in assignments(case.document, pairs):
+            for assignment in assignments(case.plan, phase, key):
                 before = first.setdefault(assignment.vehicle, assignment)
                 if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
@@ -201,19 +199,19 @@ def can_not_enter(case: Case) -> Iterator[Diagnostic]:
 
     Nothing is said where callbacks switch vehicles or enter phases, because anything may be then.
     """
-    actions = [action for callback in case.document.callbacks for action in callback.actions]
-    if any(a.name.text in _DISTURBING or a.part is not None for a in actions):
+    actions = [action for callback in case.plan.callbacks for action in callback.do]
+    if any(a.name in _DISTURBING or a.part is not None for a in actions):
         return
-    for flow in case.document.flows.values():
+    for flow in case.plan.flows:
         for name, places in _flight_conditions(case, flow).items():
-            for assignment in assignments(case.document, flow.phases[name].run):
+            for assignment in assignments(case.plan, flow.phases[name], "run"):
                 yield from _impossible(case, assignment, places[assignment.vehicle])
 
 
 def _impossible(
     case: Case, assignment: Assignment, places: frozenset[Flight]
 ) -> Iterator[Diagnostic]:
-    vehicle = case.document.vehicles[assignment.vehicle]
+    vehicle = case.plan.fleet[assignment.vehicle]
     goal = vehicle.goal(assignment.goal.text)
     starts = {leg.start for leg in case.legs(vehicle, goal)}
     if not starts or not starts.isdisjoint(places):
@@ -233,26 +231,21 @@ def _said(places: set[Flight] | frozenset[Flight]) -> str:
     return " or ".join(PHRASES[place] for place in (GROUND, AIR, MOVING) if place in places)
 
 
-def _flight_conditions(case: Case, flow: FlowEntry) -> dict[str, _Places]:
+def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
     """Where each vehicle can be when a phase is entered."""
-    document = case.document
-    own = own_vehicles(document, flow)
+    plan = case.plan
+    own = own_vehicles(plan, flow)
     first = {
-        name: frozenset({GROUND})
-        if name in own and document.vehicles[name].begin.text == GROUNDED
-        else _ANY
-        for name in named_vehicles(document, flow)
+        name: frozenset({GROUND}) if name in own and plan.fleet[name].begin == GROUNDED else _ANY
+        for name in named_vehicles(plan, flow)
     }
-    entered = {flow.begin.text: first} if flow.begin.text in flow.phases else {}
+    entered = {flow.begin: first} if flow.begin in flow.phases else {}
     waiting = list(entered)
     while waiting:
         phase = flow.phases[waiting.pop()]
         for transition in phase.transitions:
-            target, left = (
-                transition.target.text,
-                _conditions_after(case, phase, transition, entered[phase.name.text]),
-            )
-            before = entered.get(target)
+            left = _conditions_after(case, phase, transition, entered[phase.name])
+            target, before = transition.target, entered.get(transition.target)
             merged = left if before is None else {v: left[v] | before[v] for v in left}
             if target in flow.phases and merged != before:
                 entered[target] = merged
@@ -261,15 +254,15 @@ def _flight_conditions(case: Case, flow: FlowEntry) -> dict[str, _Places]:
 
 
 def _conditions_after(
-    case: Case, phase: PhaseEntry, transition: TransitionEntry, places: _Places
+    case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
     """Where each vehicle can be after a way out of a phase."""
-    document = case.document
-    asked = {assignment.vehicle for assignment in assignments(document, phase.run)}
-    asked |= {assignment.vehicle for assignment in handovers(document, phase)}
+    plan = case.plan
+    asked = {*runs_of(case, phase)}
+    asked |= {assignment.vehicle for assignment in handovers(plan, phase)}
     still = frozenset({GROUND})
     left = {v: p if p == still and v not in asked else _ANY for v, p in places.items()}
-    for vehicle, state in said_states(case.condition(transition.when, case.scopes.flow())):
+    for vehicle, state in said_states(case.condition(transition, "when", case.scopes.flow())):
         if vehicle in left:
             left[vehicle] = _places_of(case, vehicle, state)
     return left
@@ -289,7 +282,7 @@ def said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
 
 def _places_of(case: Case, vehicle: str, state: str) -> frozenset[Flight]:
     """Where a vehicle in a state can be: between the ends of a take-off or a landing it moves."""
-    owner = case.document.vehicles[vehicle]
+    owner = case.plan.fleet[vehicle]
     if state not in owner.states and owner.goal(state) != state:
         return _ANY  # a chain of states
     legs = case.legs(owner, state)

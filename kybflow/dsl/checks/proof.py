@@ -24,8 +24,8 @@ from kybflow.dsl.checks.reachability import (
 )
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import TransitionEntry, VehicleEntry
 from kybflow.dsl.expressions import Compare, Quantity, Read
+from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 
 
@@ -47,7 +47,7 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB205",
                 f"after `{path[0]}` the vehicle never comes down",
-                vehicle.states[path[0]].name.span,
+                vehicle.states[path[0]].span,
                 label="no way to the ground from here",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
@@ -74,7 +74,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB251",
                 f"only a condition or an event ends `{path[0]}`",
-                vehicle.states[path[0]].name.span,
+                vehicle.states[path[0]].span,
                 label="no way out that surely opens",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
@@ -101,7 +101,7 @@ def failures_in_a_cycle(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB252",
                 f"when `{node.state}` keeps failing the vehicle never comes down",
-                cycle[0].transition.target.span,
+                cycle[0].transition.target_span,
                 label="leads back by failures alone",
                 notes=("`" + "` → `".join([*states, states[0]]) + "` → ...",),
                 help="let one of them fail to `auto_land`, or leave `failed` away",
@@ -113,7 +113,7 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
     cycle = [failing[first]]
     for _ in failing:
         link = cycle[-1]
-        successor = FlightNode(link.transition.target.text, link.flight)
+        successor = FlightNode(link.transition.target, link.flight)
         if successor.state == first.state:
             return cycle
         if successor not in failing:
@@ -122,39 +122,38 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
     return []
 
 
-def _sound(case: Case) -> Iterator[tuple[VehicleEntry, FlightGraph]]:
+def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
     """The vehicles whose transitions all lead somewhere and meet; before that nothing can be
     proven."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
             yield vehicle, flights
 
 
-def _drains(case: Case, vehicle: VehicleEntry, transition: TransitionEntry) -> bool:
+def _drains(case: Case, vehicle: VehiclePlan, transition: TransitionPlan) -> bool:
     """Whether a transition waits for nothing but that the vehicle's own battery has less than some
     share left, which hovering brings about within the mission's time limit."""
     if transition.event is not None or transition.after is not None or transition.hold > 0.0:
         return False
-    own = vehicle.name.text
-    match case.condition(transition.when, case.scopes.condition(own)):
+    own = vehicle.name
+    match case.condition(transition, "when", case.scopes.condition(own)):
         case Compare("<", Read(who, "battery.remaining"), Quantity(share)) if who in (None, own):
-            return (1.0 - share) * vehicle.airframe.endurance < case.document.time_limit
+            return (1.0 - share) * vehicle.airframe.endurance < case.plan.time_limit
     return False
 
 
 def _comes_surely(
     case: Case,
-    drains: Callable[[TransitionEntry], bool],
-    transition: TransitionEntry,
+    drains: Callable[[TransitionPlan], bool],
+    transition: TransitionPlan,
     is_endless: bool,
 ) -> bool:
     """Whether a transition opens without anything that may never be, and nothing before it."""
     if drains(transition):
         return True
     if transition.event is not None:
-        event = transition.event.text
-        return transition.when is None and given_by_a_person(event, case.document)
+        return transition.when is None and given_by_a_person(transition.event, case.plan)
     if not is_endless:
         return transition.cause == "then"
     return transition.cause == "within" or (transition.cause == "next" and transition.when is None)
@@ -167,20 +166,20 @@ def _way_out(path: list[str]) -> str:
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
 
 
-def _asked_down(vehicle: VehicleEntry, down: AbstractSet[FlightNode]) -> bool:
+def _asked_down(vehicle: VehiclePlan, down: AbstractSet[FlightNode]) -> bool:
     """Whether a callback or a flow asks for something that comes down."""
     own = any(FlightNode(state, AIR) in down for state in vehicle.requested)
     return own or not vehicle.requested <= vehicle.states.keys()
 
 
-def _told(vehicle: VehicleEntry) -> set[str]:
+def _told(vehicle: VehiclePlan) -> set[str]:
     """The states with a `then`: where it is never taken, KYB206 says so."""
     states = vehicle.states.items()
     return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
 
 
 def _traps(
-    vehicle: VehicleEntry,
+    vehicle: VehiclePlan,
     flights: FlightGraph,
     stuck: AbstractSet[FlightNode],
     endless: AbstractSet[str],
@@ -189,7 +188,7 @@ def _traps(
     first again at the end of a cycle."""
     names = {node.state for node in stuck}
     thens = (link for link in flights.links if link.transition.cause == "then")
-    ahead = {link.source.state: link.transition.target.text for link in thens}
+    ahead = {link.source.state: link.transition.target for link in thens}
     told: set[str] = set()
     for name in [*(n for n in vehicle.states if n in endless), *vehicle.states]:
         if name in names and name not in told:
@@ -210,13 +209,13 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
     return path
 
 
-def _told_path(vehicle: VehicleEntry, flights: FlightGraph, path: list[str]) -> str:
+def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:
     """The counter-example: from the first state into the trap, and round in it."""
-    names = [*_way(vehicle.begin.text, path[0], flights)[:-1], *path]
+    names = [*_way(vehicle.begin, path[0], flights)[:-1], *path]
     shown = "`" + "` → `".join(names) + "`"
     if path[-1] in path[:-1]:
         return f"{shown} → ..."
-    part = vehicle.states[path[-1]].part.name.text
+    part = vehicle.states[path[-1]].behavior.name
     return f"{shown} ({part}) never ends by itself"
 
 
@@ -224,7 +223,7 @@ def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
     """The shortest way along the transitions; the goal alone where it is asked for from outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
-        ahead.setdefault(link.source.state, []).append(link.transition.target.text)
+        ahead.setdefault(link.source.state, []).append(link.transition.target)
     came: dict[str, str] = {start: ""}
     waiting = [start]
     for state in waiting:

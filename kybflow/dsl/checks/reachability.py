@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.dsl.checks.case import TARGETS, Case
-from kybflow.dsl.document import StateEntry, TransitionEntry, VehicleEntry
-from kybflow.dsl.plan import Cause
+from kybflow.dsl.plan import Cause, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
 
@@ -31,7 +30,7 @@ class FlightEdge(NamedTuple):
     """A transition of the mission out of a node; `flight` is what it leaves the vehicle in."""
 
     source: FlightNode
-    transition: TransitionEntry
+    transition: TransitionPlan
     flight: Flight
 
 
@@ -46,7 +45,7 @@ class FlightGraph:
     broken: tuple[FlightEdge, ...]
 
 
-def flight_graph(case: Case, vehicle: VehicleEntry) -> FlightGraph:
+def flight_graph(case: Case, vehicle: VehiclePlan) -> FlightGraph:
     """Walk every transition of the mission from the first state, and from those that may be asked
     for wherever they can start."""
     if "flights" not in vehicle.known:
@@ -55,17 +54,17 @@ def flight_graph(case: Case, vehicle: VehicleEntry) -> FlightGraph:
     return found
 
 
-def _flights(case: Case, vehicle: VehicleEntry) -> FlightGraph:
+def _flights(case: Case, vehicle: VehiclePlan) -> FlightGraph:
     requested = [
         FlightNode(s, leg.start) for s in sorted(vehicle.requested) for leg in case.legs(vehicle, s)
     ]
-    first = [FlightNode(vehicle.begin.text, GROUND), *requested]
+    first = [FlightNode(vehicle.begin, GROUND), *requested]
     found, links, broken = set(first), list[FlightEdge](), list[FlightEdge]()
     waiting = [node for node in first if node.state in vehicle.states]
     while waiting:
         node = waiting.pop()
         for link in _links(vehicle.states[node.state], node):
-            target = link.transition.target.text
+            target = link.transition.target
             if target not in vehicle.states and target not in TARGETS:
                 continue
             if not case.accepts(vehicle, target, link.flight):
@@ -79,8 +78,8 @@ def _flights(case: Case, vehicle: VehicleEntry) -> FlightGraph:
     return FlightGraph(frozenset(found), tuple(links), tuple(broken))
 
 
-def _links(state: StateEntry, node: FlightNode) -> Iterator[FlightEdge]:
-    legs = [leg for leg in state.part.spec.cls.flight if leg.start is node.flight]
+def _links(state: StatePlan, node: FlightNode) -> Iterator[FlightEdge]:
+    legs = [leg for leg in state.legs if leg.start is node.flight]
     for leg in legs[:1]:
         left_early = leg.end if leg.start is leg.end else MOVING
         for transition in state.transitions:
@@ -88,7 +87,7 @@ def _links(state: StateEntry, node: FlightNode) -> Iterator[FlightEdge]:
             yield FlightEdge(node, transition, flight)
 
 
-def may_end(transition: TransitionEntry, is_endless: bool) -> bool:
+def may_end(transition: TransitionPlan, is_endless: bool) -> bool:
     """Whether a transition may be taken without anything failing, from a behavior that has an end
     or none: `within` is the way out of one without, and the failure of one that has."""
     if transition.cause == "within":
@@ -97,10 +96,10 @@ def may_end(transition: TransitionEntry, is_endless: bool) -> bool:
 
 
 def comes_down(
-    vehicle: VehicleEntry,
+    vehicle: VehiclePlan,
     flights: FlightGraph,
     endless: AbstractSet[str],
-    counts: Callable[[TransitionEntry, bool], bool] = may_end,
+    counts: Callable[[TransitionPlan, bool], bool] = may_end,
 ) -> frozenset[FlightNode]:
     """The nodes from which the ground can be reached without anything failing, by transitions that
     count.
@@ -113,7 +112,7 @@ def comes_down(
     ending = (node for node in flights.nodes if node.state not in endless)
     waiting += [node for node in ending if _ends_by_default(vehicle, node)]
     for link in flights.links:
-        target = link.transition.target.text
+        target = link.transition.target
         if not counts(link.transition, link.source.state in endless):
             continue
         if target in vehicle.states:
@@ -128,11 +127,11 @@ def comes_down(
     return frozenset(down)
 
 
-def _ends_by_default(vehicle: VehicleEntry, node: FlightNode) -> bool:
+def _ends_by_default(vehicle: VehiclePlan, node: FlightNode) -> bool:
     state = vehicle.states.get(node.state)
     if state is None:
         return True
-    lands = any(leg == Leg(node.flight, GROUND) for leg in state.part.spec.cls.flight)
+    lands = any(leg == Leg(node.flight, GROUND) for leg in state.legs)
     return lands or all(t.cause != "then" for t in state.transitions)
 
 
@@ -166,7 +165,7 @@ class Entries:
         return [*self.points] if self.known else [*self.points, None]
 
 
-def entries_of(vehicle: VehicleEntry) -> dict[str, Entries]:
+def entries_of(vehicle: VehiclePlan) -> dict[str, Entries]:
     """The entries of every state of the vehicle that is reached, from its start on. One that a
     callback or a flow may ask for is also entered from anywhere; where a flow's first request finds
     it, it waits at its start."""
@@ -176,9 +175,9 @@ def entries_of(vehicle: VehicleEntry) -> dict[str, Entries]:
     return found
 
 
-def _walked(vehicle: VehicleEntry) -> dict[str, Entries]:
-    found = {vehicle.begin.text: Entries([vehicle.start])}
-    waiting: list[tuple[str, Vec3 | None]] = [(vehicle.begin.text, vehicle.start)]
+def _walked(vehicle: VehiclePlan) -> dict[str, Entries]:
+    found = {vehicle.begin: Entries([vehicle.start])}
+    waiting: list[tuple[str, Vec3 | None]] = [(vehicle.begin, vehicle.start)]
     for name in sorted(vehicle.requested):
         found.setdefault(name, Entries()).add(None)
         waiting.append((name, None))
@@ -188,14 +187,14 @@ def _walked(vehicle: VehicleEntry) -> dict[str, Entries]:
     return _followed(vehicle, found, waiting)
 
 
-def entries_after(vehicle: VehicleEntry, goals: Iterable[str]) -> dict[str, Entries]:
+def entries_after(vehicle: VehiclePlan, goals: Iterable[str]) -> dict[str, Entries]:
     """The entries of every state that is reached from `goals`, which are entered anywhere."""
     waiting: list[tuple[str, Vec3 | None]] = [(goal, None) for goal in goals]
     return _followed(vehicle, {goal: Entries([], known=False) for goal, _ in waiting}, waiting)
 
 
 def _followed(
-    vehicle: VehicleEntry, found: dict[str, Entries], waiting: list[tuple[str, Vec3 | None]]
+    vehicle: VehiclePlan, found: dict[str, Entries], waiting: list[tuple[str, Vec3 | None]]
 ) -> dict[str, Entries]:
     """Add the entries of every state that follows those `waiting`."""
     while waiting:
@@ -206,13 +205,13 @@ def _followed(
             continue
         for transition in state.transitions:
             left = left_at(state, transition.cause, entry)
-            target = transition.target.text
+            target = transition.target
             if target in vehicle.states and found.setdefault(target, Entries()).add(left):
                 waiting.append((target, left))
     return found
 
 
-def endless_states(vehicle: VehicleEntry) -> frozenset[str]:
+def endless_states(vehicle: VehiclePlan) -> frozenset[str]:
     """The states whose behavior has no normal end, as its parameters are."""
     if "endless" not in vehicle.known:
         vehicle.known["endless"] = frozenset(_endless(vehicle))
@@ -220,7 +219,7 @@ def endless_states(vehicle: VehicleEntry) -> frozenset[str]:
     return endless
 
 
-def _endless(vehicle: VehicleEntry) -> Iterator[str]:
+def _endless(vehicle: VehiclePlan) -> Iterator[str]:
     for name, entries in entries_of(vehicle).items():
         state = vehicle.states[name]
         footprints = (state.footprint(entry) for entry in entries.candidates())
@@ -228,9 +227,9 @@ def _endless(vehicle: VehicleEntry) -> Iterator[str]:
             yield name
 
 
-def left_at(state: StateEntry, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
+def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
     """Where a transition for `cause` leaves the vehicle; None when that can't be told."""
-    cls = state.part.spec.cls
+    cls = state.behavior.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry
     footprint = state.footprint(entry)
@@ -241,7 +240,7 @@ def left_at(state: StateEntry, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
     return footprint.points[0] if stays(state, entry) else None
 
 
-def stays(state: StateEntry, entry: Vec3 | None) -> bool:
+def stays(state: StatePlan, entry: Vec3 | None) -> bool:
     """Whether a behavior surely keeps its vehicle at one place."""
     footprint = state.footprint(entry)
     if footprint is None or not footprint.points:

@@ -9,8 +9,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import LANDED, KnownEvents, known_events
 from kybflow.dsl.checks.reachability import PHRASES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import ActionEntry, CallbackEntry, VehicleEntry
-from kybflow.dsl.names.option_names import members
+from kybflow.dsl.plan import ActionKeys, CallbackPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 _STARTED, _ENDED, _TOOK_OFF = "behavior_started", "behavior_ended", "took_off"
@@ -30,16 +29,16 @@ def always_refused(case: Case) -> Iterator[Diagnostic]:
     """
     for callback, action, vehicle in case.cached(_switched):
         flights = _found(case, callback, vehicle)
-        goal = vehicle.goal(action.value.text)
+        goal = vehicle.goal(action.value.state)
         legs = case.legs(vehicle, goal)
         if flights and legs and not any(case.accepts(vehicle, goal, f) for f in flights):
             starts = " or ".join(dict.fromkeys(PHRASES[leg.start] for leg in legs))
             yield Diagnostic(
                 "KYB450",
-                f"`{action.value.text}` can't be entered at this event",
+                f"`{action.value.state}` can't be entered at this event",
                 action.value.span,
                 label=f"starts {starts}",
-                notes=(f"`{vehicle.name.text}` is {PHRASES[flights[0]]} then",),
+                notes=(f"`{vehicle.name}` is {PHRASES[flights[0]]} then",),
                 help="ask for a state that fits, or at another event",
             )
 
@@ -52,7 +51,7 @@ def never_goes_on(case: Case) -> Iterator[Diagnostic]:
         is_whenever = callback.when is None and len(callback.fields) == 1
         if _bare(callback) != _ENDED or not is_whenever:
             continue
-        if state in vehicle.states and vehicle.goal(action.value.text) == state:
+        if state in vehicle.states and vehicle.goal(action.value.state) == state:
             yield Diagnostic(
                 "KYB451",
                 f"`{state}` never comes to what follows it",
@@ -66,52 +65,51 @@ def never_goes_on(case: Case) -> Iterator[Diagnostic]:
 def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
     """KYB452: a callback stops the run before anything of the mission is flown: at its begin or at
     a take-off (a warning)."""
-    for callback in case.document.callbacks:
-        if callback.event is None or callback.when is not None or callback.fields:
+    for callback in case.plan.callbacks:
+        if not callback.event or callback.when is not None or callback.fields:
             continue
-        stops = [action for action in callback.actions if action.name.text == "stop"]
+        stops = [action for action in callback.do if action.name == "stop"]
         if stops and _bare(callback) in _BEFORE_ALL:
             yield Diagnostic(
                 "KYB452",
-                f"`stop` at `{callback.event.text}` leaves nothing to fly",
-                stops[0].name.span,
+                f"`stop` at `{callback.event}` leaves nothing to fly",
+                stops[0].span,
                 label="lands everybody at once",
                 help="stop at a later event, or add a `when`",
                 severity=Severity.WARNING,
             )
 
 
-def _switched(case: Case) -> Iterator[tuple[CallbackEntry, ActionEntry, VehicleEntry]]:
+def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:
     """Every request of a callback that hears the very vehicle that it asks."""
-    document = case.document
-    for callback in document.callbacks:
-        asked = [action for action in callback.actions if action.name.text == "switch"]
-        if callback.event is None or not asked:
+    plan = case.plan
+    for callback in plan.callbacks:
+        asked = [action for action in callback.do if action.name == "switch"]
+        if not callback.event or not asked:
             continue
         heard = _heard(case, callback)
         for action in asked:
             assert action.target is not None
-            if heard == members(document, action.target.text) and len(heard) == 1:
-                yield callback, action, document.vehicles[heard[0]]
+            if heard == plan.members(action.target) and len(heard) == 1:
+                yield callback, action, plan.fleet[heard[0]]
 
 
-def _heard(case: Case, callback: CallbackEntry) -> tuple[str, ...]:
+def _heard(case: Case, callback: CallbackPlan) -> tuple[str, ...]:
     events: KnownEvents
     (events,) = case.cached(known_events)
-    return () if callback.event is None else events.sources(callback.event.text)
+    return events.sources(callback.event)
 
 
-def _bare(callback: CallbackEntry) -> str:
-    return "" if callback.event is None else callback.event.text.rpartition(".")[2]
+def _bare(callback: CallbackPlan) -> str:
+    return callback.event.rpartition(".")[2]
 
 
-def _behavior(callback: CallbackEntry) -> str:
+def _behavior(callback: CallbackPlan) -> str:
     """The behavior of which alone the callback hears; empty where it hears of several."""
-    named = [value.text for field, value in callback.fields if field.text == "behavior"]
-    return named[0] if named else ""
+    return dict(callback.fields).get("behavior", "")
 
 
-def _found(case: Case, callback: CallbackEntry, vehicle: VehicleEntry) -> tuple[Flight, ...]:
+def _found(case: Case, callback: CallbackPlan, vehicle: VehiclePlan) -> tuple[Flight, ...]:
     """How the vehicle may be found at the callback's event; empty where that is not known."""
     event, state = _bare(callback), _behavior(callback)
     if event == _STARTED:

@@ -20,10 +20,9 @@ from kybflow.dsl.checks.reachability import (
 from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import FlowEntry, StateEntry, VehicleEntry
+from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import END
-from kybflow.dsl.shaping.flows import given_vehicles, named_vehicles
+from kybflow.dsl.plan import END, FlowPlan, StatePlan, VehiclePlan
 from kybflow.parts import GROUND
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
@@ -45,7 +44,7 @@ def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
     a mission leaves that open in any way, by a place that is not known or by landings in several
     places of which one is free, nothing is said.
     """
-    resting = [(v, rests) for v in case.vehicles() if (rests := _rests(case, v))]
+    resting = [(v, rests) for v in case.plan.vehicles if (rests := _rests(case, v))]
     for index, (b, own) in enumerate(resting):
         for a, others in resting[:index]:
             apart = (a.airframe.diameter + b.airframe.diameter) / 2
@@ -55,20 +54,20 @@ def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
 
 
 def _together(
-    a: VehicleEntry, first: RestingPlace, b: VehicleEntry, second: RestingPlace, apart: float
+    a: VehiclePlan, first: RestingPlace, b: VehiclePlan, second: RestingPlace, apart: float
 ) -> Diagnostic:
     return Diagnostic(
         "KYB344",
-        f"`{b.name.text}` comes to rest where `{a.name.text}` does",
+        f"`{b.name}` comes to rest where `{a.name}` does",
         second.span,
         label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
-        notes=(f"`{a.name.text}` rests at {shown_point(first.at)} ({first.span.at})",),
+        notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
         help=f"let them rest at least {format_quantity(apart, LENGTH)} apart",
         severity=Severity.WARNING,
     )
 
 
-def _rests(case: Case, vehicle: VehicleEntry) -> list[RestingPlace]:
+def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
     """Every place where the vehicle may come to rest when nothing fails; empty when one of them is
     not known."""
     found: list[RestingPlace] = []
@@ -80,8 +79,8 @@ def _rests(case: Case, vehicle: VehicleEntry) -> list[RestingPlace]:
     for name, entries in reached.items():
         state = vehicle.states[name]
         transitions = [a for a in state.transitions if may_end(a, name in endless)]
-        by_default = [a for a in transitions if a.target.text in BUILT_IN]
-        if any(a.cause != "then" or a.target.text not in _BELOW for a in by_default):
+        by_default = [a for a in transitions if a.target in BUILT_IN]
+        if any(a.cause != "then" or a.target not in _BELOW for a in by_default):
             return []
         goes_on = name in endless or any(
             a.cause == "then" for a in transitions if a not in by_default
@@ -95,45 +94,43 @@ def _rests(case: Case, vehicle: VehicleEntry) -> list[RestingPlace]:
     return found
 
 
-def _asked_last(case: Case, vehicle: VehicleEntry) -> frozenset[str]:
+def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
     """The states that a flow can have asked the vehicle for when it ends; empty where another one
     or a callback may ask it for more."""
-    name, document = vehicle.name.text, case.document
-    flows = [f for f in document.flows.values() if name in named_vehicles(document, f)]
-    if len(flows) != 1 or name in given_vehicles(document, flows[0]) or case.cached(disturbances):
+    name, plan = vehicle.name, case.plan
+    flows = [f for f in plan.flows if name in named_vehicles(plan, f)]
+    if len(flows) != 1 or name in given_vehicles(plan, flows[0]) or case.cached(disturbances):
         return frozenset()
     return frozenset(_last_goals(case, flows[0], vehicle))
 
 
-def _last_goals(case: Case, flow: FlowEntry, vehicle: VehicleEntry) -> Iterator[str]:
+def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[str]:
     """What the vehicle was asked for last, along every way from the first phase to the end."""
-    waiting, seen = [(flow.begin.text, vehicle.begin.text)], set[tuple[str, str]]()
+    waiting, seen = [(flow.begin, vehicle.begin)], set[tuple[str, str]]()
     while waiting:
         name, goal = waiting.pop()
         if (name, goal) in seen or name not in flow.phases:
             continue
         seen.add((name, goal))
         phase = flow.phases[name]
-        goal = vehicle.goal(runs_of(case, phase).get(vehicle.name.text, goal))
-        if not phase.transitions or any(t.target.text == END for t in phase.transitions):
+        goal = vehicle.goal(runs_of(case, phase).get(vehicle.name, goal))
+        if not phase.transitions or any(t.target == END for t in phase.transitions):
             yield goal
-        waiting += ((transition.target.text, goal) for transition in phase.transitions)
+        waiting += ((transition.target, goal) for transition in phase.transitions)
 
 
-def _rest(vehicle: VehicleEntry, state: StateEntry, entry: Vec3 | None) -> RestingPlace | None:
+def _rest(vehicle: VehiclePlan, state: StatePlan, entry: Vec3 | None) -> RestingPlace | None:
     """Where the vehicle rests after a behavior that nothing follows: below the end of its way."""
     footprint = state.footprint(entry)
     if footprint is None or footprint.exit is None:
         return None
     x, y, z = footprint.exit
     if _is_on_ground(state):
-        is_start = entry == vehicle.start
-        return RestingPlace(
-            footprint.exit, vehicle.start_span if is_start else state.part.name.span
-        )
-    lands = any(leg.end is GROUND for leg in state.part.spec.cls.flight)
+        start, own = vehicle.span_of("start", "at"), state.behavior.span
+        return RestingPlace(footprint.exit, start if entry == vehicle.start else own)
+    lands = any(leg.end is GROUND for leg in state.legs)
     return RestingPlace(footprint.exit if lands else (x, y, min(z, 0.0)), aim_of(state, footprint))
 
 
-def _is_on_ground(state: StateEntry) -> bool:
-    return all(leg == (GROUND, GROUND) for leg in state.part.spec.cls.flight)
+def _is_on_ground(state: StatePlan) -> bool:
+    return all(leg == (GROUND, GROUND) for leg in state.legs)

@@ -16,18 +16,18 @@ def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:
     A processor declares which options of a tracker it retunes. On another target the vehicle may
     have another tracker.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         tracker = vehicle.tracker
         for processor in vehicle.processors:
-            for option in sorted(processor.spec.cls.retunes):
-                if _is_tunable(option, tracker.spec.fields):
+            for option in sorted(processor.cls.retunes):
+                if _is_tunable(option, tracker.fields):
                     continue
                 fitting = _trackers_with(case, option)
                 yield Diagnostic(
                     "KYB535",
-                    f"`{processor.name.text}` can't retune `{tracker.name.text}`",
-                    processor.name.span,
-                    label=f"`{tracker.name.text}` has no `{option}` that changes in flight",
+                    f"`{processor.name}` can't retune `{tracker.name}`",
+                    processor.span,
+                    label=f"`{tracker.name}` has no `{option}` that changes in flight",
                     help=f"use {fitting}, or leave it out" if fitting else "leave it out",
                 )
 

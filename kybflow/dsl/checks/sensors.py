@@ -7,27 +7,26 @@ from collections.abc import Iterator
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.document import SensorEntry, VehicleEntry
-from kybflow.world.cameras import Camera
+from kybflow.dsl.plan import SensorPlan, VehiclePlan
 
 
 def of_no_use(case: Case) -> Iterator[Diagnostic]:
     """KYB391: a sensor measures nothing of what the estimator that it is named for needs."""
     for vehicle, use in _written(case):
         estimator = next(
-            (e.part for e in vehicle.estimators if e.part.label == use.estimator.text), None
+            (e.part for e in vehicle.estimators if e.part.alias in use.estimators), None
         )
         if estimator is None:
             continue
-        uses = estimator.spec.cls.uses(estimator.params)
-        if uses & use.part.spec.cls.provides:
+        uses = estimator.cls.uses(estimator.params)
+        if uses & use.part.cls.provides:
             continue
         yield Diagnostic(
             "KYB391",
-            f"`{use.part.name.text}` measures nothing that `{use.estimator.text}` needs",
-            use.part.name.span,
-            label=f"provides {_kinds(use.part.spec.cls.provides)}",
-            help=f"`{use.estimator.text}` needs {_kinds(uses)}",
+            f"`{use.part.name}` measures nothing that `{estimator.alias}` needs",
+            use.part.span,
+            label=f"provides {_kinds(use.part.cls.provides)}",
+            help=f"`{estimator.alias}` needs {_kinds(uses)}",
         )
 
 
@@ -39,12 +38,12 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
     """KYB392: a sensor watches a simulated vehicle, and the vehicle's driver shows none."""
     for vehicle, use in _written(case):
         driver = vehicle.driver
-        if use.part.spec.cls.simulated and not driver.spec.cls.shows(driver.params):
+        if use.part.cls.simulated and not driver.cls.shows(driver.params):
             yield Diagnostic(
                 "KYB392",
-                f"`{use.part.name.text}` watches simulated vehicles only",
-                use.part.name.span,
-                label=f"`{vehicle.name.text}` flies on `{vehicle.driver.name.text}`",
+                f"`{use.part.name}` watches simulated vehicles only",
+                use.part.span,
+                label=f"`{vehicle.name}` flies on `{vehicle.driver.name}`",
                 help="name a real sensor here, and this one under a simulated target",
             )
 
@@ -53,9 +52,9 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
     """KYB393: a sensor can't work as it is told: the airframe carries no such camera, or the
     address of its server is none."""
     for vehicle, use in _written(case):
-        objection = use.part.spec.cls.objection(use.part.params, _cameras(vehicle))
+        objection = use.part.cls.objection(use.part.params, vehicle.own_cameras)
         if objection is not None:
-            span = use.part.spans.get(objection.parameter, use.part.name.span)
+            span = use.part.span_of(objection.parameter)
             yield Diagnostic("KYB393", objection.reason, span, help=objection.hint)
 
 
@@ -63,64 +62,60 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     """KYB394: two sensors give a vehicle the same measurements. Every estimator that needs them
     hears every sensor of the vehicle, whatever name a sensor stands under, so they would be
     mixed."""
-    given: dict[tuple[str, str], SensorEntry] = {}
+    given: dict[tuple[str, str], SensorPlan] = {}
     for vehicle, use in _written(case):
-        for what in use.part.spec.cls.claims(use.part.params, _cameras(vehicle)):
-            first = given.setdefault((vehicle.name.text, what), use)
-            if first is use or (_is_same(first, use) and first.estimator != use.estimator):
+        for what in use.part.cls.claims(use.part.params, vehicle.own_cameras):
+            first = given.setdefault((vehicle.name, what), use)
+            if first is use or (_is_same(first, use) and first.estimators != use.estimators):
                 continue
-            beside = f"for `{use.estimator.text}`, and one for `{first.estimator.text}` as well"
+            beside = f"for `{use.estimators[0]}`, and one for `{first.estimators[0]}` as well"
             yield Diagnostic(
                 "KYB394",
-                f"`{vehicle.name.text}` gets {what} from two sensors",
-                use.part.name.span,
-                label="" if first.estimator == use.estimator else beside,
+                f"`{vehicle.name}` gets {what} from two sensors",
+                use.part.span,
+                label="" if first.estimators == use.estimators else beside,
                 notes=(f"the other is at {first.part.span.at}",),
                 help="leave one out: its measurements are for all estimators of the vehicle",
             )
             break
 
 
-def _is_same(one: SensorEntry, other: SensorEntry) -> bool:
-    return (one.part.spec.name, one.part.params) == (other.part.spec.name, other.part.params)
+def _is_same(one: SensorPlan, other: SensorPlan) -> bool:
+    return (one.part.name, one.part.params) == (other.part.name, other.part.params)
 
 
-def _cameras(vehicle: VehicleEntry) -> dict[str, Camera]:
-    return {camera.name.text: camera.camera for camera in vehicle.cameras}
-
-
-def _written(case: Case) -> Iterator[tuple[VehicleEntry, SensorEntry]]:
+def _written(case: Case) -> Iterator[tuple[VehiclePlan, SensorPlan]]:
     """Every sensor that the mission names."""
-    for vehicle in case.vehicles():
-        yield from ((vehicle, use) for use in vehicle.sensors if use.estimator.text)
+    for vehicle in case.plan.vehicles:
+        yield from ((vehicle, use) for use in vehicle.sensors if use.estimators)
 
 
 def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
     """KYB387: an estimator needs the frames of a camera, and the airframe carries none."""
-    for vehicle in case.vehicles():
-        for use in () if vehicle.cameras else vehicle.estimators:
-            if Frame not in use.part.spec.cls.uses(use.part.params):
+    for vehicle in case.plan.vehicles:
+        for use in () if vehicle.body.cameras else vehicle.estimators:
+            if Frame not in use.part.cls.uses(use.part.params):
                 continue
             camera = "{down: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 70 deg}}"
             yield Diagnostic(
                 "KYB387",
-                f"`{use.part.name.text}` needs a camera, and the airframe has none",
-                use.part.name.span,
-                notes=(f"`{vehicle.name.text}` is at {vehicle.span.at}",),
+                f"`{use.part.name}` needs a camera, and the airframe has none",
+                use.part.span,
+                notes=(f"`{vehicle.name}` is at {vehicle.span.at}",),
                 help=f"give the airframe `cameras: {camera}`",
             )
 
 
 def nothing_to_see(case: Case) -> Iterator[Diagnostic]:
     """KYB388: an estimator finds its way by printed tags, and the world has none."""
-    for vehicle in case.vehicles():
-        for use in () if case.document.tags else vehicle.estimators:
-            cls = use.part.spec.cls
+    for vehicle in case.plan.vehicles:
+        for use in () if case.plan.world.tags else vehicle.estimators:
+            cls = use.part.cls
             if cls.needs_tags and Frame in cls.uses(use.part.params):
                 grid = "{grid: {family: 36h11, count: [10, 10], size: 19.5 cm, spacing: 2 cm}}"
                 yield Diagnostic(
                     "KYB388",
-                    f"`{use.part.name.text}` needs tags, and the world has none",
-                    use.part.name.span,
+                    f"`{use.part.name}` needs tags, and the world has none",
+                    use.part.span,
                     help=f"write `world: {{tags: {{floor: {grid}}}}}`",
                 )

@@ -13,7 +13,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import reckons
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, the_cameras
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.document import CameraEntry, EstimatorEntry, VehicleEntry
+from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
@@ -32,11 +32,11 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
     fits into it as a whole; and whose side is at least 12 pixels long, as the search for tags asks.
     Dead reckoning may bridge what is between two places, so only their ends are judged.
     """
-    tags = [*chain.from_iterable(use.tags for use in case.document.tags)]
-    blind = {v.name.text for v in case.vehicles() if tags and _flies_on_tags(v)}
+    tags = [*chain.from_iterable(use.tags for use in case.plan.world.tags)]
+    blind = {v.name for v in case.plan.vehicles if tags and _flies_on_tags(v)}
     judged: set[tuple[str, Vec3]] = set()
     for vehicle, state, _, footprint in case.cached(footprints) if blind else ():
-        name = vehicle.name.text
+        name = vehicle.name
         for place in footprint.points if name in blind else ():
             if place[2] < vehicle.start[2] + _LOW or (name, place) in judged:
                 continue
@@ -45,7 +45,7 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
             if reason:
                 yield Diagnostic(
                     "KYB422",
-                    f"`{name}` sees no tag where `{state.name.text}` goes",
+                    f"`{name}` sees no tag where `{state.name}` goes",
                     aim_of(state, footprint),
                     label=reason,
                     notes=(f"at {shown_point(place)}",),
@@ -59,16 +59,16 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
 def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
     """KYB445: a vehicle flies on tags alone, which all lie flat, and none of its cameras looks down
     by 30 degrees or more (a warning)."""
-    for vehicle in case.vehicles() if case.document.tags else ():
-        if not vehicle.cameras or not _knows_tags_alone(vehicle):
+    for vehicle in case.plan.vehicles if case.plan.world.tags else ():
+        if not vehicle.body.cameras or not _knows_tags_alone(vehicle):
             continue
-        tags = chain.from_iterable(use.tags for use in case.document.tags)
-        if min(map(_axis, vehicle.cameras)) > _LEVEL and all(map(_lies_flat, tags)):
-            camera = vehicle.cameras[0]
+        tags = chain.from_iterable(use.tags for use in case.plan.world.tags)
+        if min(_axes(vehicle)) > _LEVEL and all(map(_lies_flat, tags)):
+            camera = vehicle.body.cameras[0]
             yield Diagnostic(
                 "KYB445",
-                f"`{camera.name.text}` of `{vehicle.name.text}` looks past the tags",
-                camera.spans.get("facing", camera.span),
+                f"`{camera.name}` of `{vehicle.name}` looks past the tags",
+                camera.span_of("facing"),
                 label="looks to the side",
                 notes=("every tag of the world lies flat",),
                 help="write `facing: down`, or print tags for the walls",
@@ -79,26 +79,26 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
 
 def _tags(case: Case) -> tuple[Related, ...]:
     """Where the mission itself describes the tags."""
-    span = case.document.spans.get("tags")
-    return () if span is None else (Related(span, "the tags"),)
+    world = case.plan.world
+    return (Related(world.key_span("tags"), "the tags"),) if world.is_written("tags") else ()
 
 
-def _axis(use: CameraEntry) -> float:
-    """The z of a camera's axis, in a level vehicle: -1 where it looks down."""
-    return rotate(use.camera.attitude, (0.0, 0.0, 1.0))[2]
+def _axes(vehicle: VehiclePlan) -> list[float]:
+    """The z of each camera's axis, in a level vehicle: -1 where it looks down."""
+    return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in vehicle.own_cameras.values()]
 
 
 def _lies_flat(tag: Tag) -> bool:
     return rotate(tag.attitude, (0.0, 0.0, 1.0))[2] > -_DOWNWARD
 
 
-def _flies_on_tags(vehicle: VehicleEntry) -> bool:
+def _flies_on_tags(vehicle: VehiclePlan) -> bool:
     """Whether nothing but tags and dead reckoning tells where it is, by cameras that look down."""
-    down = [_axis(use) < _DOWNWARD for use in vehicle.cameras]
+    down = [axis < _DOWNWARD for axis in _axes(vehicle)]
     return bool(down) and all(down) and _knows_tags_alone(vehicle)
 
 
-def _knows_tags_alone(vehicle: VehicleEntry) -> bool:
+def _knows_tags_alone(vehicle: VehiclePlan) -> bool:
     """Whether nothing but tags and dead reckoning tells where it is."""
     sees = [_sees_tags(use) for use in vehicle.estimators]
     known = (
@@ -107,14 +107,14 @@ def _knows_tags_alone(vehicle: VehicleEntry) -> bool:
     return any(sees) and all(known)
 
 
-def _sees_tags(use: EstimatorEntry) -> bool:
-    cls = use.part.spec.cls
+def _sees_tags(use: EstimatorPlan) -> bool:
+    cls = use.part.cls
     return cls.needs_tags and Frame in cls.uses(use.part.params)
 
 
-def _unseen(vehicle: VehicleEntry, place: Vec3, tags: Sequence[Tag]) -> str:
+def _unseen(vehicle: VehiclePlan, place: Vec3, tags: Sequence[Tag]) -> str:
     """Why no tag is seen from a place; empty where one is."""
-    reasons = [_hidden(use.camera, place, tags) for use in vehicle.cameras]
+    reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
     return reasons[0] if all(reasons) else ""
 
 

@@ -13,7 +13,8 @@ from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.document import PartUse, StateEntry, VehicleEntry
+from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
+from kybflow.dsl.reading import nodes
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box
 
@@ -22,14 +23,14 @@ _ROUNDING = 1e-6
 
 def starts_outside(case: Case) -> Iterator[Diagnostic]:
     """KYB311: a vehicle's start pose is outside the fence."""
-    fence = case.document.fence
-    for vehicle in case.vehicles():
+    fence = case.plan.fence
+    for vehicle in case.plan.vehicles:
         if fence is None or fence.outside_by(vehicle.start) <= _ROUNDING:
             continue
         yield Diagnostic(
             "KYB311",
-            f"`{vehicle.name.text}` starts outside the fence",
-            vehicle.start_span,
+            f"`{vehicle.name}` starts outside the fence",
+            vehicle.span_of("start", "at"),
             label=_beyond(fence, vehicle.start),
             notes=(extent(fence),),
             related=the_fence(case),
@@ -41,28 +42,29 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
 
     Each vehicle is reported with the first that it is too close to.
     """
-    vehicles = list(case.vehicles())
+    vehicles = list(case.plan.vehicles)
     for index, b in enumerate(vehicles):
         a = next((a for a in vehicles[:index] if distance(a.start, b.start) < _apart(a, b)), None)
         if a is None:
             continue
         near = format_quantity(distance(a.start, b.start), LENGTH)
+        first = a.span_of("start", "at")
         yield Diagnostic(
             "KYB312",
-            f"`{b.name.text}` starts {near} from `{a.name.text}`",
-            b.start_span,
+            f"`{b.name}` starts {near} from `{a.name}`",
+            b.span_of("start", "at"),
             label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
-            notes=(f"`{a.name.text}` starts at {shown_point(a.start)} ({a.start_span.at})",),
+            notes=(f"`{a.name}` starts at {shown_point(a.start)} ({first.at})",),
         )
 
 
-def _apart(a: VehicleEntry, b: VehicleEntry) -> float:
+def _apart(a: VehiclePlan, b: VehiclePlan) -> float:
     return max(a.airframe.diameter, b.airframe.diameter)
 
 
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
     """KYB313: a behavior goes outside the fence from an entry inside it that it can have."""
-    fence = case.document.fence
+    fence = case.plan.fence
     for vehicle, state, entry, footprint in case.cached(footprints):
         if fence is None or (entry is not None and fence.outside_by(entry) > _ROUNDING):
             continue
@@ -70,23 +72,23 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
         if fence.outside_by(far) > _ROUNDING:
             yield Diagnostic(
                 "KYB313",
-                f"`{state.name.text}` ({state.part.name.text}) leaves the fence",
+                f"`{state.name}` ({state.behavior.name}) leaves the fence",
                 aim_of(state, footprint),
                 label=_beyond(fence, far),
                 notes=(extent(fence), *footprint.line_of(far)),
-                related=(*the_fence(case), *values_of(state.part)),
+                related=(*the_fence(case), *values_of(state.behavior)),
             )
 
 
 def held_back(case: Case) -> Iterator[Diagnostic]:
     """KYB320: a behavior stays inside the fence, but goes where a processor lets no setpoint go."""
-    fence = case.document.fence
+    fence = case.plan.fence
     if fence is None:
         return
     for vehicle, state, entry, footprint in case.cached(footprints):
         inside = [p for p in footprint.points if fence.outside_by(p) <= _ROUNDING]
         for part in vehicle.processors:
-            room = part.spec.cls.keeps_inside(part.params, fence)
+            room = part.cls.keeps_inside(part.params, fence)
             far = max(inside, key=room.outside_by, default=None) if room is not None else None
             if room is None or far is None or room.outside_by(far) <= _ROUNDING:
                 continue
@@ -94,16 +96,16 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 continue
             yield Diagnostic(
                 "KYB320",
-                f"`{part.label}` keeps `{vehicle.name.text}` from where `{state.name.text}` goes",
+                f"`{part.alias}` keeps `{vehicle.name}` from where `{state.name}` goes",
                 aim_of(state, footprint),
                 label=_beyond(room, far),
                 notes=(
-                    f"`{part.label}` lets it go from {shown_point(room.low)} to "
+                    f"`{part.alias}` lets it go from {shown_point(room.low)} to "
                     f"{shown_point(room.high)}",
                     *footprint.line_of(far),
                 ),
                 help="stay further from the fence, or make the margin smaller",
-                related=(*the_fence(case), *values_of(state.part)),
+                related=(*the_fence(case), *values_of(state.behavior)),
             )
 
 
@@ -111,7 +113,7 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
     """KYB314: a behavior asks for more speed than the airframe may fly; in a take-off and a
     landing, for more than it may climb or sink."""
     for vehicle, state, _, footprint in case.cached(footprints):
-        legs = state.part.spec.cls.flight
+        legs = state.behavior.cls.flight
         is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
         limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
         verb = "fly" if limit == vehicle.airframe.speed else "climb and sink"
@@ -119,8 +121,8 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB314",
-            f"`{state.name.text}` is too fast for `{vehicle.name.text}`",
-            state.part.spans.get("speed", state.part.name.span),
+            f"`{state.name}` is too fast for `{vehicle.name}`",
+            state.behavior.span_of("speed"),
             label=f"reaches {format_quantity(footprint.speed, SPEED)}",
             notes=(
                 f"its airframe may {verb} {format_quantity(limit, SPEED)}",
@@ -128,7 +130,7 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
             ),
             related=(
                 *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
-                *values_of(state.part),
+                *values_of(state.behavior),
             ),
         )
 
@@ -142,12 +144,12 @@ def refuses(case: Case) -> Iterator[Diagnostic]:
     that begins too far away."""
     for _, state, entries in _entered(case):
         for entry in entries.points:
-            reason = state.part.spec.cls.refusal(state.part.params, entry)
+            reason = state.behavior.cls.refusal(state.behavior.params, entry)
             if reason is not None:
                 yield Diagnostic(
                     "KYB372",
-                    f"`{state.name.text}` ({state.part.name.text}) would refuse to start",
-                    state.part.name.span,
+                    f"`{state.name}` ({state.behavior.name}) would refuse to start",
+                    state.behavior.span,
                     label=reason,
                     notes=(f"entered at {shown_point(entry)}",),
                 )
@@ -157,54 +159,50 @@ def refuses(case: Case) -> Iterator[Diagnostic]:
 def undecided(case: Case) -> Iterator[Diagnostic]:
     """KYB315: it can't be told before the flight where a behavior goes, because it can be entered
     from anywhere; the fence processor and supervisor still hold it."""
-    fence, obstacles = case.document.fence, case.document.obstacles
+    fence, obstacles = case.plan.fence, case.plan.obstacles
     if fence is None and not obstacles:
         return
     bounds = "stays inside the fence" if fence is not None else "stays clear of the obstacles"
     for _, state, entries in _entered(case):
         if entries.known:
             continue
-        if _footprint(state, None) is None and _travels(state, fence):
+        if state.footprint(None) is None and _travels(state, fence):
             yield Diagnostic(
                 "KYB315",
-                f"can't tell whether `{state.name.text}` {bounds}",
-                state.part.name.span,
+                f"can't tell whether `{state.name}` {bounds}",
+                state.behavior.span,
                 label="its path depends on where it begins",
                 notes=("where it begins is not known before the flight",),
                 severity=Severity.WARNING,
             )
 
 
-def _entered(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, Entries]]:
+def _entered(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Entries]]:
     """Every state that is reached, with its entries."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for name, entries in entries_of(vehicle).items():
             yield vehicle, vehicle.states[name], entries
 
 
-def footprints(case: Case) -> Iterator[tuple[VehicleEntry, StateEntry, Vec3 | None, Footprint]]:
+def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None, Footprint]]:
     """The footprint of every state that is reached, from every entry that it can have; where there
     are obstacles, also from those that flows lead to."""
     for vehicle, state, entries in _entered(case):
         for entry in entries.candidates():
-            footprint = _footprint(state, entry)
+            footprint = state.footprint(entry)
             if footprint is not None:
                 yield vehicle, state, entry, footprint
-    for vehicle, name, point in entered_by_flows(case) if case.document.obstacles else ():
-        footprint = _footprint(vehicle.states[name], point)
+    for vehicle, name, point in entered_by_flows(case) if case.plan.obstacles else ():
+        footprint = vehicle.states[name].footprint(point)
         if footprint is not None:
             yield vehicle, vehicle.states[name], point, footprint
 
 
-def _footprint(state: StateEntry, entry: Vec3 | None) -> Footprint | None:
-    return state.footprint(entry)
-
-
-def _travels(state: StateEntry, fence: Box | None) -> bool:
+def _travels(state: StatePlan, fence: Box | None) -> bool:
     """Whether the behavior moves sideways from where it is entered."""
     (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
     middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
-    footprint = _footprint(state, middle)
+    footprint = state.footprint(middle)
     return footprint is not None and any(p[:2] != middle[:2] for p in footprint.points)
 
 
@@ -219,33 +217,34 @@ def extent(fence: Box) -> str:
 
 def the_fence(case: Case) -> tuple[Related, ...]:
     """Where the fence is written, beside what leaves it."""
-    span = case.document.spans.get("fence")
-    return () if span is None else (Related(span, "the fence"),)
+    world = case.plan.world
+    return (Related(world.key_span("fence"), "the fence"),) if world.is_written("fence") else ()
 
 
 def the_time_limit(case: Case) -> tuple[Related, ...]:
     """Where the mission's time is written, beside what is over too late for it."""
-    span = case.document.spans.get("time_limit")
-    return () if span is None else (Related(span, "the mission's time"),)
+    plan = case.plan
+    is_own = plan.is_written("time_limit")
+    return (Related(plan.key_span("time_limit"), "the mission's time"),) if is_own else ()
 
 
-def the_limit(vehicle: VehicleEntry, name: str) -> tuple[Related, ...]:
+def the_limit(vehicle: VehiclePlan, name: str) -> tuple[Related, ...]:
     """Where the mission itself writes a limit of the airframe, beside what is beyond it."""
-    span = vehicle.airframe_spans.get(name)
-    is_own = span is not None and span.file == vehicle.name.span.file
-    return (Related(span, f"the {name} of its airframe"),) if span is not None and is_own else ()
+    span = vehicle.body.span_of(name)
+    is_own = vehicle.body.is_written(name) and span.file == vehicle.span.file
+    return (Related(span, f"the {name} of its airframe"),) if is_own else ()
 
 
-def the_cameras(vehicle: VehicleEntry) -> tuple[Related, ...]:
+def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
     """Where the mission itself describes the cameras of a vehicle."""
-    own = (use for use in vehicle.cameras if use.span.file == vehicle.name.span.file)
-    return tuple(Related(use.span, f"its camera `{use.name.text}`") for use in own)
+    own = (use for use in vehicle.body.cameras if use.span.file == vehicle.span.file)
+    return tuple(Related(use.span, f"its camera `{use.name}`") for use in own)
 
 
-def values_of(part: PartUse) -> tuple[Related, ...]:
+def values_of(part: PartPlan) -> tuple[Related, ...]:
     """Where the values of a mission's parameters are written that a part has."""
-    given = {name: span.given for name, span in part.spans.items() if span.given is not None}
-    return tuple(Related(span, f"its `{name}`") for name, span in given.items())
+    given = {name: e.value.span.given for name, e in nodes.entries_of(part.source.node).items()}
+    return tuple(Related(span, f"its `{name}`") for name, span in given.items() if span)
 
 
 def shown_point(point: Vec3) -> str:
@@ -256,15 +255,15 @@ def shown_point(point: Vec3) -> str:
 def unfenced(case: Case) -> Iterator[Diagnostic]:
     """KYB321: there is a fence, but no processor of a vehicle keeps its setpoints inside; the
     supervisor lands it only when it is outside."""
-    fence = case.document.fence
-    for vehicle in case.vehicles() if fence is not None else ():
-        boxes = (p.spec.cls.keeps_inside(p.params, fence) for p in vehicle.processors)
+    fence = case.plan.fence
+    for vehicle in case.plan.vehicles if fence is not None else ():
+        boxes = (p.cls.keeps_inside(p.params, fence) for p in vehicle.processors)
         if any(box is not None for box in boxes):
             continue
         yield Diagnostic(
             "KYB321",
-            f"no processor keeps `{vehicle.name.text}` inside the fence",
-            vehicle.name.span,
+            f"no processor keeps `{vehicle.name}` inside the fence",
+            vehicle.span,
             label="lands only when it is outside",
             help="add `fence` to its processors",
             severity=Severity.WARNING,
@@ -277,15 +276,15 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
 
     Where the world itself ends no flight, outdoors, it still tells the failsafe when to land.
     """
-    if case.document.fence is not None:
+    if case.plan.fence is not None:
         return
-    flying = [v for v in case.vehicles() if any(map(_flies, v.states.values()))]
+    flying = [v for v in case.plan.vehicles if any(map(_flies, v.states.values()))]
     if flying:
-        others = ", ".join(f"`{v.name.text}`" for v in flying[1:])
+        others = ", ".join(f"`{v.name}`" for v in flying[1:])
         yield Diagnostic(
             "KYB322",
-            f"nothing keeps `{flying[0].name.text}` in the room: the mission has no fence",
-            flying[0].name.span,
+            f"nothing keeps `{flying[0].name}` in the room: the mission has no fence",
+            flying[0].span,
             label="may fly anywhere",
             notes=(f"nor {others}",) if others else (),
             help="under `world`, write its bounds: `fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}`",
@@ -293,26 +292,26 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _flies(state: StateEntry) -> bool:
-    return any(AIR in leg for leg in state.part.spec.cls.flight)
+def _flies(state: StatePlan) -> bool:
+    return any(AIR in leg for leg in state.behavior.cls.flight)
 
 
 _SAME = 1e-6
 
 
-def aim_of(state: StateEntry, footprint: Footprint) -> Span:
+def aim_of(state: StatePlan, footprint: Footprint) -> Span:
     """The place that the behavior was told to go to, where it was; else the behavior's name."""
-    part = state.part
+    part = state.behavior
     way = (*footprint.points, *footprint.path, *([footprint.exit] if footprint.exit else []))
-    for field in part.spec.fields:
+    for field in part.fields:
         if field.dimension is not LENGTH or field.shape not in ("vector", "path"):
             continue
         value = getattr(part.params, field.name)
-        if field.name not in part.spans or value is None:
+        if not part.is_written(field.name) or value is None:
             continue
         if _leads((value,) if field.shape == "vector" else value, way):
-            return part.spans[field.name]
-    return part.name.span
+            return part.span_of(field.name)
+    return part.span
 
 
 def _leads(told: Iterable[Vec3], way: tuple[Vec3, ...]) -> bool:

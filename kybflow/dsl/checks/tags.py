@@ -11,8 +11,7 @@ from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rota
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import TagsEntry
-from kybflow.dsl.schema.world import GridParams
+from kybflow.dsl.world import Tags
 from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
 
@@ -26,7 +25,7 @@ _SHOWN = 8
 class _Floor(NamedTuple):
     """An entry of `tags`: those of it, the largest one's side, and where the centres lie."""
 
-    use: TagsEntry
+    use: Tags
     tags: list[Tag]
     size: float
     low: tuple[float, float]
@@ -36,8 +35,8 @@ class _Floor(NamedTuple):
 def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB383: the same number of one family is on two tags of the world, so that no camera can tell
     which of them it sees."""
-    first: dict[Key, tuple[TagsEntry, int]] = {}
-    for use in case.document.tags:
+    first: dict[Key, tuple[Tags, int]] = {}
+    for use in case.plan.world.tags:
         doubled = [i for i, tag in enumerate(use.tags) if tag.key in first]
         for index, tag in enumerate(use.tags):
             first.setdefault(tag.key, (use, index))
@@ -48,27 +47,27 @@ def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
         more = f", and {len(doubled) - 1} more" if len(doubled) > 1 else ""
         yield Diagnostic(
             "KYB383",
-            f"tag {tag.id} of {tag.family} is in `{use.name.text}` and in `{other.name.text}`",
+            f"tag {tag.id} of {tag.family} is in `{use.name}` and in `{other.name}`",
             use.span,
             label=f"{_place(use, doubled[0])}{more}" if use.lines else more.removeprefix(", "),
             notes=(f"first at {other.span.at}{_in_file(other, index)}",),
-            help=_renumbered(use, case.document.tags),
+            help=_renumbered(use, case.plan.world.tags),
         )
 
 
-def _place(use: TagsEntry, index: int) -> str:
+def _place(use: Tags, index: int) -> str:
     return f"in line {use.lines[index]} of it"
 
 
-def _in_file(use: TagsEntry, index: int) -> str:
+def _in_file(use: Tags, index: int) -> str:
     return f", {_place(use, index)}" if use.lines else ""
 
 
-def _renumbered(use: TagsEntry, every: tuple[TagsEntry, ...]) -> str:
+def _renumbered(use: Tags, every: tuple[Tags, ...]) -> str:
     family = use.tags[0].family
     taken = [t.id for other in every if other is not use for t in other.tags if t.family == family]
     free = max(taken) + 1
-    if isinstance(use.params, GridParams):
+    if use.grid is not None:
         return f"number it from {free} on: `first: {free}`"
     return f"the first number that nothing above has is {free}"
 
@@ -76,7 +75,7 @@ def _renumbered(use: TagsEntry, every: tuple[TagsEntry, ...]) -> str:
 def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
     """KYB384: the black squares of two tags of the world cover each other, on one plane and facing
     the same way."""
-    floors = list(_floors(case.document.tags))
+    floors = list(_floors(case.plan.world.tags))
     for index, under in enumerate(floors):
         for over in floors[index:]:
             pairs = list(_pairs(under, over))
@@ -84,7 +83,7 @@ def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
                 yield _overlap(pairs, under.use, over.use)
 
 
-def _floors(uses: tuple[TagsEntry, ...]) -> Iterator[_Floor]:
+def _floors(uses: tuple[Tags, ...]) -> Iterator[_Floor]:
     """Each entry with those of its tags that no entry above has."""
     known: set[Key] = set()
     for use in uses:
@@ -96,21 +95,19 @@ def _floors(uses: tuple[TagsEntry, ...]) -> Iterator[_Floor]:
             yield _Floor(use, own, size, (min(x), min(y)), (max(x), max(y)))
 
 
-def _overlap(pairs: list[tuple[Tag, Tag]], under: TagsEntry, over: TagsEntry) -> Diagnostic:
+def _overlap(pairs: list[tuple[Tag, Tag]], under: Tags, over: Tags) -> Diagnostic:
     a, b = pairs[0]
     covered = sorted({tag.id for tag, _ in pairs})
     more = f"; {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
     hint = "move one of them"
-    if isinstance(under.params, GridParams) and under is not over and len(covered) <= _SHOWN:
-        hint = (
-            f"move it, or leave out what it covers of `{under.name.text}`: `leave_out: {covered}`"
-        )
+    if under.grid is not None and under is not over and len(covered) <= _SHOWN:
+        hint = f"move it, or leave out what it covers of `{under.name}`: `leave_out: {covered}`"
     return Diagnostic(
         "KYB384",
-        f"tag {b.id} of `{over.name.text}` overlaps tag {a.id} of `{under.name.text}`",
+        f"tag {b.id} of `{over.name}` overlaps tag {a.id} of `{under.name}`",
         over.span,
         label=f"centres {distance(a.position, b.position) * 100:.3g} cm apart{more}",
-        notes=(f"`{under.name.text}` is at {under.span.at}",) if under is not over else (),
+        notes=(f"`{under.name}` is at {under.span.at}",) if under is not over else (),
         help=hint,
     )
 
@@ -120,7 +117,7 @@ def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
     themselves. They are looked for cell by cell, because there may be thousands."""
     reach = (under.size + over.size) / sqrt(2.0)
     is_one = under is over
-    if is_one and isinstance(under.use.params, GridParams):
+    if is_one and under.use.grid is not None:
         return
     if any(low - reach > high for low, high in zip(under.low, over.high, strict=True)):
         return
@@ -175,8 +172,8 @@ _LARGE = 2.0
 def in_another_unit(case: Case) -> Iterator[Diagnostic]:
     """KYB386: tags that are larger than 2 m, or that lie further from the fence than it is long, as
     those do whose numbers are centimetres and have no unit (a warning)."""
-    fence = case.document.fence
-    for use in case.document.tags:
+    fence = case.plan.fence
+    for use in case.plan.world.tags:
         index = next((i for i, tag in enumerate(use.tags) if tag.size > _LARGE), None)
         if index is not None:
             size = format_quantity(use.tags[index].size, LENGTH)
@@ -196,14 +193,14 @@ def _is_far(tag: Tag, fence: Box | None) -> bool:
     return any(not low - longest <= at <= high + longest for at, low, high in pairs)
 
 
-def _strange(use: TagsEntry, index: int, what: str, column: str) -> Diagnostic:
+def _strange(use: Tags, index: int, what: str, column: str) -> Diagnostic:
     tag = use.tags[index]
     hint = "give the number its unit, like `19.5 cm`, if it is no metres"
     if use.lines:
         hint = f"name the unit in the table's first line, like `{column} [cm]`, if it is no metres"
     return Diagnostic(
         "KYB386",
-        f"tag {tag.id} of `{use.name.text}` {what}",
+        f"tag {tag.id} of `{use.name}` {what}",
         use.span,
         label=f"in line {use.lines[index]} of it" if use.lines else "",
         help=hint,

@@ -11,57 +11,57 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.document import StateEntry, VehicleEntry
+from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.option_names import no_vehicles
+from kybflow.dsl.plan import StatePlan, VehiclePlan
 
 
 class _Shared(NamedTuple):
-    """A state that a vehicle flies together with a group, and the group as it is written."""
+    """A state that a vehicle flies together with a group, and where the group is named."""
 
-    vehicle: VehicleEntry
-    state: StateEntry
-    group: Text
+    vehicle: VehiclePlan
+    state: StatePlan
+    group: str
+    span: Span
 
 
 def _shared(case: Case) -> Iterator[_Shared]:
     for vehicle, state in case.states():
-        for parameter, name in named_in(state.part.params, "group").items():
-            span = state.part.spans.get(parameter, state.part.name.span)
-            yield _Shared(vehicle, state, Text(name, span))
+        for parameter, name in named_in(state.behavior.params, "group").items():
+            yield _Shared(vehicle, state, name, state.behavior.span_of(parameter))
 
 
 def unknown_companions(case: Case) -> Iterator[Diagnostic]:
     """KYB520: a behavior names a group or a vehicle that the mission does not have."""
-    document = case.document
-    for _, _, group in case.cached(_shared):
-        if group.text not in document.groups:
-            hint = did_you_mean(group.text, document.groups) if document.groups else ""
-            hint = hint or f"declare it: `groups: {{{group.text}: [a, b]}}`"
-            message = f"the mission has no group `{group.text}`"
-            yield Diagnostic("KYB520", message, group.span, label="unknown", help=hint)
+    plan = case.plan
+    for _, _, group, span in case.cached(_shared):
+        if group not in plan.groups:
+            hint = did_you_mean(group, plan.groups) if plan.groups else ""
+            hint = hint or f"declare it: `groups: {{{group}: [a, b]}}`"
+            message = f"the mission has no group `{group}`"
+            yield Diagnostic("KYB520", message, span, label="unknown", help=hint)
     for _, state in case.states():
-        yield from no_vehicles("KYB520", state.part, document)
+        yield from no_vehicles("KYB520", state.behavior, plan)
 
 
 def unknown_obstacles(case: Case) -> Iterator[Diagnostic]:
     """KYB510: a processor keeps its vehicle away from one that isn't there."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for use in vehicle.processors:
-            yield from no_vehicles("KYB510", use, case.document)
+            yield from no_vehicles("KYB510", use, case.plan)
 
 
 def no_member(case: Case) -> Iterator[Diagnostic]:
     """KYB521: a behavior is flown together with a group in which its vehicle is not."""
-    for vehicle, state, group in case.cached(_shared):
-        members = case.document.groups.get(group.text)
-        name = vehicle.name.text
-        if members is not None and name not in {m.text for m in members}:
+    for vehicle, state, group, span in case.cached(_shared):
+        members = case.plan.groups.get(group)
+        name = vehicle.name
+        if members is not None and name not in members:
             yield Diagnostic(
                 "KYB521",
-                f"`{name}` is not in `{group.text}`, with which it flies `{state.name.text}`",
-                group.span,
-                label=f"has {', '.join(f'`{m.text}`' for m in members)}",
+                f"`{name}` is not in `{group}`, with which it flies `{state.name}`",
+                span,
+                label=f"has {', '.join(f'`{member}`' for member in members)}",
                 help=f"add `{name}` to the group, or name one that it is in",
             )
 
@@ -69,20 +69,20 @@ def no_member(case: Case) -> Iterator[Diagnostic]:
 def never_comes(case: Case) -> Iterator[Diagnostic]:
     """KYB522: a behavior is flown together with a group of which a member never flies it: the
     others would wait for it in vain."""
-    shared, groups = case.cached(_shared), case.document.groups
-    fly = {(s.vehicle.name.text, s.state.part.name.text, s.group.text) for s in shared}
-    lost = {s.vehicle.name.text for s in shared if s.group.text not in groups}
-    for _, state, group in shared:
-        part = state.part.name.text
-        for member in groups.get(group.text, ()):
-            known = member.text in case.document.vehicles and member.text not in lost
-            if known and (member.text, part, group.text) not in fly:
+    shared, groups = case.cached(_shared), case.plan.groups
+    fly = {(s.vehicle.name, s.state.behavior.name, s.group) for s in shared}
+    lost = {s.vehicle.name for s in shared if s.group not in groups}
+    for _, state, group, span in shared:
+        part = state.behavior.name
+        for member in groups.get(group, ()):
+            known = member in case.plan.fleet and member not in lost
+            if known and (member, part, group) not in fly:
                 yield Diagnostic(
                     "KYB522",
-                    f"`{member.text}` never flies `{part}` with `{group.text}`",
-                    group.span,
-                    label=f"`{state.name.text}` waits for it",
-                    help=f"give `{member.text}` such a behavior, or name a group without it",
+                    f"`{member}` never flies `{part}` with `{group}`",
+                    span,
+                    label=f"`{state.name}` waits for it",
+                    help=f"give `{member}` such a behavior, or name a group without it",
                 )
 
 
@@ -92,12 +92,12 @@ def at_odds(case: Case) -> Iterator[Diagnostic]:
     itself."""
     for vehicle, context in case.cached(contexts):
         for state in vehicle.states.values():
-            for objection in state.part.spec.cls.objections(state.part.params, context):
+            for objection in state.behavior.cls.objections(state.behavior.params, context):
                 severity = Severity.WARNING if objection.is_doubt else Severity.ERROR
                 yield Diagnostic(
                     "KYB523",
-                    f"`{objection.parameter}` of `{state.name.text}` {objection.reason}",
-                    state.part.spans.get(objection.parameter, state.part.name.span),
+                    f"`{objection.parameter}` of `{state.name}` {objection.reason}",
+                    state.behavior.span_of(objection.parameter),
                     help=objection.hint,
                     severity=severity,
                 )

@@ -13,11 +13,11 @@ from kybflow.dsl.checks.flows import all_known, phases
 from kybflow.dsl.checks.reachability import PHRASES, FlightEdge, endless_states, flight_graph
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import PhaseEntry, StateEntry, TransitionEntry, VehicleEntry
+from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.shaping.flows import GROUNDED
+from kybflow.dsl.plan import PhasePlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Leg
 from kybflow.parts.observables import chains_of
 
@@ -28,33 +28,41 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
     A target is one of the vehicle's own behaviors or one of the built-in states `landed`, `brake`,
     `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
     """
-    for vehicle in case.vehicles():
-        if vehicle.begin.text not in (*vehicle.states, GROUNDED):
-            yield no_state("KYB201", vehicle.begin, vehicle)
+    for vehicle in case.plan.vehicles:
+        if vehicle.begin not in (*vehicle.states, GROUNDED):
+            yield no_state("KYB201", Text(vehicle.begin, _begins_at(vehicle)), vehicle)
         for state in vehicle.states.values():
             for transition in state.transitions:
-                finding = wrong_goal("KYB201", transition.target, vehicle)
-                if finding is not None:
-                    yield finding
+                if vehicle.goal(transition.target) not in vehicle.states:
+                    goal = Text(transition.target, transition.target_span)
+                    finding = wrong_goal("KYB201", goal, vehicle)
+                    if finding is not None:
+                        yield finding
 
 
 def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB202: the first behavior of a vehicle does not start on the ground, where every run
     begins."""
-    for vehicle in case.vehicles():
-        begin = vehicle.begin.text
+    for vehicle in case.plan.vehicles:
+        begin = vehicle.begin
         state = vehicle.states.get(begin)
         if state is None or case.accepts(vehicle, begin, GROUND):
             continue
         grounded = [s for s in vehicle.states if case.legs(vehicle, s)[0].start is GROUND]
         yield Diagnostic(
             "KYB202",
-            f"`{state.name.text}` can't be the first behavior of `{vehicle.name.text}`",
-            vehicle.begin.span,
-            label=f"starts {_starts(state.part.spec.cls.flight)}",
+            f"`{state.name}` can't be the first behavior of `{vehicle.name}`",
+            _begins_at(vehicle),
+            label=f"starts {_starts(state.legs)}",
             notes=("a run begins on the ground",),
             help=f"did you mean `begin: {grounded[0]}`?" if grounded else "begin with a take-off",
         )
+
+
+def _begins_at(vehicle: VehiclePlan) -> Span:
+    """The place of its first behavior's name: where it is written as such, else its own."""
+    begin = vehicle.text_of("begin")
+    return vehicle.states[vehicle.begin].span if begin is None else begin.span
 
 
 def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
@@ -64,31 +72,31 @@ def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
     side; `next`, `failed` and `within` leave a take-off or a landing before its end, and the
     vehicle is then moving, which `brake`, `land` and `land_blind` accept.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for link in flight_graph(case, vehicle).broken:
             yield _broken(case, vehicle, link)
 
 
-def _broken(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> Diagnostic:
+def _broken(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> Diagnostic:
     source = vehicle.states[link.source.state]
-    target = link.transition.target.text
+    target = link.transition.target
     legs = case.legs(vehicle, target)
-    own, part = source.part.name.text, part_of(vehicle, target)
+    own, part = source.behavior.name, part_of(vehicle, target)
     early = ", left before its end," if link.flight is MOVING else ""
     return Diagnostic(
         "KYB203",
-        f"`{target}` can't follow `{source.name.text}`",
-        link.transition.target.span,
+        f"`{target}` can't follow `{source.name}`",
+        link.transition.target_span,
         label=f"needs a vehicle {_starts(legs)}",
         notes=(
-            f"`{source.name.text}` ({own}){early} leaves the vehicle {PHRASES[link.flight]}; "
+            f"`{source.name}` ({own}){early} leaves the vehicle {PHRASES[link.flight]}; "
             f"`{target}` ({part}) starts {_starts(legs)}",
         ),
         help=_alternative(case, vehicle, link),
     )
 
 
-def _alternative(case: Case, vehicle: VehicleEntry, link: FlightEdge) -> str:
+def _alternative(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> str:
     """The next behavior written after the source that fits; else a built-in state that does."""
     names = list(vehicle.states)
     behind = names[names.index(link.source.state) + 1 :] + names
@@ -110,17 +118,17 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
     uses. Where a transition leads to an unknown name, nothing is said before that is mended; of
     behaviors that lead to each other the first is told.
     """
-    for vehicle in case.vehicles() if all_known(case.document) else ():
+    for vehicle in case.plan.vehicles if all_known(case.plan) else ():
         reached = reached_states(vehicle)
         if not reached <= {*vehicle.states, *TARGETS}:
             continue
         led_to = set[str]()
         for state in vehicle.states.values():
-            if state.name.text in reached or state.inherited or state.name.text in led_to:
+            if state.name in reached or state.inherited or state.name in led_to:
                 continue
-            led_to |= reached_states(vehicle, (state.name.text,))
+            led_to |= reached_states(vehicle, (state.name,))
             name, span = _unreached(vehicle, state, reached)
-            if vehicle.goal(name) != state.name.text:
+            if vehicle.goal(name) != state.name:
                 continue  # told for the chain's first state
             yield Diagnostic(
                 "KYB204",
@@ -132,17 +140,17 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _way_in(case: Case, vehicle: VehicleEntry, name: str) -> str:
+def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
     """What to do about a behavior that is not reached; others that have it from here may need
     it."""
     own = vehicle.states.get(vehicle.goal(name))
     needing = [
-        f"`{other.name.text}`"
-        for other in case.vehicles()
+        f"`{other.name}`"
+        for other in case.plan.vehicles
         if own is not None
-        and (state := other.states.get(own.name.text)) is not None
-        and state.name.span == own.name.span
-        and own.name.text in reached_states(other)
+        and (state := other.states.get(own.name)) is not None
+        and state.span == own.span
+        and own.name in reached_states(other)
     ]
     if needing:
         return f"write it in {' and '.join(needing)} alone, which is led there"
@@ -150,38 +158,39 @@ def _way_in(case: Case, vehicle: VehicleEntry, name: str) -> str:
 
 
 def _unreached(
-    vehicle: VehicleEntry, state: StateEntry, reached: AbstractSet[str]
+    vehicle: VehiclePlan, state: StatePlan, reached: AbstractSet[str]
 ) -> tuple[str, Span]:
     """(the name, its span) of what is not reached: the outermost chain whose first state is not
     reached, else the state."""
-    name, span = state.name.text, state.name.span
+    name, span = state.name, state.span
     for chain, use in zip(chains_of(name), span.used, strict=False):
         if vehicle.goal(chain) not in reached:
             return chain, use
     return name, span
 
 
-def _open_ends(vehicle: VehicleEntry, reached: AbstractSet[str]) -> Iterator[str]:
+def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]:
     """A note for each behavior of the vehicle's own that is reached and says not what follows."""
     for state in vehicle.states.values():
-        name, legs = state.name, state.part.spec.cls.flight
-        is_own = not state.inherited and not any(chains_of(name.text))
+        is_own = not state.inherited and not any(chains_of(state.name))
         is_open = all(t.cause in {"within", "failed"} for t in state.transitions)
-        if name.text in reached and is_own and is_open and any(leg.end is AIR for leg in legs):
-            yield f"`{name.text}` has no `then` ({name.span.at})"
+        if not (state.name in reached and is_own and is_open):
+            continue
+        if any(leg.end is AIR for leg in state.legs):
+            yield f"`{state.name}` has no `then` ({state.span.at})"
 
 
-def reached_states(vehicle: VehicleEntry, since: tuple[str, ...] = ()) -> set[str]:
+def reached_states(vehicle: VehiclePlan, since: tuple[str, ...] = ()) -> set[str]:
     """The states that a transition leads to from those in `since`, else from those in which the
     vehicle begins or for which something may ask; unknown names too."""
-    waiting = list(since or (vehicle.begin.text, *vehicle.requested))
+    waiting = list(since or (vehicle.begin, *vehicle.requested))
     reached = set(waiting)
     while waiting:
         state = vehicle.states.get(waiting.pop())
         for transition in state.transitions if state else ():
-            if transition.target.text not in reached:
-                reached.add(transition.target.text)
-                waiting.append(transition.target.text)
+            if transition.target not in reached:
+                reached.add(transition.target)
+                waiting.append(transition.target)
     return reached
 
 
@@ -192,7 +201,7 @@ _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as t
 class _Guarded:
     """A transition with its condition understood; None where it has none or it can't be."""
 
-    transition: TransitionEntry
+    transition: TransitionPlan
     when: Condition | None
 
     @property
@@ -207,7 +216,7 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
     In a tick `next` is asked from the top, then whether the behavior ended, then `within`. A
     transition with a time alone ends the state by then, so that what would come later never comes.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for name in sorted(endless_states(vehicle)):
             yield from _never_done(vehicle.states[name])
     for vehicle, state in case.states():
@@ -224,8 +233,8 @@ def phases_never_left(case: Case) -> Iterator[Diagnostic]:
     """KYB241: a way out of a phase that can never be taken, because another always comes first."""
     scope = case.scopes.flow()
     told: set[Span] = set()
-    for _, phase in phases(case.document):
-        guarded = [_Guarded(t, case.condition(t.when, scope)) for t in phase.transitions]
+    for _, phase in phases(case.plan):
+        guarded = [_Guarded(t, case.condition(t, "when", scope)) for t in phase.transitions]
         for index, later in enumerate(guarded):
             before = [a for a in guarded[:index] if _covers(a, later)]
             before += [a for a in guarded if _is_sooner(a, later)]
@@ -234,27 +243,27 @@ def phases_never_left(case: Case) -> Iterator[Diagnostic]:
                 yield _shadowed("KYB241", phase, later.transition, before[0].transition)
 
 
-def _never_done(state: StateEntry) -> Iterator[Diagnostic]:
+def _never_done(state: StatePlan) -> Iterator[Diagnostic]:
     for transition in state.transitions:
         if transition.cause == "then" and not transition.since:
             yield Diagnostic(
                 "KYB206",
-                f"this way out of `{state.name.text}` is never taken",
-                transition.target.span,
-                label=f"`{state.part.name.text}` never ends by itself",
+                f"this way out of `{state.name}` is never taken",
+                transition.target_span,
+                label=f"`{state.behavior.name}` never ends by itself",
                 help="leave it with `next` or `within`, or bound it if it has a parameter for that",
             )
 
 
-def _guarded(case: Case, vehicle: VehicleEntry, state: StateEntry) -> Iterator[_Guarded]:
-    scope = case.scopes.condition(vehicle.name.text)
+def _guarded(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Iterator[_Guarded]:
+    scope = case.scopes.condition(vehicle.name)
     timed = [t for t in state.transitions if t.cause in ("next", "within")]
     for transition in sorted(timed, key=lambda t: t.cause == "within"):
-        when = case.condition(transition.when, scope)
+        when = case.condition(transition, "when", scope)
         yield _Guarded(transition, when)
 
 
-def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehicleEntry, state: StateEntry) -> bool:
+def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: StatePlan) -> bool:
     """Whether `later`, which `state` has, is reported when `first` always fires before it.
 
     Every state of a chain has the transitions of the chain as a whole. They are compared with each
@@ -262,7 +271,7 @@ def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehicleEntry, state: 
     chain = later.transition.since
     if not chain:
         return True
-    return first.transition.since == chain and vehicle.goal(chain) == state.name.text
+    return first.transition.since == chain and vehicle.goal(chain) == state.name
 
 
 def _covers(first: _Guarded, later: _Guarded) -> bool:
@@ -270,7 +279,7 @@ def _covers(first: _Guarded, later: _Guarded) -> bool:
     a, b = first.transition, later.transition
     if not first.understood or not later.understood or _is_empty(a) or _is_empty(b):
         return False
-    if a.event is not None and (b.event is None or a.event.text != b.event.text):
+    if a.event is not None and a.event != b.event:
         return False
     if a.after is not None and (b.after is None or b.after < a.after):
         return False
@@ -287,21 +296,21 @@ def _is_sooner(first: _Guarded, later: _Guarded) -> bool:
     return a.after < b.after
 
 
-def _is_empty(transition: TransitionEntry) -> bool:
+def _is_empty(transition: TransitionPlan) -> bool:
     return transition.when is None and transition.event is None and transition.after is None
 
 
 def _shadowed(
-    code: str, state: StateEntry | PhaseEntry, later: TransitionEntry, first: TransitionEntry
+    code: str, state: StatePlan | PhasePlan, later: TransitionPlan, first: TransitionPlan
 ) -> Diagnostic:
-    sooner = f"{first.span.beside(later.span)} goes to `{first.target.text}`"
-    brought = isinstance(state, PhaseEntry) and later.cause == "within" and later.span.used
+    sooner = f"{first.span.beside(later.span)} goes to `{first.target}`"
+    brought = isinstance(state, PhasePlan) and later.cause == "within" and later.span.used
     way_out = "put the narrower one first, or remove it"
     return Diagnostic(
         code,
-        f"this way out of `{later.since or state.name.text}` is never taken",
+        f"this way out of `{later.since or state.name}` is never taken",
         later.span,
-        label=f"`{first.target.text}` always comes first",
+        label=f"`{first.target}` always comes first",
         notes=(f"{sooner} whenever this would fire",),
         help="write `within: null, otherwise: null` to do without it" if brought else way_out,
     )
@@ -314,21 +323,22 @@ def reserved_names(case: Case) -> Iterator[Diagnostic]:
     conditions and events (and, or, not, in, to, within, always, eventually, finally, all, any,
     start, operator), `*` and `=`.
     """
-    for vehicle in case.vehicles():
-        if vehicle.name.text in WORDS | _MARKS:
-            yield _reserved(vehicle.name, "vehicle", "a word of the language")
+    for vehicle in case.plan.vehicles:
+        if vehicle.name in WORDS | _MARKS:
+            yield _reserved(vehicle, "vehicle", "a word of the language")
         for state in vehicle.states.values():
-            if state.name.text in BUILT_IN:
-                yield _reserved(state.name, "behavior", "a built-in state")
-            elif state.name.text in WORDS | _MARKS:
-                yield _reserved(state.name, "behavior", "a word of the language")
+            if state.name in BUILT_IN:
+                yield _reserved(state, "behavior", "a built-in state")
+            elif state.name in WORDS | _MARKS:
+                yield _reserved(state, "behavior", "a word of the language")
 
 
-def _reserved(name: Text, what: str, why: str) -> Diagnostic:
+def _reserved(named: VehiclePlan | StatePlan, what: str, why: str) -> Diagnostic:
+    name = named.name
     return Diagnostic(
         "KYB207",
-        f"a {what} can't be called `{name.text}`",
-        name.span,
+        f"a {what} can't be called `{name}`",
+        named.span,
         label=why,
-        help=f"give it another name, such as `my_{name.text}`" if name.text.isalpha() else "",
+        help=f"give it another name, such as `my_{name}`" if name.isalpha() else "",
     )

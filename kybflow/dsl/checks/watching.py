@@ -16,7 +16,7 @@ from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.document import PartUse, VehicleEntry
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import Objection
 
 
@@ -39,18 +39,18 @@ def of_little_help(case: Case) -> Iterator[Diagnostic]:
             yield _finding("KYB417", part, objection, Severity.WARNING)
 
 
-def _objections(case: Case) -> Iterator[tuple[PartUse, Objection]]:
+def _objections(case: Case) -> Iterator[tuple[PartPlan, Objection]]:
     for vehicle, context in case.cached(contexts):
         for part in (*vehicle.supervisors, *vehicle.processors):
-            for objection in part.spec.cls.objections(part.params, context):
+            for objection in part.cls.objections(part.params, context):
                 yield part, objection
 
 
-def _finding(code: str, part: PartUse, objection: Objection, severity: Severity) -> Diagnostic:
+def _finding(code: str, part: PartPlan, objection: Objection, severity: Severity) -> Diagnostic:
     return Diagnostic(
         code,
-        f"`{objection.parameter}` of `{part.label}` {objection.reason}",
-        part.spans.get(objection.parameter, part.name.span),
+        f"`{objection.parameter}` of `{part.alias}` {objection.reason}",
+        part.span_of(objection.parameter),
         help=objection.hint,
         severity=severity,
     )
@@ -60,26 +60,26 @@ def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
     """KYB446: a supervisor that would bring a vehicle down only warns, no second one of its kind
     lands, and nothing in the mission answers it: no event of its own is heard, and of a battery no
     condition asks (a warning)."""
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for part in vehicle.supervisors:
-            alike = (other for other in vehicle.supervisors if other.spec is part.spec)
+            alike = (other for other in vehicle.supervisors if other.name == part.name)
             if not all(map(_only_warns, alike)):
                 continue
-            if any(event in part.spec.cls.events for event in case.cached(_answered)):
+            if any(event in part.cls.events for event in case.cached(_answered)):
                 continue
             yield Diagnostic(
                 "KYB446",
-                f"nothing brings `{vehicle.name.text}` down when `{part.label}` tells",
-                part.spans["reaction"],
+                f"nothing brings `{vehicle.name}` down when `{part.alias}` tells",
+                part.span_of("reaction"),
                 label="only warns",
                 help="leave `reaction` out, or let a transition answer its event",
                 severity=Severity.WARNING,
             )
 
 
-def _only_warns(part: PartUse) -> bool:
+def _only_warns(part: PartPlan) -> bool:
     """Whether it would land by default and is told to warn."""
-    if "reaction" not in part.spans or part.params.reaction != "warn":
+    if not part.is_written("reaction") or part.params.reaction != "warn":
         return False
     return Reaction[_usual(part).reaction.upper()] >= Reaction.LAND
 
@@ -87,27 +87,27 @@ def _only_warns(part: PartUse) -> bool:
 def _answered(case: Case) -> Iterator[str]:
     """The bare name of each event that something answers; a condition on the battery answers
     all that a supervisor tells of it."""
-    document = case.document
+    plan = case.plan
     ways = [state.transitions for _, state in case.states()]
-    ways += [phase.transitions for _, phase in phases(document)]
+    ways += [phase.transitions for _, phase in phases(plan)]
     transitions = [transition for several in ways for transition in several]
-    asked = [t.when for t in transitions] + [callback.when for callback in document.callbacks]
+    asked = (one.text_of("when") for one in (*transitions, *plan.callbacks))
     if any(text is not None and "battery." in text.text for text in asked):
         yield from (
             event
-            for v in case.vehicles()
+            for v in case.plan.vehicles
             for p in v.supervisors
-            if p.spec.cls.reserve(_usual(p)) > 0.0
-            for event in p.spec.cls.events
+            if p.cls.reserve(_usual(p)) > 0.0
+            for event in p.cls.events
         )
     heard = [t.event for t in transitions]
-    heard += [c.event for c in document.callbacks if any(a.name.text != "log" for a in c.actions)]
-    yield from (event.text.rpartition(".")[2] for event in heard if event is not None)
+    heard += [c.event for c in plan.callbacks if any(a.name != "log" for a in c.do)]
+    yield from (event.rpartition(".")[2] for event in heard if event)
 
 
-def _usual(part: PartUse) -> Any:
+def _usual(part: PartPlan) -> Any:
     """Its parameters with the reaction that it has by default, if it has one."""
-    usual = {f.name: f.default for f in part.spec.fields if f.name == "reaction"}
+    usual = {f.name: f.default for f in part.fields if f.name == "reaction"}
     return replace(part.params, **usual)
 
 
@@ -117,7 +117,7 @@ def falls(case: Case) -> Iterator[Diagnostic]:
     From the height h a vehicle hits the ground at sqrt(2 g h); h is that of the highest place to
     which the mission flies it, else of the fence's top.
     """
-    for vehicle in case.vehicles():
+    for vehicle in case.plan.vehicles:
         for part in vehicle.supervisors:
             if getattr(part.params, "reaction", None) != "cut":
                 continue
@@ -125,8 +125,8 @@ def falls(case: Case) -> Iterator[Diagnostic]:
             speed = format_quantity(sqrt(2.0 * GRAVITY * height), SPEED)
             yield Diagnostic(
                 "KYB418",
-                f"`{part.label}` lets `{vehicle.name.text}` fall",
-                part.spans.get("reaction", part.name.span),
+                f"`{part.alias}` lets `{vehicle.name}` fall",
+                part.span_of("reaction"),
                 label="stops the rotors in the air",
                 notes=(f"from {format_quantity(height, LENGTH)} it hits the ground at {speed}",),
                 help="write `reaction: land_blind`, unless a fall does the least harm",
@@ -134,10 +134,10 @@ def falls(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _highest(case: Case, vehicle: VehicleEntry) -> float:
+def _highest(case: Case, vehicle: VehiclePlan) -> float:
     found = case.cached(footprints)
     ways = (way for owner, _, _, way in found if owner is vehicle)
     heights = [point[2] for way in ways for point in way.points]
-    fence = case.document.fence
+    fence = case.plan.fence
     top = vehicle.start[2] if fence is None else fence.high[2]
     return max(heights, default=top)

@@ -3,15 +3,13 @@ lives elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.parts.observables import chains_of
-
-T = TypeVar("T")
 
 
 class Severity(Enum):
@@ -46,65 +44,58 @@ class Diagnostic:
         return (self.span.file, self.span.line, self.span.column, self.code)
 
 
-Diagnosed = Generator[Diagnostic, None, T]
-"""What a pass and each of its steps is: it yields every finding as soon as it is made, and returns
-its value. `value = yield from step(...)` hands the findings of a step on."""
-
-
-class Collected(NamedTuple, Generic[T]):
-    """The value of a step that has run to its end, and what it found, in order."""
-
-    value: T
-    diagnostics: list[Diagnostic]
-
-
 class Stopped(Exception):
-    """Ends the compilation after a pass with errors, whose findings are yielded before."""
+    """Ends the compilation after a pass with errors."""
 
 
-def collect(step: Diagnosed[T]) -> Collected[T]:
-    """Run a step to its end."""
-    found: list[Diagnostic] = []
-    try:
-        while True:
-            found.append(next(step))
-    except StopIteration as end:
-        return Collected(end.value, found)
+class Findings:
+    """The sink of a pass: what reads a value reports here and returns its value."""
 
+    def __init__(self) -> None:
+        self.all: list[Diagnostic] = []
 
-def every(steps: Iterable[Diagnosed[T]]) -> Diagnosed[list[T]]:
-    """The values of several steps, one after the other."""
-    values: list[T] = []
-    for step in steps:
-        values.append((yield from step))
-    return values
+    def report(
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        label: str = "",
+        notes: tuple[str, ...] = (),
+        help: str = "",
+        related: tuple[Related, ...] = (),
+    ) -> None:
+        """Report an error."""
+        self.all.append(
+            Diagnostic(code, message, span, label, notes, help, Severity.ERROR, related)
+        )
 
+    def warn(
+        self,
+        code: str,
+        message: str,
+        span: Span,
+        label: str = "",
+        notes: tuple[str, ...] = (),
+        help: str = "",
+        related: tuple[Related, ...] = (),
+    ) -> None:
+        """Report a warning."""
+        self.all.append(
+            Diagnostic(code, message, span, label, notes, help, Severity.WARNING, related)
+        )
 
-def passed(step: Diagnosed[T]) -> Diagnosed[T]:
-    """The value of a pass without errors. Raises Stopped behind the findings of one with errors."""
-    has_error = False
-    try:
-        while True:
-            finding = next(step)
-            has_error = has_error or finding.severity is Severity.ERROR
-            yield finding
-    except StopIteration as end:
-        if has_error:
-            raise Stopped from None
-        value: T = end.value
-        return value
+    def add(self, findings: Iterable[Diagnostic] | Diagnostic) -> None:
+        """Report what was found elsewhere: by a check, in a file that was read before."""
+        self.all += [findings] if isinstance(findings, Diagnostic) else findings
 
+    @property
+    def has_errors(self) -> bool:
+        return has_errors(self.all)
 
-def run_passes(passes: Diagnosed[T]) -> Collected[T | None]:
-    """Run the passes of a compilation; the value is None where one of them stopped it."""
-    found: list[Diagnostic] = []
-    try:
-        while True:
-            found.append(next(passes))
-    except StopIteration as end:
-        return Collected(end.value, found)
-    except Stopped:
-        return Collected(None, found)
+    def stop_if_errors(self) -> None:
+        """End the compilation here where there are errors. Raises Stopped."""
+        if self.has_errors:
+            raise Stopped
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

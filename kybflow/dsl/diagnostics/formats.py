@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import os.path
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import PurePath
 from typing import Any
 from urllib.parse import quote
@@ -53,24 +53,20 @@ SCHEMA = (
 
 def to_sarif(diagnostics: Iterable[Diagnostic]) -> str:
     """The log of one run of kybflow with every finding, as JSON text."""
-    found = list(diagnostics)
+    found, rules = list(diagnostics), list[dict[str, Any]]()
     seen = sorted({d.code for d in found})
-    driver = {"name": "kybflow", "version": __version__, "rules": [_rule(code) for code in seen]}
+    for code in seen:
+        known = codes().get(code)
+        rule = {"id": code, "shortDescription": {"text": known.title if known else code}}
+        if known and known.meaning:
+            rule["fullDescription"] = {"text": known.meaning}
+        rules.append(rule | {"help": {"text": f"kybflow explain {code}"}})
     run = {
-        "tool": {"driver": driver},
+        "tool": {"driver": {"name": "kybflow", "version": __version__, "rules": rules}},
         "columnKind": "unicodeCodePoints",
         "results": [_result(d, seen.index(d.code)) for d in found],
     }
     return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2)
-
-
-def _rule(code: str) -> dict[str, Any]:
-    known = codes().get(code)
-    title = known.title if known else code
-    rule = {"id": code, "shortDescription": {"text": title}}
-    if known and known.meaning:
-        rule["fullDescription"] = {"text": known.meaning}
-    return rule | {"help": {"text": f"kybflow explain {code}"}}
 
 
 def _result(diagnostic: Diagnostic, rule: int) -> dict[str, Any]:
@@ -108,14 +104,9 @@ def _location(span: Span) -> dict[str, Any]:
         "endLine": span.end_line,
         "endColumn": span.end_column,
     }
-    place = {"artifactLocation": {"uri": _uri(span.file)}, "region": region}
-    return {"physicalLocation": place}
-
-
-def _uri(file: str) -> str:
-    """A reference as RFC 3986 wants it: a relative path stays one."""
-    path = PurePath(file.encode("utf-8", "replace").decode())
-    return path.as_uri() if path.is_absolute() else quote(path.as_posix())
+    path = PurePath(span.file.encode("utf-8", "replace").decode())
+    uri = path.as_uri() if path.is_absolute() else quote(path.as_posix())  # RFC 3986
+    return {"physicalLocation": {"artifactLocation": {"uri": uri}, "region": region}}
 
 
 _TEXT = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
@@ -130,12 +121,8 @@ def to_annotation(diagnostic: Diagnostic) -> str:
         properties |= {"col": span.column, "endColumn": span.end_column}
     properties["title"] = f"kybflow {diagnostic.code}"
     told = ",".join(f"{key}={str(v).translate(_PROPERTY)}" for key, v in properties.items())
-    text = "\n".join((message_of(diagnostic), *_places(diagnostic.span, span)))
-    return f"::{diagnostic.severity.value} {told}::{text.translate(_TEXT)}"
-
-
-def _places(span: Span, shown: Span) -> Iterator[str]:
-    """Where it is when it is `shown` elsewhere, and how that was reached."""
-    if shown is not span:
-        yield printable(f"in {span.at}:{span.column}")
-    yield from map(printable, ways_to(span))
+    found = diagnostic.span
+    elsewhere = () if found is span else (f"in {found.at}:{found.column}",)
+    places = map(printable, (*elsewhere, *ways_to(found)))
+    text = "\n".join((message_of(diagnostic), *places)).translate(_TEXT)
+    return f"::{diagnostic.severity.value} {told}::{text}"

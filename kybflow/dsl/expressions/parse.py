@@ -19,113 +19,141 @@ it mean, and whether they fit, says `kybflow.dsl.expressions.semantics`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast, get_args
+from typing import NamedTuple, cast, get_args
 
 from kybflow.core.text import nearest
 from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
-from kybflow.dsl.diagnostics.diagnostic import Collected
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
-from kybflow.dsl.expressions import errors, tree
+from kybflow.dsl.expressions import tree
 from kybflow.dsl.expressions.semantics import HEALTH, Operand, Scope, Semantics, is_quantity
-from kybflow.dsl.expressions.tokens import Token, tokens_of
+from kybflow.dsl.expressions.tokens import Cursor, Token, Unreadable
 from kybflow.parts.observables import OBSERVABLES
 
 __all__ = ["Scope", "parse"]
 
+CODES = {
+    "KYB210": "The text is no expression of the language.",
+    "KYB211": "A name that nothing in the mission has.",
+    "KYB212": "Two sides that can't be compared, or a quantity of another dimension or without its "
+    "unit, or a group where one vehicle is needed.",
+    "KYB213": "A form that belongs elsewhere.",
+    "KYB214": "An expression is nested too deep or is too long.",
+    "KYB215": "A bound that can't be reached: a share is from 0 % to 100 %, a time after the "
+    "start.",
+}
 MAX_DEPTH = 32
 MAX_LENGTH = 2000
 EXPECTATIONS = ("always", "eventually", "finally", "finished")
-_QUANTIFIERS = frozenset(get_args(tree.Quantifier))
 FLIPPED: Mapping[tree.ComparisonOperator, tree.ComparisonOperator] = {
-    "<": ">",
-    "<=": ">=",
-    ">": "<",
-    ">=": "<=",
-    "==": "==",
-    "!=": "!=",
-}
+    "<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "==", "!=": "!=",
+}  # fmt: skip
+_QUANTIFIERS = frozenset(get_args(tree.Quantifier))
 _FUNCTIONS = frozenset(get_args(tree.Function))
+_NEXT = "`and`, `or` or the end"
 
 
-def parse(text: Text, scope: Scope) -> Collected[tree.Expression | None]:
+class Parsed(NamedTuple):
+    """What a text says, None when it has errors, and what was found."""
+
+    expression: tree.Expression | None
+    findings: list[Diagnostic]
+
+
+def parse(text: Text, scope: Scope) -> Parsed:
     """The expression that `text` says, or None and what is wrong with it. Never raises."""
-    found: Collected[tree.Expression | None] | None = scope.read.get(text)
-    if found is None:
-        found = scope.read[text] = _parsed(text, scope)
-    return found
+    parsed: Parsed | None = scope.read.get(text)
+    if parsed is None:
+        parsed = scope.read[text] = _parsed(text, scope)
+    return parsed
 
 
-def _parsed(text: Text, scope: Scope) -> Collected[tree.Expression | None]:
+def _parsed(text: Text, scope: Scope) -> Parsed:
+    found = Findings()
+    if len(text.text) > MAX_LENGTH:
+        message = f"an expression may have {MAX_LENGTH} characters, this one has {len(text.text)}"
+        found.report("KYB214", message, text.span, "too long")
+        return Parsed(None, found.all)
     try:
-        if len(text.text) > MAX_LENGTH:
-            raise errors.too_long(text, MAX_LENGTH)
-        semantics = Semantics(text, scope)
-        expression = _Parser(text, semantics).whole()
-    except errors.Unreadable as stop:
-        return Collected(None, [stop.finding])
-    return Collected(None if semantics.findings else expression, semantics.findings)
+        expression = _Parser(text, scope, found).whole()
+    except Unreadable:
+        return Parsed(None, found.all[-1:])  # why it stopped
+    return Parsed(None if found.all else expression, found.all)
 
 
 class _Parser:
-    """The grammar of expectations and conditions."""
+    """The grammar of conditions and expectations. Only an expectation without `always`,
+    `eventually` or `finally` may have statistics."""
 
-    def __init__(self, text: Text, semantics: Semantics) -> None:
-        self._text, self._semantics = text, semantics
-        self._tokens = _Cursor(text)
-        self._operands = _Operands(self._tokens, semantics)
+    def __init__(self, text: Text, scope: Scope, found: Findings) -> None:
+        self._text, self._scope, self._found = text, scope, found
+        self._tokens = Cursor(text, found)
+        self._semantics = Semantics(text, scope, found)
         self._depth = 0
+        self._may_have_statistics = self._has_statistics = False
 
     def whole(self) -> tree.Expression:
-        expectation = self._semantics.scope.kind == "expectation"
+        expectation = self._scope.kind == "expectation"
         expression = self._expectation() if expectation else self._condition()
         if self._tokens.peek().kind != "end":
-            raise errors.unreadable(self._text, self._tokens.peek(), "`and`, `or` or the end")
+            raise self._tokens.unexpected(_NEXT)
         return expression
 
     def _expectation(self) -> tree.Expression:
-        first = self._tokens.peek()
+        first, second = self._tokens.peek(), self._tokens.peek(1)
         if first.text in EXPECTATIONS:
-            return self._timed(self._tokens.take())
-        second = self._tokens.peek(1)
+            return self._timed(self._tokens.take().text)
         is_call = first.text in _FUNCTIONS and second.text == "("
         if not is_call and second.kind != "operator" and second.text != "in":
             near = nearest(first.text, EXPECTATIONS)
             if near:
-                raise errors.misspelt(self._text, first, near)
+                message = f"no expectation begins with `{first.text}`"
+                raise self._tokens.stopped("KYB210", message, "unknown", f"did you mean `{near}`?")
         return self._statistic(first)
 
-    def _timed(self, word: Token) -> tree.Expression:
-        if word.text == "finished":
+    def _timed(self, word: str) -> tree.Expression:
+        if word == "finished":
             self._tokens.expect("within")
             return tree.Finished(self._limit())
         condition = self._condition()
-        if word.text == "always":
+        if word == "always":
             return tree.Always(condition)
-        if word.text == "finally":
+        if word == "finally":
             return tree.Finally(condition)
         return tree.Eventually(condition, self._limit() if self._tokens.skip("within") else None)
 
     def _limit(self) -> float:
         """Seconds after the start, more than none."""
-        token = self._tokens.peek()
-        before = len(self._semantics.findings)
-        value = self._operands.quantity(DURATION)
-        if value <= 0.0 and len(self._semantics.findings) == before:
-            place = (token.start, token.end)
-            self._semantics.findings.append(errors.before_the_start(self._text, place))
+        token, before = self._tokens.peek(), len(self._found.all)
+        value = self._quantity(DURATION)
+        if value <= 0.0 and len(self._found.all) == before:
+            message = "nothing can happen before the run begins"
+            hint = "write a time above 0 s, which counts from the start"
+            self._semantics.report("KYB215", token, message, "no time left", hint)
         return value
 
     def _statistic(self, first: Token) -> tree.Condition:
-        self._operands.statistics_allowed = True
+        self._may_have_statistics = True
         condition = self._condition()
-        if self._semantics.findings or _is_statistic(condition):
+        match condition:
+            case tree.Compare(_, tree.Aggregate(), tree.Aggregate() | tree.Quantity()):
+                return condition
+        if self._found.all:
             return condition
-        place = (first.start, self._tokens.behind())
-        finding = errors.timeless
-        if self._operands.has_statistics:
-            alone = isinstance(condition, tree.Compare)
-            finding = errors.momentary if alone else errors.joined_statistics
-        self._semantics.findings.append(finding(self._text, place))
+        if not self._has_statistics:
+            message, label = "this expectation does not say when it should hold", "when?"
+            hint = (
+                "write `always`, `eventually` or `finally` before it, or `max(...)` around a value"
+            )
+        elif isinstance(condition, tree.Compare):
+            message = "a statistic is compared with a quantity or with another statistic"
+            label = "of which time?"
+            hint = "write `max(...)` or another statistic around the other side"
+        else:
+            message = "statistics can't be joined with `and`, `or` or `not`"
+            label, hint = "joined here", "write each comparison as a line of its own"
+        whole = first._replace(end=self._tokens.behind())
+        self._semantics.report("KYB213", whole, message, label, hint)
         return condition
 
     def _condition(self) -> tree.Condition:
@@ -143,7 +171,8 @@ class _Parser:
     def _single(self) -> tree.Condition:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise errors.too_deep(self._text, self._tokens.peek(), MAX_DEPTH)
+            message = f"an expression may be nested {MAX_DEPTH} deep, this one is deeper"
+            raise self._tokens.stopped("KYB214", message, "too deep")
         try:
             first, second = self._tokens.peek(), self._tokens.peek(1)
             if first.text == "not":
@@ -155,251 +184,171 @@ class _Parser:
                 self._tokens.expect(")")
                 return inner
             if second.text == "in":
-                return self._in_state()
+                vehicle = self._semantics.vehicle(self._name("a vehicle"))
+                self._tokens.expect("in")
+                state = self._semantics.state(vehicle, self._name("a state"))
+                return tree.InState(vehicle, state)
             if first.text in _QUANTIFIERS and second.kind == "name":
                 return self._group_in_state()
             return self._comparison()
         finally:
             self._depth -= 1
 
-    def _in_state(self) -> tree.Condition:
-        vehicle = self._semantics.vehicle(self._tokens.name("a vehicle"))
-        self._tokens.expect("in")
-        return tree.InState(vehicle, self._semantics.state(vehicle, self._tokens.name("a state")))
-
     def _group_in_state(self) -> tree.Condition:
         quantifier = cast(tree.Quantifier, self._tokens.take().text)
-        name = self._tokens.name("a group")
+        name = self._name("a group")
         vehicles = self._semantics.group(name)
         self._tokens.expect("in")
-        token, before = self._tokens.name("a state"), len(self._semantics.findings)
+        token, before = self._name("a state"), len(self._found.all)
         for vehicle in vehicles:
-            if len(self._semantics.findings) == before:
+            if len(self._found.all) == before:
                 self._semantics.state(vehicle, token)
         return tree.GroupInState(quantifier, name.text, vehicles, token.text)
 
     def _comparison(self) -> tree.Condition:
-        left = self._operands.operand()
-        operator = self._tokens.operator()
-        right = self._operands.operand()
+        left = self._operand()
+        token = self._tokens.of_kind("operator", "a comparison such as `<`")
+        operator = cast(tree.ComparisonOperator, token.text)
+        right = self._operand()
         if self._tokens.peek().kind == "operator":
-            raise errors.unreadable(self._text, self._tokens.peek(), "`and`, `or` or the end")
+            raise self._tokens.unexpected(_NEXT)
         compare = self._semantics.compared(left, operator, right)
-        if not isinstance(compare, tree.Compare):
-            return compare
-        if isinstance(compare.left, tree.Quantity) and isinstance(compare.right, tree.Aggregate):
-            return self._semantics.compared(right, FLIPPED[operator], left)
+        match compare:
+            case tree.Compare(_, tree.Quantity(), tree.Aggregate()):
+                return self._semantics.compared(right, FLIPPED[operator], left)
         return compare
 
+    def _name(self, what: str) -> Token:
+        return self._tokens.of_kind("name", what)
 
-class _Operands:
-    """The grammar of one side of a comparison. A statistic is allowed in an expectation without
-    `always`, `eventually` or `finally`; `has_statistics` once there is one."""
-
-    def __init__(self, tokens: _Cursor, semantics: Semantics) -> None:
-        self._tokens, self._semantics = tokens, semantics
-        self._text, self._scope = semantics.text, semantics.scope
-        self.statistics_allowed = False
-        self.has_statistics = False
-
-    def quantity(self, dimension: Dimension) -> float:
+    def _quantity(self, dimension: Dimension) -> float:
         """A quantity of `dimension`, in SI."""
-        token = self._tokens.peek()
-        if token.kind != "quantity":
-            raise errors.unreadable(self._text, token, f"a {dimension.name}")
-        self._tokens.take()
-        return self._semantics.measured(token.text, (token.start, token.end), dimension, "")
+        token = self._tokens.of_kind("quantity", f"a {dimension.name}")
+        return self._semantics.measured(token, dimension, "")
 
-    def operand(self) -> Operand:
+    def _operand(self) -> Operand:
         """Parse one side of a comparison. The name of a function is one only before a bracket."""
-        token = self._tokens.peek()
-        if token.kind == "quantity":
-            self._tokens.take()
-            return Operand(token.text, token.start, token.end)
-        if token.kind != "name":
-            raise errors.unreadable(self._text, token, "a name or a quantity")
-        if self._tokens.peek(1).text == "(":
-            return self._call(self._tokens.take())
-        return self._path(self._tokens.take())
-
-    def _path(self, token: Token) -> Operand:
-        node, dimension = self._meaning(token)
-        return Operand(token.text, token.start, token.end, node, dimension)
+        if self._tokens.peek().kind == "quantity":
+            return Operand(self._tokens.take())
+        token = self._name("a name or a quantity")
+        if self._tokens.peek().text == "(":
+            return self._call(token)
+        return Operand(token, *self._meaning(token))
 
     def _meaning(self, token: Token) -> tuple[tree.Value | None, Dimension | None]:
         """The value that a dotted name reads, with its dimension; (None, None) for one that may be
         a bare word."""
-        if token.text == "time" and self._scope.kind != "health":
-            return tree.MissionTime(), DURATION
-        if self._scope.kind == "health":
-            name = HEALTH.get(token.text)
+        scope, text = self._scope, token.text
+        if scope.kind == "health":
+            name = HEALTH.get(text)
             return (tree.Read(None, name), OBSERVABLES[name].dimension) if name else (None, None)
-        first, _, rest = token.text.partition(".")
-        if token.text in OBSERVABLES and self._scope.own is not None:
-            return self._read(None, token.text, token)
-        if first in self._scope.vehicles and rest in OBSERVABLES:
-            return self._read(first, rest, token)
-        if rest in self._scope.inputs.get(first, ()):
+        if text == "time":
+            return tree.MissionTime(), DURATION
+        first, _, rest = text.partition(".")
+        is_own = text in OBSERVABLES and scope.own is not None
+        vehicle, name = (None, text) if is_own else (first, rest)
+        if name in OBSERVABLES and (vehicle is None or vehicle in scope.vehicles):
+            if name.partition(".")[0] == "payload":
+                self._semantics.payload(vehicle or scope.own or "", token)
+            return tree.Read(vehicle, name), OBSERVABLES[name].dimension
+        if rest in scope.inputs.get(first, ()):
             return tree.Axis(first, rest), NUMBER
         return None, None
 
-    def _read(
-        self, vehicle: str | None, name: str, token: Token
-    ) -> tuple[tree.Read, Dimension | None]:
-        if name.partition(".")[0] == "payload":
-            self._semantics.payload(vehicle or self._scope.own or "", token)
-        return tree.Read(vehicle, name), OBSERVABLES[name].dimension
-
-    def _call(self, token: Token) -> Operand:
+    def _call(self, function: Token) -> Operand:
         self._tokens.expect("(")
         node: tree.Value | tree.Aggregate
         dimension: Dimension | None = LENGTH
-        before = len(self._semantics.findings)
-        if token.text == "distance":
-            node = self._distance()
-        elif token.text == "separation":
-            node = self._separation(token)
-        elif token.text in _FUNCTIONS:
-            node, dimension = self._aggregate(token)
+        before = len(self._found.all)
+        if function.text == "distance":
+            place = self._place()
+            self._tokens.expect("to")
+            node = tree.Distance(place, self._place())
+        elif function.text == "separation":
+            node = self._separation(function)
+        elif function.text in _FUNCTIONS:
+            node, dimension = self._aggregate(function)
         else:
-            message = f"there is no function `{token.text}`"
-            self._semantics.unknown(token, message, [*_FUNCTIONS, "distance", "separation"])
-            raise errors.Unreadable(self._semantics.findings.pop())
+            message = f"there is no function `{function.text}`"
+            known = [*_FUNCTIONS, "distance", "separation"]
+            self._semantics.report_unknown(function, message, known)
+            raise Unreadable
         self._tokens.expect(")")
-        source = self._text.text[token.start : self._tokens.behind()]
-        is_broken = len(self._semantics.findings) > before
-        return Operand(source, token.start, self._tokens.behind(), node, dimension, is_broken)
-
-    def _distance(self) -> tree.Distance:
-        a = self._place()
-        self._tokens.expect("to")
-        return tree.Distance(a, self._place())
+        end = self._tokens.behind()
+        whole = Token("name", self._text.text[function.start : end], function.start, end)
+        return Operand(whole, node, dimension, len(self._found.all) > before)
 
     def _place(self) -> tree.Location:
         if self._tokens.skip("["):
-            point = (self.quantity(LENGTH), self.quantity(LENGTH), self.quantity(LENGTH))
+            point = (self._quantity(LENGTH), self._quantity(LENGTH), self._quantity(LENGTH))
             self._tokens.expect("]")
             return tree.Location(None, point=point)
-        token = self._tokens.name("a vehicle or a point")
+        token = self._name("a vehicle or a point")
         if token.text == "start" and self._scope.own is not None:
             return tree.Location(None, start=True)
         if token.text.startswith(PREFIX):
             return tree.Location(None, point=self._semantics.point(token))
         own = "payload" if token.text.endswith(".payload") else "start"
         name = token.text.removesuffix(f".{own}")
-        self._semantics.vehicle(Token("name", name, token.start, token.start + len(name)))
+        self._semantics.vehicle(token._replace(text=name, end=token.start + len(name)))
         if name == token.text:
             return tree.Location(name)
         if own == "start":
             return tree.Location(name, start=True)
         self._semantics.payload(name, token)
         if self._scope.kind != "expectation":
-            place = (token.start, token.end)
-            self._semantics.findings.append(
-                errors.known_to_the_simulator(self._text, place, token.text)
+            message = (
+                f"where `{token.text}` is, only a simulator knows; no condition is asked of it"
             )
+            hint = "ask for it in `expect:`; a condition may ask `payload == released`"
+            self._semantics.report("KYB213", token, message, "not here", hint)
         return tree.Location(name, payload=True)
 
     def _separation(self, function: Token) -> tree.Separation:
-        first = self._tokens.name("a vehicle, a group or `all`")
+        first = self._name("a vehicle, a group or `all`")
         if first.text == "all" and "all" not in self._scope.vehicles:
             vehicles = list(self._scope.vehicles)
         else:
             vehicles = [*self._some(first)]
             while self._tokens.skip("and"):
-                vehicles += self._some(self._tokens.name("a vehicle or a group"))
+                vehicles += self._some(self._name("a vehicle or a group"))
         if len(set(vehicles)) < 2:
-            place = (function.start, self._tokens.behind())
             message = "a separation needs two vehicles"
-            way_out = "write `separation(a and b)` or `separation(all)`"
-            found = errors.mismatch(self._text, place, message, "one vehicle", way_out)
-            self._semantics.findings.append(found)
+            hint = "write `separation(a and b)` or `separation(all)`"
+            whole = function._replace(end=self._tokens.behind())
+            self._semantics.report("KYB212", whole, message, "one vehicle", hint)
         return tree.Separation(tuple(dict.fromkeys(vehicles)))
 
     def _some(self, token: Token) -> tuple[str, ...]:
         return self._scope.groups.get(token.text) or (self._semantics.vehicle(token),)
 
     def _aggregate(self, token: Token) -> tuple[tree.Aggregate, Dimension | None]:
-        self.has_statistics = True
-        if not self.statistics_allowed:
-            place = (token.start, token.end)
-            self._semantics.findings.append(
-                errors.misplaced_statistic(self._text, place, token.text)
-            )
-        inner = self.operand()
-        node = inner.node
-        vehicle = _subject(node)
-        if (
-            not isinstance(node, tree.Read | tree.Distance | tree.Separation)
-            or inner.dimension is None
-        ):
-            node = self._no_statistic(inner)
+        self._has_statistics = True
+        if not self._may_have_statistics:
+            message = f"`{token.text}(...)` looks at a whole run; a condition is asked every tick"
+            hint = "a statistic stands in `expect:`, compared with a quantity"
+            self._semantics.report("KYB213", token, message, "not here", hint)
+        inner = self._operand()
+        node, vehicle = inner.node, _subject(inner.node)
+        if node is None and not is_quantity(inner):
+            self._semantics.unknown_name(inner)
+        elif not isinstance(node, _MEASURED) or inner.dimension is None:
+            message = f"there is no statistic of `{inner.source}`"
+            self._semantics.report("KYB212", inner.token, message, "not measured in numbers")
+        measured = node if isinstance(node, _MEASURED) else tree.Read(None, "elapsed")
         state = None
         if self._tokens.skip("in"):
-            state = self._semantics.state(vehicle or "", self._tokens.name("a state"))
+            state = self._semantics.state(vehicle or "", self._name("a state"))
             if vehicle is None and inner.node is not None and not inner.is_broken:
                 message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
-                self._semantics.mismatch(inner, message, "of no one vehicle", "leave `in ...` away")
+                hint = "leave `in ...` away"
+                self._semantics.report("KYB212", inner.token, message, "of no one vehicle", hint)
         function = cast(tree.Function, token.text)
-        return tree.Aggregate(function, node, vehicle if state else None, state), inner.dimension
-
-    def _no_statistic(self, inner: Operand) -> tree.Read:
-        if inner.node is None and not is_quantity(inner):
-            self._semantics.unknown_name(inner)
-        else:
-            message = f"there is no statistic of `{inner.source}`"
-            self._semantics.mismatch(inner, message, "not measured in numbers", "")
-        return tree.Read(None, "elapsed")
+        owner = vehicle if state else None
+        return tree.Aggregate(function, measured, owner, state), inner.dimension
 
 
-class _Cursor:
-    """Walks along the tokens of a text. Raises Unreadable where another token is needed."""
-
-    def __init__(self, text: Text) -> None:
-        self._text = text
-        tokens = tokens_of(text.text)
-        self._tokens = [*tokens, tokens[-1]]  # so that there is always one ahead
-        self._next = 0
-
-    def peek(self, ahead: int = 0) -> Token:
-        return self._tokens[self._next + ahead]
-
-    def take(self) -> Token:
-        token = self.peek()
-        self._next += 1
-        return token
-
-    def skip(self, word: str) -> bool:
-        found = self.peek().text == word
-        self._next += found
-        return found
-
-    def expect(self, word: str) -> None:
-        if not self.skip(word):
-            raise errors.unreadable(self._text, self.peek(), f"`{word}`")
-
-    def behind(self) -> int:
-        """Where the last token that was taken ends."""
-        return self._tokens[self._next - 1].end if self._next else 0
-
-    def name(self, what: str) -> Token:
-        if self.peek().kind != "name":
-            raise errors.unreadable(self._text, self.peek(), what)
-        return self.take()
-
-    def operator(self) -> tree.ComparisonOperator:
-        token = self.peek()
-        if token.kind != "operator":
-            raise errors.unreadable(self._text, token, "a comparison such as `<`")
-        return cast(tree.ComparisonOperator, self.take().text)
-
-
-def _is_statistic(condition: tree.Condition) -> bool:
-    return (
-        isinstance(condition, tree.Compare)
-        and isinstance(condition.left, tree.Aggregate)
-        and isinstance(condition.right, tree.Aggregate | tree.Quantity)
-    )
+_MEASURED = (tree.Read, tree.Distance, tree.Separation)
 
 
 def _subject(node: object) -> str | None:

@@ -9,10 +9,10 @@ from typing import Any, Literal, NamedTuple
 
 from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, RATIO, Dimension, article, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
+from kybflow.dsl.diagnostics.diagnostic import Findings, goals_like
 from kybflow.dsl.diagnostics.spans import PREFIX, Text
-from kybflow.dsl.expressions import errors
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Aggregate,
@@ -28,6 +28,8 @@ from kybflow.dsl.expressions.tree import (
 )
 from kybflow.parts.observables import OBSERVABLES, chains_of
 
+_MOST = 6
+"""Names in a help line."""
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
 """What an estimator's health may read, and the observable it stands for."""
 
@@ -55,12 +57,14 @@ class Operand(NamedTuple):
     """One side of a comparison as written. `node` is None for a quantity and for a bare word, whose
     meanings depend on the other side. A broken one has its finding already."""
 
-    source: str
-    start: int
-    end: int
+    token: Token
     node: Value | Aggregate | None = None
     dimension: Dimension | None = None
     is_broken: bool = False
+
+    @property
+    def source(self) -> str:
+        return self.token.text
 
 
 STAND_IN = Quantity(0.0, NUMBER)
@@ -71,92 +75,89 @@ class Semantics:
     """Judges the names, types and units of one expression. Unknown names and wrong units become
     findings, with a stand-in for what they should be, so that the rest is judged too."""
 
-    def __init__(self, text: Text, scope: Scope) -> None:
-        self.text = text
-        self.scope = scope
-        self.findings: list[Diagnostic] = []
+    def __init__(self, text: Text, scope: Scope, found: Findings) -> None:
+        self._text = text
+        self._scope = scope
+        self._found = found
+
+    def report(self, code: str, token: Token, message: str, label: str, help: str = "") -> None:
+        span = self._text.part(token.start, token.end)
+        self._found.report(code, message, span, label, help=help)
+
+    def report_unknown(self, token: Token, message: str, known: Collection[str]) -> None:
+        """Report a name of which there is none; `known` are those that there are."""
+        name = token.text
+        inside = [f"`{k}`" for k in known if k.startswith(f"{name}.") or k == PREFIX + name]
+        if len(inside) > 1:
+            hint = f"write one of {', '.join(inside[:_MOST])}"
+        else:
+            hint = f"did you mean {inside[0]}?" if inside else did_you_mean(name, known)
+        self.report("KYB211", token, message, "unknown", hint)
 
     def vehicle(self, token: Token) -> str:
-        if token.text in self.scope.groups:
-            message = f"`{token.text}` is a group, and one vehicle is needed"
-            self.findings.append(errors.group_for_one(self.text, token, message))
-        elif token.text not in self.scope.vehicles:
-            message = f"there is no vehicle `{token.text}`"
-            place = f"{PREFIX}{token.text}"
-            known = {place: ()} if token.text in self.scope.points else self.scope.vehicles
-            self.unknown(token, message, known)
-        return token.text
+        name, scope = token.text, self._scope
+        if name in scope.groups:
+            message = f"`{name}` is a group, and one vehicle is needed"
+            hint = f"write `all {name} in STATE` or `any {name} in STATE`"
+            self.report("KYB212", token, message, "several vehicles", hint)
+        elif name not in scope.vehicles:
+            known = {f"{PREFIX}{name}": ()} if name in scope.points else scope.vehicles
+            self.report_unknown(token, f"there is no vehicle `{name}`", known)
+        return name
 
     def point(self, token: Token) -> Vec3:
         """The coordinates of `world.points.NAME`."""
-        name = token.text.removeprefix(PREFIX)
-        if name not in self.scope.points:
+        name, points = token.text.removeprefix(PREFIX), self._scope.points
+        if name not in points:
             place = Token("name", name, token.end - len(name), token.end)
-            self.unknown(place, f"the world has no point `{name}`", self.scope.points)
-        return self.scope.points.get(name, ZERO)
+            self.report_unknown(place, f"the world has no point `{name}`", points)
+        return points.get(name, ZERO)
 
     def payload(self, vehicle: str, token: Token) -> None:
         """A vehicle whose payload is asked for must have one."""
-        if vehicle in self.scope.vehicles and vehicle not in self.scope.carriers:
-            place = (token.start, token.end)
-            self.findings.append(errors.no_payload(self.text, place, vehicle))
+        if vehicle in self._scope.vehicles and vehicle not in self._scope.carriers:
+            hint = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
+            self.report("KYB211", token, f"`{vehicle}` carries no payload", "unknown", hint)
 
     def group(self, token: Token) -> tuple[str, ...]:
-        if token.text not in self.scope.groups:
-            message = f"there is no group `{token.text}`"
-            self.unknown(token, message, self.scope.groups)
-        return self.scope.groups.get(token.text, ())
+        groups = self._scope.groups
+        if token.text not in groups:
+            self.report_unknown(token, f"there is no group `{token.text}`", groups)
+        return groups.get(token.text, ())
 
     def state(self, vehicle: str, token: Token) -> str:
-        states = self.scope.vehicles.get(vehicle)
+        states = self._scope.vehicles.get(vehicle)
         if states is not None and token.text not in states:
             message = f"`{vehicle}` has no state `{token.text}`"
-            self.unknown(token, message, goals_like(token.text, states))
+            self.report_unknown(token, message, goals_like(token.text, states))
         return token.text
 
-    def measured(
-        self, source: str, place: tuple[int, int], dimension: Dimension, label: str
-    ) -> float:
+    def measured(self, token: Token, dimension: Dimension, label: str) -> float:
+        """The quantity `token`, in SI."""
         try:
-            return parse_quantity(source, dimension)
+            return parse_quantity(token.text, dimension)
         except UnitError as error:
-            found = errors.mismatch(self.text, place, str(error), label, error.hint)
-            self.findings.append(found)
+            self.report("KYB212", token, str(error), label, error.hint)
             return 0.0
 
-    def _readable(self) -> list[str]:
-        """Every name that a value can be read from here, for suggestions."""
-        if self.scope.kind == "health":
-            return list(HEALTH)
-        own = list(OBSERVABLES) if self.scope.own is not None else []
-        others = [f"{v}.{name}" for v in self.scope.vehicles for name in OBSERVABLES]
-        axes = [f"{name}.{axis}" for name, axes in self.scope.inputs.items() for axis in axes]
-        return [*own, "time", *others, *axes]
-
     def unknown_name(self, side: Operand, other: Operand | None = None) -> None:
-        """Marks what is unknown of a dotted name: all of it, or what follows a vehicle. `other` is
+        """Report what is unknown of a dotted name: all of it, or what follows a vehicle. `other` is
         what it is compared with."""
-        first, _, rest = side.source.partition(".")
-        token = Token("name", side.source, side.start, side.end)
-        if first in self.scope.vehicles and rest:
-            token = Token("name", rest, side.end - len(rest), side.end)
-            message = f"`{rest}` of `{first}` is unknown"
-            self.unknown(token, message, _fitting(rest, OBSERVABLES, other))
-        elif first in self.scope.inputs and rest:
-            token = Token("name", rest, side.end - len(rest), side.end)
-            message = f"`{rest}` is no axis of `{first}`"
-            self.unknown(token, message, self.scope.inputs[first])
+        token, scope = side.token, self._scope
+        first, _, rest = token.text.partition(".")
+        inner = token._replace(text=rest, start=token.end - len(rest))
+        if first in scope.vehicles and rest:
+            known = _fitting(rest, OBSERVABLES, other)
+            self.report_unknown(inner, f"`{rest}` of `{first}` is unknown", known)
+        elif first in scope.inputs and rest:
+            self.report_unknown(inner, f"`{rest}` is no axis of `{first}`", scope.inputs[first])
         else:
-            known = _fitting(side.source, self._readable(), other)
-            self.unknown(token, f"`{side.source}` is unknown", known)
-
-    def unknown(self, token: Token, message: str, known: Collection[str]) -> None:
-        place = (token.start, token.end)
-        self.findings.append(errors.unknown(self.text, place, message, token.text, known))
-
-    def mismatch(self, side: Operand, message: str, label: str, way_out: str) -> None:
-        place = (side.start, side.end)
-        self.findings.append(errors.mismatch(self.text, place, message, label, way_out))
+            own = list(OBSERVABLES) if scope.own is not None else []
+            others = [f"{v}.{name}" for v in scope.vehicles for name in OBSERVABLES]
+            axes = [f"{name}.{axis}" for name, axes in scope.inputs.items() for axis in axes]
+            readable = [*own, "time", *others, *axes] if scope.kind != "health" else list(HEALTH)
+            known = _fitting(token.text, readable, other)
+            self.report_unknown(token, f"`{token.text}` is unknown", known)
 
     def compared(self, left: Operand, operator: ComparisonOperator, right: Operand) -> Condition:
         """The comparison, its sides brought to one dimension; `behavior == CHAIN` asks whether the
@@ -165,22 +166,32 @@ class Semantics:
         if left.is_broken or right.is_broken:
             return Compare(operator, STAND_IN, STAND_IN)
         if a is None and b is None:
-            return self._nothing_known(left, operator, right)
+            words = [side for side in (left, right) if not is_quantity(side)]
+            for word in words:
+                self.unknown_name(word, right if word is left else left)
+            if not words:
+                message = "both sides are written out: this never changes"
+                hint = "compare with something that is measured"
+                self.report("KYB212", left.token, message, "a constant", hint)
+            return Compare(operator, STAND_IN, STAND_IN)
         a = a if a is not None else self._beside(left, right)
         b = b if b is not None else self._beside(right, left)
-        if left.node is not None and right.node is not None:
-            self._same_type(left, right)
+        is_mixed = left.dimension is not right.dimension
+        if left.node is not None and right.node is not None and is_mixed:
+            own, other = type_name(left.dimension), type_name(right.dimension)
+            message = f"`{left.source}` is {own}, but `{right.source}` is {other}"
+            self.report("KYB212", right.token, message, other)
         if operator not in ("==", "!=") and left.dimension is right.dimension is None:
             message = "names are compared with `==` and `!=`"
-            self.mismatch(right, message, "names have no order", "")
+            self.report("KYB212", right.token, message, "names have no order")
         return self._in_chain(a, operator, b) or Compare(operator, a, b)
 
     def _in_chain(self, a: object, operator: ComparisonOperator, b: object) -> Condition | None:
         read, word = (a, b) if isinstance(a, Read) else (b, a)
         if not isinstance(read, Read) or not isinstance(word, Word) or read.name != "behavior":
             return None
-        vehicle = read.vehicle or self.scope.own or ""
-        states = self.scope.vehicles.get(vehicle, ())
+        vehicle = read.vehicle or self._scope.own or ""
+        states = self._scope.vehicles.get(vehicle, ())
         if not any(word.text in chains_of(state) for state in states):
             return None
         inside = InState(vehicle, word.text)
@@ -188,55 +199,38 @@ class Semantics:
             return inside
         return Not(inside) if operator == "!=" else None
 
-    def _nothing_known(
-        self, left: Operand, operator: ComparisonOperator, right: Operand
-    ) -> Compare:
-        words = [side for side in (left, right) if not is_quantity(side)]
-        for word in words:
-            self.unknown_name(word, right if word is left else left)
-        if not words:
-            message = "both sides are written out: this never changes"
-            self.mismatch(left, message, "a constant", "compare with something that is measured")
-        return Compare(operator, STAND_IN, STAND_IN)
-
     def _beside(self, side: Operand, other: Operand) -> Value:
         """The value of a quantity or a bare word beside `other`, which gives it its dimension."""
-        place = (side.start, side.end)
         told = f"`{other.source}` is {type_name(other.dimension)}"
         if is_quantity(side) and other.dimension is not None:
-            value = self.measured(side.source, place, other.dimension, told)
+            value = self.measured(side.token, other.dimension, told)
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
-                self.findings.append(errors.never_reached(self.text, place, other.source))
+                message = f"`{other.source}` is never more than 100 % or less than 0 %"
+                self.report("KYB215", side.token, message, "never reached")
             return Quantity(value, other.dimension)
         if is_quantity(side):
-            self.mismatch(side, f"{told}, `{side.source}` is a quantity", "a quantity", "")
-            return STAND_IN
-        if other.dimension is None and isinstance(other.node, Read):
-            return self._word(Token("name", side.source, *place), other.node)
-        self.unknown_name(side)
+            message = f"{told}, `{side.source}` is a quantity"
+            self.report("KYB212", side.token, message, "a quantity")
+        elif other.dimension is None and isinstance(other.node, Read):
+            return self._word(side.token, other.node)
+        else:
+            self.unknown_name(side)
         return STAND_IN
 
     def _word(self, token: Token, read: Read) -> Word:
-        vehicle = read.vehicle or self.scope.own or ""
+        vehicle = read.vehicle or self._scope.own or ""
         known: Collection[str] | None = None
         if read.name == "behavior":
-            known = self.scope.vehicles.get(vehicle)
+            known = self._scope.vehicles.get(vehicle)
         elif read.name == "estimator":
-            known = self.scope.estimators.get(vehicle)
+            known = self._scope.estimators.get(vehicle)
         words = OBSERVABLES[read.name].words
         if words and token.text not in words:
-            self.unknown(token, f"`{read.name}` is never `{token.text}`", words)
+            self.report_unknown(token, f"`{read.name}` is never `{token.text}`", words)
         if known is not None and token.text not in known:
             message = f"`{vehicle}` has no {read.name} `{token.text}`"
-            self.unknown(token, message, known)
+            self.report_unknown(token, message, known)
         return Word(token.text)
-
-    def _same_type(self, left: Operand, right: Operand) -> None:
-        if left.dimension is right.dimension:
-            return
-        a, b = type_name(left.dimension), type_name(right.dimension)
-        message = f"`{left.source}` is {a}, but `{right.source}` is {b}"
-        self.mismatch(right, message, b, "")
 
 
 def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collection[str]:

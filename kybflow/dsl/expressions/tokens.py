@@ -1,9 +1,15 @@
-"""Text to tokens: quantities with their unit, dotted names, operators, brackets."""
+"""Text to tokens: quantities with their unit, dotted names, operators, brackets; and the cursor
+that walks along them and says what can't be read."""
 
 from __future__ import annotations
 
 import re
 from typing import NamedTuple
+
+from kybflow.core.text import as_typed
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.reading.nodes import NAME_A_POINT, no_commas
 
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})
 """Words of the language; no vehicle or state may be called so."""
@@ -18,6 +24,16 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 _UNIT = re.compile(r"\s*((?:kg|g) m\^2|1/s|[°%]|[^\W\d_][\w/^]*)")
+_HABITS = {
+    "=": "write `==`",
+    "!": "write `not` or `!=`",
+    "&": "write `and`",
+    "|": "write `or`",
+    "$": "a parameter is written as a word of its own",
+    "°": "write `deg`",
+}
+_COORDINATES = re.compile(r"[([]?[-+\d.]+[\s,]+[-+\d.]+[\s,]+[-+\d.]+[)\]]?\s*\)")
+"""A point written out as the last argument of a function."""
 
 
 class Token(NamedTuple):
@@ -40,14 +56,86 @@ def tokens_of(text: str) -> list[Token]:
     while match := _TOKEN.match(text, end):
         kind = match.lastgroup or ""
         start, end = match.span(kind)
-        if kind == "quantity":
-            end = _with_unit(text, end)
+        if kind == "quantity" and (unit := _UNIT.match(text, end)) and unit[1] not in KEYWORDS:
+            end = unit.end()
         found.append(Token(kind, text[start:end], start, end))
         if kind in ("unreadable", "end"):
             break
     return found
 
 
-def _with_unit(text: str, end: int) -> int:
-    match = _UNIT.match(text, end)
-    return match.end() if match and match[1] not in KEYWORDS else end
+class Unreadable(Exception):
+    """Ends the parsing of a text; why has been reported."""
+
+
+class Cursor:
+    """Walks along the tokens of a text. Raises Unreadable where another token is needed."""
+
+    def __init__(self, text: Text, found: Findings) -> None:
+        self._text, self._found = text, found
+        tokens = tokens_of(text.text)
+        self._tokens = [*tokens, tokens[-1]]  # so that there is always one ahead
+        self._next = 0
+
+    def peek(self, ahead: int = 0) -> Token:
+        return self._tokens[self._next + ahead]
+
+    def take(self) -> Token:
+        token = self.peek()
+        self._next += 1
+        return token
+
+    def skip(self, word: str) -> bool:
+        found = self.peek().text == word
+        self._next += found
+        return found
+
+    def expect(self, word: str) -> None:
+        if not self.skip(word):
+            raise self.unexpected(f"`{word}`")
+
+    def behind(self) -> int:
+        """Where the last token that was taken ends."""
+        return self._tokens[self._next - 1].end if self._next else 0
+
+    def of_kind(self, kind: str, what: str) -> Token:
+        """Take a token of `kind`, which a report calls `what`."""
+        token = self.peek()
+        if token.kind != kind:
+            raise self.unexpected(what)
+        self._next += 1
+        return token
+
+    def unexpected(self, expected: str) -> Unreadable:
+        """Report the next token, where `expected` should be."""
+        token = self.peek()
+        shown = f"`{token.text}`" if token.text else "the end"
+        message, hint = (
+            f"found {shown} where {expected} should be",
+            _way_out(self._text.text, token),
+        )
+        return self.stopped("KYB210", message, f"expected {expected}", hint)
+
+    def stopped(self, code: str, message: str, label: str, help: str = "") -> Unreadable:
+        """Report at the next token why the text can't be read from there on."""
+        token = self.peek()
+        self._found.report(code, message, self._text.part(token.start, token.end), label, help=help)
+        return Unreadable()
+
+
+def _way_out(text: str, token: Token) -> str:
+    before, after = text[: token.start], text[token.end :]
+    if token.text == "," and before[-1:].isdigit() and after[:1].isdigit():
+        number, rest = re.split(r"[^\d]", before)[-1], re.split(r"[^\d]", after)[0]
+        return f"write `{number}.{rest}`, with a decimal point"
+    if not token.text.isascii() and (typed := as_typed(token.text)) != token.text:
+        return f"write `{typed}`, as a keyboard has it"
+    if before.count("[") > before.count("]") or _COORDINATES.match(text, token.start):
+        return NAME_A_POINT
+    if token.text == "," and before.count("(") <= before.count(")"):
+        return "the language has no comma: write `and` where both must hold"
+    if token.text == ",":
+        return no_commas(text[max(0, before.rfind("(") - len("separation")) :])
+    if not token.text and text.count("(") > text.count(")"):
+        return "inside {...} YAML ends a value at a comma: write `distance(a to b)` without one"
+    return _HABITS.get(token.text, "")

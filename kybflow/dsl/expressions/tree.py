@@ -5,10 +5,11 @@ are known to exist. `kybflow.dsl.expressions.parse` makes it, `kybflow.runtime.c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.units import Dimension
+from kybflow.dsl.diagnostics.spans import Text
 
 ComparisonOperator = Literal["<", "<=", ">", ">=", "==", "!="]
 Quantifier = Literal["all", "any"]
@@ -160,6 +161,12 @@ class Finished:
     """Holds when the run ended by itself within so many seconds."""
 
     within: float
+
+
+class Unparsed(NamedTuple):
+    """A condition as written: names are not known yet, so it is not parsed."""
+
+    text: Text
 
 
 Expression = Condition | Always | Eventually | Finally | Finished

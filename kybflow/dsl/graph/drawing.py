@@ -68,7 +68,7 @@ def requests_to(plan: Plan, vehicle: str) -> Requests:
     for flow in plan.flows:
         for phase in flow.phases.values():
             if vehicle in phase.run:
-                found.setdefault(f"flow {flow.name}", {})[phase.run[vehicle]] = None
+                found.setdefault(f"flow {flow.name}", {})[phase.run[vehicle].state] = None
     for callback in plan.callbacks:
         for action in callback.actions:
             if isinstance(action, Switch) and action.vehicle == vehicle:
@@ -192,8 +192,8 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
 
 def _phase_text(phase: PhasePlan, groups: Groups) -> str:
     """What a phase requests, as the second line of its box."""
-    requests_to = {**phase.run, **phase.chains}
-    texts = [f"{names}: {state}" for names, state in _together(requests_to, groups)]
+    asked = {name: request.chain or request.state for name, request in phase.run.items()}
+    texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
     texts += [f"arrive {phase.arrive}"] if phase.arrive else []
     texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
     return " · ".join(texts) or "asks nothing"

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, collect, every
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import ActionEntry, Document, PartUse, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
+from kybflow.dsl.reading.nodes import Node
 from kybflow.dsl.reading.values import decode
 
 if TYPE_CHECKING:
@@ -26,16 +27,8 @@ class Option(NamedTuple):
     declared: Any
 
 
-def members(document: Document, name: str) -> tuple[str, ...]:
-    """The vehicles that a name stands for: itself, or those of a group; none for an unknown one."""
-    if name in document.vehicles:
-        return (name,)
-    group = document.groups.get(name, ())
-    return tuple(member.text for member in group if member.text in document.vehicles)
-
-
 def unknown_vehicle(
-    code: str, name: Text, document: Document, start: int = 0, end: int | None = None
+    code: str, name: Text, plan: Plan, start: int = 0, end: int | None = None
 ) -> Diagnostic:
     """The finding for the part of `name` that is no vehicle or group."""
     stop = len(name.text) if end is None else end
@@ -45,110 +38,88 @@ def unknown_vehicle(
         f"there is no vehicle `{word}`",
         name.part(start, stop),
         label="unknown",
-        help=did_you_mean(word, (*document.vehicles, *document.groups)),
+        help=did_you_mean(word, (*plan.fleet, *plan.groups)),
     )
 
 
-def no_vehicle(code: str, name: str, span: Span, document: Document) -> Diagnostic:
+def no_vehicle(code: str, name: str, span: Span, plan: Plan) -> Diagnostic:
     """The finding for the name of a vehicle that isn't there, where no group may stand."""
-    hint = did_you_mean(name, document.vehicles)
-    if any(obstacle.name.text == name for obstacle in document.obstacles):
+    hint = did_you_mean(name, plan.fleet)
+    if name in plan.obstacles:
         hint = "it stands in the world, and what stands there counts as an obstacle anyway"
     return Diagnostic(code, f"there is no vehicle `{name}`", span, label="unknown", help=hint)
 
 
-def no_vehicles(code: str, use: PartUse, document: Document) -> Iterator[Diagnostic]:
+def no_vehicles(code: str, use: PartPlan, plan: Plan) -> Iterator[Diagnostic]:
     """The finding for each vehicle that a part names and that isn't there."""
     for parameter, name in names_in(use.params, "vehicle"):
-        if name not in document.vehicles:
-            span = use.spans.get(parameter, use.name.span)
-            yield no_vehicle(code, name, span, document)
+        if name not in plan.fleet:
+            yield no_vehicle(code, name, use.span_of(parameter), plan)
 
 
 def option_values(
-    action: ActionEntry, document: Document, catalog: Catalog
-) -> Diagnosed[tuple[tuple[Option, Any], ...]]:
-    """The options that `{OPTION: VALUE}` sets, each with its value (SI); empty, with findings,
-    where it has errors."""
-    assert action.target is not None
-    options = yield from options_named(action.target, document, catalog)
-    decoded = every(decode(action.value, option.field) for option in options)
-    values, findings = collect(decoded)
-    for option, value in zip(options, values, strict=False):
-        findings.extend(_unknown_vehicles(option, value, action, document))
-    yield from dict.fromkeys(findings)
-    return () if findings else tuple(zip(options, values, strict=True))
+    name: Text, value: Node, plan: Plan, catalog: Catalog, found: Findings
+) -> tuple[tuple[Option, Any], ...]:
+    """The options that `{OPTION: VALUE}` sets, each with its value (SI); empty where it has
+    errors."""
+    own = Findings()
+    options = options_named(name, plan, catalog, own)
+    values = [decode(value, option.field, own) for option in options]
+    for option, decoded in zip(options, values, strict=True):
+        for vehicle in option.field.named(decoded, "vehicle"):
+            if vehicle not in plan.fleet:
+                own.add(no_vehicle("KYB510", vehicle, value.span, plan))
+    found.add(dict.fromkeys(own.all))
+    return () if own.all else tuple(zip(options, values, strict=True))
 
 
-def _unknown_vehicles(
-    option: Option, value: Any, action: ActionEntry, document: Document
-) -> Iterator[Diagnostic]:
-    """KYB510 of each vehicle that a value names and that isn't there."""
-    for name in option.field.named(value, "vehicle"):
-        if name not in document.vehicles:
-            yield no_vehicle("KYB510", name, action.value.span, document)
-
-
-def options_named(
-    name: Text, document: Document, catalog: Catalog
-) -> Diagnosed[tuple[Option, ...]]:
+def options_named(name: Text, plan: Plan, catalog: Catalog, found: Findings) -> tuple[Option, ...]:
     """The options that `name` means, of a vehicle or of each of a group; empty where it has
     errors."""
     first, _, rest = name.text.partition(".")
-    vehicles = members(document, first)
+    vehicles = plan.members(first)
     if not vehicles:
-        yield unknown_vehicle("KYB233", name, document, end=len(first))
-    options: list[Option] = []
-    for vehicle in vehicles:
-        found = _option(name, rest, document.vehicles[vehicle], catalog)
-        if isinstance(found, Diagnostic):
-            yield found
-            return ()
-        options.append(found)
-    return tuple(options)
+        found.add(unknown_vehicle("KYB233", name, plan, end=len(first)))
+    options = [_option(name, rest, plan.fleet[vehicle], catalog, found) for vehicle in vehicles]
+    return tuple(option for option in options if option is not None) if None not in options else ()
 
 
-def _option(name: Text, rest: str, vehicle: VehicleEntry, catalog: Catalog) -> Option | Diagnostic:
+def _option(
+    name: Text, rest: str, vehicle: VehiclePlan, catalog: Catalog, found: Findings
+) -> Option | None:
     parts = _parts(vehicle, catalog)
     label, _, word = rest.rpartition(".")
     start, end = len(name.text) - len(rest), len(name.text)
+    field = next((f for f in parts[label][0] if f.name == word), None) if label in parts else None
+    if field is not None:
+        return Option(f"{vehicle.name}.{rest}", field, getattr(parts[label][1], word))
     if rest in parts:
         known = [f"{rest}.{field.name}" for field in parts[rest][0]]
         message = f"`{name.text}` is a part, and not one of its parameters"
-        return Diagnostic("KYB233", message, name.part(start, end), help=did_you_mean("", known))
-    if not rest:
+        found.report("KYB233", message, name.part(start, end), help=did_you_mean("", known))
+    elif not rest:
         hint = "an option is `VEHICLE.PART.PARAMETER`, like `a.processors.limit_speed.speed`"
-        return Diagnostic("KYB233", f"`{name.text}` is no option", name.span, help=hint)
-    if label not in parts:
+        found.report("KYB233", f"`{name.text}` is no option", name.span, help=hint)
+    elif label not in parts:
         part = label or rest
-        message, hint = f"`{vehicle.name.text}` has no part `{part}`", did_you_mean(part, parts)
-        place = name.part(start, start + len(part))
-        return Diagnostic("KYB233", message, place, label="unknown", help=hint)
-    fields, params = parts[label]
-    field = next((field for field in fields if field.name == word), None)
-    if field is None:
-        return Diagnostic(
-            "KYB233",
-            f"`{label}` of `{vehicle.name.text}` has no parameter `{word}`",
-            name.part(end - len(word), end),
-            label="unknown",
-            help=did_you_mean(word, [field.name for field in fields]),
-        )
-    return Option(f"{vehicle.name.text}.{rest}", field, getattr(params, word))
+        message, hint = f"`{vehicle.name}` has no part `{part}`", did_you_mean(part, parts)
+        found.report("KYB233", message, name.part(start, start + len(part)), "unknown", help=hint)
+    else:
+        message = f"`{label}` of `{vehicle.name}` has no parameter `{word}`"
+        hint = did_you_mean(word, [field.name for field in parts[label][0]])
+        found.report("KYB233", message, name.part(end - len(word), end), "unknown", help=hint)
+    return None
 
 
-def _parts(vehicle: VehicleEntry, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
+def _parts(vehicle: VehiclePlan, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
     """Every part of a vehicle by its label among the options, with its parameters."""
-    uses = {
-        **{f"estimators.{use.part.label}": use.part for use in vehicle.estimators},
-        **{f"processors.{use.label}": use for use in vehicle.processors},
-        "tracker": vehicle.tracker,
-        **{f"supervisors.{use.label}": use for use in vehicle.supervisors},
-        **{f"behaviors.{name}": state.part for name, state in vehicle.states.items()},
-    }
-    built_in = {
+    parts = {
         f"behaviors.{name}": (spec.fields, spec.params())
         for name, part in BUILT_IN.items()
         for spec in (catalog.get("behaviors", part),)
     }
-    return {**built_in, **{label: (use.spec.fields, use.params) for label, use in uses.items()}}
+    uses = (
+        *(use.part for use in vehicle.estimators), *vehicle.processors, vehicle.tracker,
+        *vehicle.supervisors, *(state.behavior for state in vehicle.states.values()),
+    )  # fmt: skip
+    return parts | {use.label: (use.fields, use.params) for use in uses}

@@ -2,62 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal
-
-from kybflow.dsl.document import Document, VehicleEntry
 from kybflow.dsl.expressions import Scope
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import Plan
 from kybflow.parts.observables import chains_of
 
 
 class Scopes:
-    """The scope of every expression of a document."""
+    """The scope of every expression of a plan, made once: it remembers what was parsed in it."""
 
-    def __init__(self, document: Document) -> None:
-        vehicles = document.vehicles.items()
-        self._states = {name: (*v.states, *_chains(v), *BUILT_IN) for name, v in vehicles}
-        self._estimators = {
-            name: tuple(use.part.label for use in v.estimators) for name, v in vehicles
+    def __init__(self, plan: Plan) -> None:
+        vehicles, fleet = plan.vehicles, plan.fleet
+        self._states = {
+            v.name: (
+                *v.states,
+                *dict.fromkeys(c for s in v.states for c in chains_of(s)),
+                *BUILT_IN,
+            )
+            for v in vehicles
         }
-        self._points = document.points
-        self._carriers = frozenset(name for name, v in vehicles if v.payload is not None)
-        self._scopes: dict[tuple[str, str | None], Scope] = {}
-        self._groups = {
-            name: tuple(m.text for m in members if m.text in document.vehicles)
-            for name, members in document.groups.items()
+        estimators = {v.name: tuple(use.part.alias for use in v.estimators) for v in vehicles}
+        groups = {
+            name: tuple(member for member in members if member in fleet)
+            for name, members in plan.groups.items()
         }
-        self._inputs = {name: use.axes for name, use in document.inputs.items()}
+        carriers = frozenset(v.name for v in vehicles if v.payload is not None)
+        self._known = (estimators, plan.points, groups, carriers)
+        self._inputs = {use.name: use.axes for use in plan.inputs}
+        self._conditions: dict[str | None, Scope] = {}
+        self._health = {own: Scope("health", {}, own) for own in fleet}
+        self._expectation = Scope("expectation", self._states, None, *self._known)
 
-    def condition(self, vehicle: str) -> Scope:
-        """The scope of a `when` of `vehicle`."""
-        return self._scope("condition", vehicle)
+    def condition(self, vehicle: str | None) -> Scope:
+        """The scope of a `when` of `vehicle`. It is in a chain while it is in a state inside."""
+        if vehicle not in self._conditions:
+            scope = Scope("condition", self._states, vehicle, *self._known, self._inputs)
+            self._conditions[vehicle] = scope
+        return self._conditions[vehicle]
 
     def flow(self) -> Scope:
         """The scope of a phase's `when`: every vehicle, and no vehicle of its own."""
-        return self._scope("condition", None)
+        return self.condition(None)
 
     def health(self, vehicle: str) -> Scope:
         """The scope of an estimator's `healthy`: its own age and spread."""
-        return self._made("health", vehicle, lambda: Scope("health", {}, vehicle))
+        return self._health[vehicle]
 
     def expectation(self) -> Scope:
-        return self._scope("expectation", None)
-
-    def _scope(self, kind: Literal["condition", "expectation"], own: str | None) -> Scope:
-        whole = (
-            self._states, own, self._estimators, self._points, self._groups, self._carriers,
-            {} if kind == "expectation" else self._inputs,
-        )  # fmt: skip
-        return self._made(kind, own, lambda: Scope(kind, *whole))
-
-    def _made(self, kind: str, own: str | None, make: Callable[[], Scope]) -> Scope:
-        """The scope, made once: it remembers what was parsed in it."""
-        if (kind, own) not in self._scopes:
-            self._scopes[kind, own] = make()
-        return self._scopes[kind, own]
-
-
-def _chains(vehicle: VehicleEntry) -> list[str]:
-    """The chains of a vehicle: it is in one while it is in a state inside."""
-    return list(dict.fromkeys(chain for state in vehicle.states for chain in chains_of(state)))
+        return self._expectation

@@ -17,6 +17,7 @@ from math import isfinite
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
 from kybflow.world.cameras import Lens
@@ -33,8 +34,9 @@ def read_calibration(file: File) -> Lens:
     """The lens that a file describes."""
     first, _, rest = file.text.partition("\n")
     text = f"\n{rest}" if first.startswith("%YAML") else file.text
-    root, found = compose(text, file.name)
-    for finding in found:
+    found = Findings()
+    root = compose(text, file.name, found)
+    for finding in found.all:
         if finding.code != _TAGGED:
             raise FileError(finding.message, finding.span.line)
     if not isinstance(root, Mapping):

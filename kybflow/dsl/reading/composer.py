@@ -20,9 +20,10 @@ from yaml.events import (
     StreamEndEvent,
 )
 
-from kybflow.dsl.diagnostics.diagnostic import Collected, Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.nodes import (
+    NAME,
     NAME_A_POINT,
     NO_COMMAS,
     Mapping,
@@ -32,7 +33,7 @@ from kybflow.dsl.reading.nodes import (
     Sequence,
     is_cut,
 )
-from kybflow.dsl.reading.slips import doubled_colon, empty, is_doubled, without_colon
+from kybflow.dsl.reading.slips import without_colon
 from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml
 
 CODES = {
@@ -45,41 +46,39 @@ CODES = {
     "KYB011": "Nested deeper than a mission needs.",
     "KYB012": "More values than a mission may have, counted with every alias expanded.",
     "KYB013": "An alias that nothing defines, or that contains itself.",
+    "KYB015": "A key with a colon and nothing behind it, which is the same as not written.",
 }
 MAX_NODES = 100_000
 MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
 """The way out of a file that is too large."""
+_SHOWN = 60
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Unreadable(Exception):
-    def __init__(self, diagnostic: Diagnostic) -> None:
-        super().__init__(diagnostic.message)
-        self.diagnostic = diagnostic
+    """Ends the reading of a text; why has been reported."""
 
 
-def compose(text: str, file: str) -> Collected[Node | None]:
+def compose(text: str, file: str, found: Findings) -> Node | None:
     """The tree of `text`; None, and a finding, when it can't be had."""
-    composer = _Composer(text, file)
     try:
-        return Collected(composer.document(_Loader(text)), composer.found)
-    except _Unreadable as stop:
-        return Collected(None, [*composer.found, stop.diagnostic])
+        return _Composer(text, file, found).document(_Loader(text))
+    except _Unreadable:
+        return None
     except (yaml.YAMLError, UnicodeError) as error:
-        return Collected(None, [*composer.found, not_yaml(error, text, file)])
+        found.add(not_yaml(error, text, file))
+        return None
 
 
 class _Composer:
     """Builds one tree from the parser's events. `sizes` are the nodes under each anchor."""
 
-    def __init__(self, text: str, file: str) -> None:
-        self.file = file
-        self._text = text
-        self.found: list[Diagnostic] = []
-        self.anchors: dict[str, Node | None] = {}
-        self.sizes: dict[str, int] = {}
-        self.total = 0
+    def __init__(self, text: str, file: str, found: Findings) -> None:
+        self._text, self._file, self._found = text, file, found
+        self._anchors: dict[str, Node | None] = {}
+        self._sizes: dict[str, int] = {}
+        self._total = 0
 
     @functools.cached_property
     def _lines(self) -> list[str]:
@@ -89,34 +88,49 @@ class _Composer:
         self._next_event = loader.get_event
         loader.get_event()
         if loader.check_event(StreamEndEvent):
-            raise self._stop("KYB005", f"`{self.file}` is empty", loader.get_event())
+            raise self._stopped("KYB005", f"`{self._file}` is empty", loader.get_event())
         loader.get_event()
         root = self._node(loader.get_event(), 0)
         loader.get_event()
         if not loader.check_event(StreamEndEvent):
             second = loader.get_event()
-            raise self._stop("KYB006", "a second document begins here", second)
+            raise self._stopped("KYB006", "a second document begins here", second)
         return root
 
     def _node(self, event: Any, depth: int) -> Node:
         if isinstance(event, AliasEvent):
             return self._alias(event)
-        self.total += 1
+        self._total += 1
         if depth > MAX_DEPTH:
-            raise self._stop("KYB011", f"nested deeper than {MAX_DEPTH} levels", event, CLOSE)
-        if self.total > MAX_NODES:
+            message = f"nested deeper than {MAX_DEPTH} levels"
+            raise self._stopped("KYB011", message, event, CLOSE)
+        if self._total > MAX_NODES:
             raise self._too_many(event)
         if event.tag is not None and event.tag != "!":
-            self._refuse(
-                "KYB008", f"the tag `{event.tag}` is refused", event, "write the value without it"
-            )
+            message, span = f"the tag `{event.tag}` is refused", self._span(event, event)
+            self._found.report("KYB008", message, span, help="write the value without it")
         anchor = event.anchor
         if anchor is None:
             return self._content(event, depth)
-        before, self.anchors[anchor] = self.total, None
-        node = self.anchors[anchor] = self._content(event, depth)
-        self.sizes[anchor] = self.total - before + 1
+        before, self._anchors[anchor] = self._total, None
+        node = self._anchors[anchor] = self._content(event, depth)
+        self._sizes[anchor] = self._total - before + 1
         return node
+
+    def _alias(self, event: Any) -> Node:
+        name = event.anchor
+        node = self._anchors.get(name)
+        if node is None:
+            inside = f"`*{name}` is inside of `&{name}`"
+            message = inside if name in self._anchors else f"nothing is marked `&{name}`"
+            raise self._stopped("KYB013", message, event)
+        self._total += self._sizes[name]
+        if self._total > MAX_NODES:
+            raise self._too_many(event)
+        return node
+
+    def _too_many(self, event: Any) -> _Unreadable:
+        return self._stopped("KYB012", f"more than {MAX_NODES} values", event, LONG)
 
     def _content(self, event: Any, depth: int) -> Node:
         if isinstance(event, ScalarEvent):
@@ -131,16 +145,17 @@ class _Composer:
         while not isinstance(inner := self._next_event(), MappingEndEvent):
             key = self._node(inner, depth + 1)
             if entries and not isinstance(key, Scalar):
-                self._cut(next(reversed(entries.values())), key)
+                self._refuse_cut(next(reversed(entries.values())), key)
             value = self._node(self._next_event(), depth + 1)
             if isinstance(value, Scalar) and not value.text and self._is_bare(key, value):
                 bare.append(key)
                 continue
             if bare:
-                self._tell(entries, bare)
+                without_colon(next(reversed(entries.values()), None), bare, self._found)
                 bare = []
             self._enter(entries, key, value)
-        self._tell(entries, bare)
+        if bare:
+            without_colon(next(reversed(entries.values()), None), bare, self._found)
         return Mapping(entries, self._span(event, inner))
 
     def _is_bare(self, key: Node, value: Scalar) -> TypeGuard[Scalar]:
@@ -151,70 +166,43 @@ class _Composer:
         line = self._lines[key.span.end_line - 1 : key.span.end_line]
         if line and not line[0][key.span.end_column - 1 :].lstrip().startswith(":"):
             return True
-        self.found.append(empty(key))
+        message = f"`{key.text[:_SHOWN]}` has no value"
+        hint = (
+            "write one, indent what belongs to it, or remove it; `null` removes what `like` brings"
+        )
+        self._found.warn("KYB015", message, key.span, help=hint)
         return False
 
-    def _tell(self, entries: dict[str, MappingEntry], bare: list[Scalar]) -> None:
-        """Report the keys without a colon behind the last of `entries`."""
-        if bare:
-            self.found += without_colon(next(reversed(entries.values()), None), bare)
-
-    def _cut(self, before: MappingEntry, key: Node) -> None:
+    def _refuse_cut(self, before: MappingEntry, key: Node) -> None:
         """Stop where YAML ended a condition at its comma: what follows is no mapping."""
         if is_cut(before.value):
-            name = before.key.text
-            message = f"YAML ends `{name}` at the comma and reads a list as a key"
-            hint = f"{NO_COMMAS}; {NAME_A_POINT}"
-            raise _Unreadable(Diagnostic("KYB010", message, key.span, help=hint))
+            message = f"YAML ends `{before.key.text}` at the comma and reads a list as a key"
+            self._found.report("KYB010", message, key.span, help=f"{NO_COMMAS}; {NAME_A_POINT}")
+            raise _Unreadable
 
     def _enter(self, entries: dict[str, MappingEntry], key: Node, value: Node) -> None:
         if not isinstance(key, Scalar):
             what = "a list" if isinstance(key, Sequence) else "a mapping"
-            self.found.append(
-                Diagnostic("KYB010", f"{what} can't be a key", key.span, help="a key is a name")
-            )
+            self._found.report("KYB010", f"{what} can't be a key", key.span, help="a key is a name")
         elif key.text == "<<" and not key.quoted:
-            self.found.append(
-                Diagnostic(
-                    "KYB009",
-                    "YAML's merge key `<<` is refused",
-                    key.span,
-                    help="start from another entry with `like: NAME`",
-                )
-            )
-        elif key.text[-1:] == ":" and is_doubled(key):
-            self.found.append(doubled_colon(key))
+            hint = "start from another entry with `like: NAME`"
+            self._found.report("KYB009", "YAML's merge key `<<` is refused", key.span, help=hint)
+        elif key.text[-1:] == ":" and not key.quoted and NAME.match(name := key.text.rstrip(": ")):
+            hint = f"write `{name}: ...`"
+            self._found.report("KYB010", f"`{name}` has two colons", key.span, help=hint)
         elif key.text in entries:
-            first = entries[key.text].key.span
+            first, again = entries[key.text].key.span, key.span
             message = f"`{key.text}` is written twice"
-            self.found += [
-                Diagnostic("KYB007", message, key.span, "again", (f"first at {first.at}",)),
-                Diagnostic("KYB007", message, first, "first", (f"again at {key.span.at}",)),
-            ]
+            self._found.report("KYB007", message, again, "again", (f"first at {first.at}",))
+            self._found.report("KYB007", message, first, "first", (f"again at {again.at}",))
         else:
             entries[key.text] = MappingEntry(key, value)
 
-    def _alias(self, event: Any) -> Node:
-        name = event.anchor
-        node = self.anchors.get(name)
-        if name not in self.anchors:
-            raise self._stop("KYB013", f"nothing is marked `&{name}`", event)
-        if node is None:
-            raise self._stop("KYB013", f"`*{name}` is inside of `&{name}`", event)
-        self.total += self.sizes[name]
-        if self.total > MAX_NODES:
-            raise self._too_many(event)
-        return node
-
-    def _too_many(self, event: Any) -> _Unreadable:
-        return self._stop("KYB012", f"more than {MAX_NODES} values", event, LONG)
-
-    def _refuse(self, code: str, message: str, event: Any, help: str) -> None:
-        self.found.append(Diagnostic(code, message, self._span(event, event), help=help))
-
-    def _stop(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
-        return _Unreadable(Diagnostic(code, message, self._span(event, event), help=help))
+    def _stopped(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
+        """Report why nothing can be read from `event` on."""
+        self._found.report(code, message, self._span(event, event), help=help)
+        return _Unreadable()
 
     def _span(self, first: Any, last: Any) -> Span:
         start, end = first.start_mark, last.end_mark
-        return Span(self.file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)
+        return Span(self._file, start.line + 1, start.column + 1, end.line + 1, end.column + 1)

@@ -10,7 +10,6 @@ from the body to the world. Everything raises FileError, which names the line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
@@ -44,22 +43,16 @@ def read_poses(text: str) -> tuple[TimedPose, ...]:
     table = read_table(text, _COLUMNS, "poses", _LIKE)
     turns = _ANGLES if any(name in table.columns for name in _ANGLES) else _QUATERNION
     need(table, ("time", "x", "y", "z", *turns), header_line(text))
-    found = tuple(_poses(table.rows, turns))
+    found: list[TimedPose] = []
+    for line, numbers, _ in table.rows:
+        time, position = numbers["time"], (numbers["x"], numbers["y"], numbers["z"])
+        if found and time <= found[-1].time:
+            raise FileError("the times don't grow", line)
+        attitude = _attitude(line, [numbers[name] for name in turns])
+        found.append(TimedPose(time, position, attitude))
     if len(found) < 2:
         raise FileError(f"it has {len(found)} poses; two are the least")
-    return found
-
-
-def _poses(
-    rows: Iterator[tuple[int, dict[str, float], dict[str, str]]], turns: tuple[str, ...]
-) -> Iterator[TimedPose]:
-    last = float("-inf")
-    for line, numbers, _ in rows:
-        if numbers["time"] <= last:
-            raise FileError("the times don't grow", line)
-        last = numbers["time"]
-        position = numbers["x"], numbers["y"], numbers["z"]
-        yield TimedPose(last, position, _attitude(line, [numbers[name] for name in turns]))
+    return tuple(found)
 
 
 def _attitude(line: int, numbers: list[float]) -> Quat:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.reading.composer import LONG, compose
 from kybflow.dsl.reading.nodes import Node
@@ -36,46 +36,34 @@ class ParsedFile(NamedTuple):
     found: tuple[Diagnostic, ...]
 
 
-class _Unreadable(Exception):
-    def __init__(self, diagnostic: Diagnostic) -> None:
-        super().__init__(diagnostic.message)
-        self.diagnostic = diagnostic
-
-
 def read(path: Path, file: str) -> ParsedFile:
     """Read `path` and report it as `file`."""
-    try:
-        data = _bytes_of(path, file)
-        text = _decode(data, file)
-    except _Unreadable as stop:
-        return ParsedFile(file, "", "", None, (stop.diagnostic,))
-    root, found = compose(text, file)
-    return ParsedFile(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found))
+    found = Findings()
+    data = _bytes_of(path, file, found)
+    text = None if data is None else _decode(data, file, found)
+    if data is None or text is None:
+        return ParsedFile(file, "", "", None, tuple(found.all))
+    root = compose(text, file, found)
+    return ParsedFile(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found.all))
 
 
-def _bytes_of(path: Path, file: str) -> bytes:
+def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
     start = Span(file, 1, 1, 1, 1)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise _Unreadable(Diagnostic("KYB001", f"`{file}` is no file", start, help=_near(path)))
+            found.report("KYB001", f"`{file}` is no file", start, help=_near(path))
+            return None
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise _Unreadable(
-            Diagnostic(
-                "KYB001", f"`{file}` can't be read: {reason.lower()}", start, help=_near(path)
-            )
-        ) from None
+        message = f"`{file}` can't be read: {reason.lower()}"
+        found.report("KYB001", message, start, help=_near(path))
+        return None
     if len(data) > MAX_BYTES:
-        raise _Unreadable(
-            Diagnostic(
-                "KYB002",
-                f"`{file}` is larger than {MAX_BYTES // 1_000_000} MB",
-                start,
-                help=LONG,
-            )
-        )
+        message = f"`{file}` is larger than {MAX_BYTES // 1_000_000} MB"
+        found.report("KYB002", message, start, help=LONG)
+        return None
     return data
 
 
@@ -89,18 +77,14 @@ def _near(path: Path) -> str:
     return did_you_mean(str(path), names)
 
 
-def _decode(data: bytes, file: str) -> str:
+def _decode(data: bytes, file: str, found: Findings) -> str | None:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start]
         line = before.count(b"\n") + 1
         column = len(before[before.rfind(b"\n") + 1 :].decode("utf-8", "replace")) + 1
-        raise _Unreadable(
-            Diagnostic(
-                "KYB003",
-                f"`{file}` is not UTF-8: byte 0x{data[error.start]:02x}",
-                Span(file, line, column, line, column + 1),
-                help="save it as UTF-8",
-            )
-        ) from None
+        message = f"`{file}` is not UTF-8: byte 0x{data[error.start]:02x}"
+        place = Span(file, line, column, line, column + 1)
+        found.report("KYB003", message, place, help="save it as UTF-8")
+        return None

@@ -8,18 +8,37 @@ import hashlib
 import os
 import re
 import stat
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File, FilePath
-from kybflow.core.params import ITEMS, Field
+from kybflow.core.params import (
+    BOOLEAN,
+    FILE,
+    FILE_PATH,
+    INTEGER,
+    TEXT,
+    Choice,
+    Field,
+    ListOf,
+    Numbers,
+    ValueType,
+    numbers,
+)
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import DIMENSIONS, Dimension, article, format_quantity, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, every
+from kybflow.core.units import (
+    DIMENSIONS,
+    NUMBER,
+    Dimension,
+    article,
+    format_quantity,
+    parse_quantity,
+)
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, items_of, to_json
 
 CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
@@ -46,6 +65,7 @@ _SHAPES = {
     "file": "the name of a file",
     "file path": "the name of a file",
 }
+_ROWS = {"matrix": "{} rows of {} numbers, `[[...], ...]`", "row": "{} rows of {} numbers"}
 
 
 QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
@@ -55,52 +75,112 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 
 @functools.lru_cache(maxsize=256)
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
-    """A required field of `dimension` that no part declares: a key of the language, a mission's
-    parameter."""
-    limits: dict[str, Any] = {k: bounds.get(k) for k in ("above", "at_least", "below", "at_most")}
-    return Field(
-        name=name, shape=shape, dimension=dimension, choices=(), optional=False, required=True,
-        default=None, help="", read_only=False, **limits,
-    )  # fmt: skip
+    """A required field that no record declares, such as a mission's parameter: of `dimension`, or
+    an integer, a text or a boolean."""
+    kind = _PLAIN.get(shape) or numbers(dimension, shape)
+    return Field(name=name, type=kind, required=True, key=name, **bounds)
 
 
-def decode(node: Node, field: Field) -> Diagnosed[Any]:
+_PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
+
+
+def decode(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; None, and a finding, when it is none."""
-    if field.shape == "vector":
-        return (yield from _vector(node, field))
-    if field.shape == "path":
-        return (yield from _path(node, field))
-    if field.shape in ITEMS:
-        return (yield from _items(node, field))
-    if not isinstance(node, Scalar):
-        yield _wrong(node, field)
-        return None
-    if len(node.text) > _LONGEST and field.shape not in ("text", "file", "file path"):
-        yield Diagnostic("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
-        return None
-    if field.shape == "scalar":
-        return (yield from _quantity(node, field))
-    if field.shape in ("file", "file path"):
-        return (yield from file_of(node, field))
-    return (yield from _plain(node, field))
+    value = _value(node, field, field.type, found)
+    flaw = field.flaw(value) if field.is_definite else None
+    if flaw is None:
+        return value
+    found.report("KYB105", f"`{field.key}` {flaw}", node.span)
+    return None
 
 
-def _quantity(node: Scalar, field: Field) -> Diagnosed[float | None]:
-    assert field.dimension is not None
+def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
+    if isinstance(kind, Numbers):
+        return _numbers(node, field, kind.dimension, kind.size, found)
+    if isinstance(kind, ListOf) and isinstance(node, Sequence):
+        items = [_value(item, field, kind.item, found) for item in node.items]
+        return None if None in items else tuple(items)
+    if not isinstance(node, Scalar) or isinstance(kind, ListOf):
+        _wrong(node, field, found)
+        return None
+    reader = _READERS.get(kind, _word)
+    return reader(node, field, found)
+
+
+def _word(node: Scalar, field: Field, found: Findings) -> Any:
+    """A choice, a boolean or a whole number."""
+    text, kind = node.text, field.type
+    kind = kind.item if isinstance(kind, ListOf) else kind
+    if len(text) > _LONGEST:
+        found.report("KYB104", f"`{text[:20]}...` is too long to be a value", node.span)
+    elif isinstance(kind, Choice):
+        if text in kind.words:
+            return text
+        message, hint = f"`{text}` is no choice for `{field.key}`", did_you_mean(text, kind.words)
+        found.report("KYB109", message, node.span, notes=origin(node), help=hint)
+    elif kind is BOOLEAN and text in _TRUTHS:
+        return _TRUTHS[text]
+    elif kind is INTEGER and _INTEGER.match(text):
+        return _bounded(int(text), node, field, found)
+    else:
+        _wrong(node, field, found)
+    return None
+
+
+def _numbers(
+    node: Node, field: Field, dimension: Dimension, size: tuple[int | None, ...], found: Findings
+) -> Any:
+    """A number, or lists of them as deep as `size` is long."""
+    if not size:
+        return _number(node, field, dimension, found)
+    is_whole = isinstance(node, Sequence) and size[0] in (None, len(node.items)) and node.items
+    if not is_whole:
+        is_row = field.shape == "matrix" and len(size) == 1
+        is_vector = size == (3,) and field.shape != "path"
+        shape = "row" if is_row else "vector" if is_vector else field.shape
+        _wrong(node, field, found, shape)
+    inside = [item for item in items_of(node) if is_whole or isinstance(item, Scalar)]
+    items = [_numbers(item, field, dimension, size[1:], found) for item in inside]
+    return tuple(items) if is_whole and None not in items else None
+
+
+def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> float | None:
+    is_scalar = field.shape == "scalar"
+    if not isinstance(node, Scalar) or (len(node.text) > _LONGEST and not is_scalar):
+        if is_scalar:
+            _wrong(node, field, found)
+            return None
+        message = f"a number is needed, but this is {describe(node)}"
+        found.report("KYB104", message, node.span)
+        return None
+    if len(node.text) > _LONGEST:
+        message = f"`{node.text[:20]}...` is too long to be a value"
+        found.report("KYB104", message, node.span)
+        return None
     try:
-        value = parse_quantity(node.text, field.dimension)
+        value = parse_quantity(node.text, dimension)
     except UnitError as error:
-        yield Diagnostic("KYB104", str(error), node.span, notes=origin(node), help=error.hint)
+        found.report("KYB104", str(error), node.span, notes=origin(node), help=error.hint)
         return None
-    return (yield from _bounded(value, node, field))
+    return _bounded(value, node, field, found)
 
 
-def _bounded(value: N, node: Scalar, field: Field) -> Diagnosed[N | None]:
+def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
     """`value`; None, and a finding, where it is outside of the bounds."""
     if field.outside(value) is None:
         return value
-    message, hint = f"`{field.name}` must be {bounds_of(field)}", _way_inside(value, node, field)
-    yield Diagnostic("KYB105", message, node.span, f"`{node.text}`", origin(node), hint)
+    message, hint = f"`{field.key}` must be {bounds_of(field)}", _way_inside(value, node, field)
+    found.report("KYB105", message, node.span, f"`{node.text}`", origin(node), hint)
+    return None
+
+
+def _text(node: Scalar, field: Field, found: Findings) -> str | None:
+    """A text; what stands for a parameter is one however it is written."""
+    if node.parameter or isinstance(to_json(node), str):
+        return node.text
+    message = f"`{field.key}` must be text, but this is {describe(node)} `{node.text[:60]}`"
+    hint = f'write "{node.text[:60]}" in quotes if you mean the text'
+    found.report("KYB103", message, node.span, help=hint)
     return None
 
 
@@ -142,70 +222,28 @@ def origin(node: Scalar) -> tuple[str, ...]:
     return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
 
-def _vector(node: Node, field: Field) -> Diagnosed[Any]:
-    if not isinstance(node, Sequence) or len(node.items) != 3:
-        yield _wrong(node, field)
-        return None
-    numbers = yield from every(_number(item, field) for item in node.items)
-    return None if None in numbers else tuple(numbers)
-
-
-def _number(item: Node, field: Field) -> Diagnosed[float | None]:
-    if isinstance(item, Scalar) and len(item.text) <= _LONGEST:
-        return (yield from _quantity(item, field))
-    yield Diagnostic("KYB104", f"a number is needed, but this is {describe(item)}", item.span)
-    return None
-
-
-def _path(node: Node, field: Field) -> Diagnosed[Any]:
-    if not isinstance(node, Sequence) or not node.items:
-        yield _wrong(node, field)
-        return None
-    points = yield from every(_vector(item, field) for item in node.items)
-    return None if None in points else tuple(points)
-
-
-def _items(node: Node, field: Field) -> Diagnosed[Any]:
-    if not isinstance(node, Sequence):
-        yield _wrong(node, field)
-        return None
-    one = replace(field, shape=ITEMS[field.shape])
-    items = yield from every(decode(item, one) for item in node.items)
-    return None if None in items else tuple(items)
-
-
-def _plain(node: Scalar, field: Field) -> Diagnosed[Any]:
-    text = node.text
-    if field.shape == "text" or (field.shape == "choice" and text in field.choices):
-        return text
-    if field.shape == "choice":
-        message = f"`{text}` is no choice for `{field.name}`"
-        hint = did_you_mean(text, field.choices)
-        yield Diagnostic("KYB109", message, node.span, notes=origin(node), help=hint)
-        return None
-    if field.shape == "boolean" and text in _TRUTHS:
-        return _TRUTHS[text]
-    if field.shape == "integer" and _INTEGER.match(text):
-        return (yield from _bounded(int(text), node, field))
-    yield _wrong(node, field)
-    return None
-
-
-def _wrong(node: Node, field: Field) -> Diagnostic:
-    dimension = field.dimension
-    needed = _SHAPES.get(field.shape) or (article(dimension.name) if dimension else "one value")
+def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
+    dimension, shape = field.dimension, shape or field.shape
+    needed = _SHAPES.get(shape) or (article(dimension.name) if dimension else "one value")
+    if isinstance(field.type, Numbers) and shape in _ROWS:
+        needed = _ROWS[shape].format(*field.type.size)
     size = f" of {len(node.items)}" if isinstance(node, Sequence) else ""
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
-    message = f"`{field.name}` must be {needed}, but this is {describe(node)}{size}{text}"
-    hint = "" if isinstance(node, Mapping) or dimension is None else _example(field, dimension)
-    if field.shape == "vector":
+    what = "a row" if size and shape == "row" else describe(node)
+    message = f"`{field.key}` must be {needed}, but this is {what}{size}{text}"
+    hint = (
+        "" if isinstance(node, Mapping) or dimension is None else _example(node, field, dimension)
+    )
+    if field.type is INTEGER:
+        hint = f"write it like `{NUMBER.example}`"
+    if shape == "vector":
         hint = _three_numbers(node) or hint
     if field.names == "group" and isinstance(node, Sequence):
         hint = "give them a name, `groups: {NAME: [...]}`, and write that here"
     point = _POINT.match(node.text) if isinstance(node, Scalar) else None
-    if point is not None and field.shape == "vector":
+    if point is not None and shape == "vector":
         hint = f"did you mean `{PREFIX}{point[1]}`?"
-    return Diagnostic("KYB104", message, node.span, help=hint)
+    found.report("KYB104", message, node.span, help=hint)
 
 
 _PIECE = re.compile(r"[-+]?\d+\Z", re.ASCII)
@@ -243,9 +281,29 @@ def _decimal_commas(node: Sequence) -> str:
     return f"write `[{', '.join(texts)}]`, with a decimal point"
 
 
-def _example(field: Field, dimension: Dimension) -> str:
+def _example(node: Node, field: Field, dimension: Dimension) -> str:
+    one, example = dimension.example, "{0}"
+    if isinstance(field.type, Numbers) and field.shape == "matrix":
+        is_one = isinstance(node, Scalar) and _is_quantity(node.text, dimension)
+        one = node.text if isinstance(node, Scalar) and is_one else one
+        example = diagonal(field.type.size, "{0}", format_quantity(0.0, dimension))
     shape = {"vector": "[{0}, {0}, {0}]", "path": "[[{0}, {0}, {0}], ...]"}
-    return f"write it like `{shape.get(field.shape, '{0}').format(dimension.example)}`"
+    return f"write it like `{shape.get(field.shape, example).format(one)}`"
+
+
+def _is_quantity(text: str, dimension: Dimension) -> bool:
+    try:
+        parse_quantity(text, dimension)
+    except UnitError:
+        return False
+    return True
+
+
+def diagonal(size: tuple[int | None, ...], one: str, other: str) -> str:
+    """The text of a matrix with `one` in its diagonal and `other` beside it."""
+    rows, columns = (range(side or 1) for side in size)
+    inner = (", ".join(one if i == j else other for j in columns) for i in rows)
+    return f"[{', '.join(f'[{row}]' for row in inner)}]"
 
 
 def shown_value(value: Any, field: Field) -> str:
@@ -259,12 +317,7 @@ def shown_value(value: Any, field: Field) -> str:
     return _shown(value, field.dimension) if isinstance(value, float) else str(value)
 
 
-def file_of(node: Scalar, field: Field) -> Diagnosed[File | FilePath | None]:
-    """The file that `node` names; None, and a finding, where it can't be had."""
-    return (yield from (_attached(node, field) if field.shape == "file" else _path_of(node)))
-
-
-def _attached(node: Scalar, field: Field) -> Diagnosed[File | None]:
+def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
     """The file that `node` names, beside or below the file in which it stands; None, and a finding,
     when its part can't use it."""
     try:
@@ -272,38 +325,35 @@ def _attached(node: Scalar, field: Field) -> Diagnosed[File | None]:
             node.text, Path(node.span.file).parent, "surrogateescape" if field.binary else "strict"
         )
     except FileError as error:
-        needed = () if error.hint else (f"`{field.name}`: {field.help}",)
-        yield Diagnostic("KYB370", str(error), node.span, notes=needed, help=error.hint)
+        needed = () if error.hint else (f"`{field.key}`: {field.help}",)
+        found.report("KYB370", str(error), node.span, notes=needed, help=error.hint)
         return None
     try:
         if field.reads is not None:
             field.reads(file)
     except FileError as error:
-        yield _unusable(node, file, error)
+        notes: tuple[str, ...] = ()
+        lines = file.text.splitlines() if file.is_text else []
+        if 0 < error.line <= len(lines):  # what is missing is behind the last
+            text = lines[error.line - 1].strip()
+            shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
+            notes = (f"{file.name}:{error.line}: {shown}",)
+        label = f"line {error.line}" if error.line else ""
+        message = f"`{file.name}`: {error}"
+        found.report("KYB371", message, node.span, label, notes, error.hint)
         return None
     return file
 
 
-def _path_of(node: Scalar) -> Diagnosed[FilePath | None]:
+def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
     """Where the file is that `node` names, as seen from the file in which it stands; None, and a
     finding, when there is none."""
     path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
     if "\0" not in path and os.path.isfile(path):
         return FilePath(path)
     hint = "name a file that is there, as seen from the folder of the one that names it"
-    yield Diagnostic("KYB370", f"`{node.text}` is no file", node.span, help=hint)
+    found.report("KYB370", f"`{node.text}` is no file", node.span, help=hint)
     return None
-
-
-def _unusable(node: Scalar, file: File, error: FileError) -> Diagnostic:
-    notes: tuple[str, ...] = ()
-    lines = file.text.splitlines() if file.is_text else []
-    if 0 < error.line <= len(lines):  # what is missing is behind the last
-        text = lines[error.line - 1].strip()
-        shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
-        notes = (f"{file.name}:{error.line}: {shown}",)
-    label = f"line {error.line}" if error.line else ""
-    return Diagnostic("KYB371", f"`{file.name}`: {error}", node.span, label, notes, error.hint)
 
 
 def _read(name: str, folder: Path, errors: str) -> File:
@@ -329,3 +379,10 @@ def _read(name: str, folder: Path, errors: str) -> File:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise FileError(f"`{name}` is not UTF-8 text in line {line}") from None
+
+
+_READERS: dict[ValueType, Callable[[Scalar, Field, Findings], Any]] = {
+    FILE: _attached,
+    FILE_PATH: _path_of,
+    TEXT: _text,
+}

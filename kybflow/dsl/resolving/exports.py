@@ -3,11 +3,12 @@ and with the parts of a stack in the place of `- stack: NAME`; its chains as the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
@@ -16,11 +17,11 @@ from kybflow.dsl.reading.nodes import (
     Sequence,
     entries_of,
     is_null,
+    items_of,
 )
-from kybflow.dsl.resolving.imports import LibraryPath, installed, read_library
+from kybflow.dsl.resolving.library_files import LibraryPath, installed, read_library
 from kybflow.dsl.resolving.like import merge
 from kybflow.dsl.resolving.parameters import ParameterTable
-from kybflow.dsl.schema.building import LISTS
 
 CODES = {
     "KYB157": "A stack that has nothing for the list in which it stands.",
@@ -34,7 +35,8 @@ _REMOVED = {"vehicles": "behaviors", "flows": "phases"}
 
 
 class Exports:
-    """The entries that one file exports. Each is resolved when it is first needed."""
+    """The entries that one file exports. Each is resolved when it is first needed. `root` is the
+    file with its `parameters` in place."""
 
     def __init__(
         self,
@@ -42,161 +44,27 @@ class Exports:
         imports: dict[str, Exports | None],
         base: Mapping,
         parameters: ParameterTable,
+        found: Findings,
     ) -> None:
-        self._root = root
+        self.root = root
+        self.parameters = parameters
         self._imports = imports
         self._base = base
-        self.parameters = parameters
+        self._found = found
         self._done: dict[tuple[str, str], Mapping | None] = {}
-        self._qualified: dict[tuple[str, str], Mapping] = {}
+        self._qualified: dict[str, Mapping] = {}
         self._written: dict[str, dict[str, MappingEntry]] = {}
         self._open: list[tuple[str, str]] = []
 
-    def own(self, section: str) -> list[str]:
-        """The names that the file itself has in `section`."""
-        return list(self.written(section))
-
     def names(self, section: str) -> list[str]:
         """The names that may be used in the file, those of its imports qualified."""
-        imported = ((i, o.own(section)) for i, o in self._imports.items() if o is not None)
-        return self.own(section) + [f"{i}.{n}" for i, names in imported for n in names]
-
-    def get(self, section: str, name: str) -> Diagnosed[Mapping | None]:
-        """The whole entry; None when it has errors or doesn't exist."""
-        key = (section, name)
-        if key not in self._done:
-            self._open.append(key)
-            self._done[key] = yield from self._whole(section, name)
-            self._open.pop()
-        return self._done[key]
-
-    def _whole(self, section: str, name: str) -> Diagnosed[Mapping | None]:
-        node = self._root.get(section)
-        own = node.get(name) if isinstance(node, Mapping) else None
-        if not isinstance(own, Mapping):
-            own = EMPTY
-        like = own.get("like")
-        base: Mapping | None = self._base if section == "vehicles" else EMPTY
-        if isinstance(like, Scalar):
-            base = yield from self.named(section, like)
-        if base is None:
-            return None
-        plain = Mapping({k: e for k, e in own.entries.items() if k != "like"}, own.span)
-        if section in ("vehicles", "stacks"):
-            plain = yield from self._with_stacks(plain)
-        used = (like.span,) if section == "flows" and isinstance(like, Scalar) else ()
-        whole = merge(base, plain, used)
-        removed = _REMOVED.get(section)
-        if removed is not None:
-            yield from _not_there(base.get(removed), plain.get(removed), removed)
-        airframe = plain.entries.get("airframe")
-        if section == "vehicles" and airframe and whole.get("airframe") is not None:
-            body = yield from self.started("airframes", airframe.value, whole.get("airframe"))
-            if body is None:
-                return None
-            whole.entries["airframe"] = MappingEntry(airframe.key, body)
-        return whole
-
-    def started(self, section: str, written: Node, plain: Node | None) -> Diagnosed[Node | None]:
-        """An entry of `section` in its place: the one that is named, or started from with `like`;
-        `plain` where it is neither. None when it has errors."""
-        if isinstance(written, Scalar):
-            return (yield from self.named(section, written))
-        like = written.get("like") if isinstance(written, Mapping) else None
-        if not isinstance(written, Mapping) or not isinstance(like, Scalar):
-            return plain
-        base = yield from self.named(section, like)
-        own = {key: entry for key, entry in written.entries.items() if key != "like"}
-        return None if base is None else merge(base, Mapping(own, written.span))
-
-    def named(self, section: str, name: Scalar) -> Diagnosed[Mapping | None]:
-        """The entry that `name` (`x`, or `import.x`) means here."""
-        key = (section, name.text)
-        if key in self._open or len(self._open) > _CHAIN:
-            verb = "has" if section == "stacks" else "is like"
-            chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
-            yield Diagnostic("KYB125", f"{chain[:200]}: this never ends", name.span)
-            return None
-        library, _, inner = name.text.rpartition(".")
-        if library in self._imports:
-            exports = self._imports[library]
-            if exports is None:
-                return None
-            if inner in exports.written(section):
-                return (yield from self._imported(section, library, inner, exports))
-        elif not library and inner in self.written(section):
-            return (yield from self.get(section, inner))
-        yield self._unknown(section, name, library)
-        return None
-
-    def _imported(
-        self, section: str, library: str, name: str, exports: Exports
-    ) -> Diagnosed[Mapping | None]:
-        """An entry of an import; the chains that a vehicle names are called as they are here."""
-        whole = yield from exports.get(section, name)
-        if whole is None or section != "vehicles":
-            return whole
-        key = (library, name)
-        if key not in self._qualified:
-            self._qualified[key] = _qualified(whole, library)
-        return self._qualified[key]
-
-    def _with_stacks(self, body: Mapping) -> Diagnosed[Mapping]:
-        """A vehicle, or a stack, with every stack in its lists replaced by its parts. One without
-        any stays the same object."""
-        entries: dict[str, MappingEntry] = {}
-        for key in LISTS:
-            entry = body.entries.get(key)
-            node = None if entry is None else entry.value
-            if entry is not None and isinstance(node, Sequence) and any(map(stack_of, node.items)):
-                items = yield from self._parts(key, node)
-                entries[key] = entry._replace(value=Sequence(tuple(items), node.span))
-        return Mapping({**body.entries, **entries}, body.span) if entries else body
-
-    def _parts(self, key: str, written: Sequence) -> Diagnosed[list[Node]]:
-        """The parts of a list in which stacks stand."""
-        parts: list[Node] = []
-        for item in written.items:
-            name = stack_of(item)
-            if name is None:
-                parts.append(item)
-                continue
-            stack = yield from self.named("stacks", name)
-            own = None if stack is None else stack.get(key)
-            if isinstance(own, Sequence):
-                parts += own.items
-            elif stack is not None:
-                others = " and ".join(other for other in LISTS if stack.get(other) is not None)
-                message = f"the stack `{name.text}` has no {key}"
-                hint = f"it has {others or 'nothing'}"
-                yield Diagnostic("KYB157", message, name.span, help=hint)
-        return parts
-
-    def chain(self, name: Scalar) -> Diagnosed[tuple[Exports, str] | None]:
-        """(the file, the name in it) of the chain that `chain.NAME` or `chain.IMPORT.NAME` means
-        here; None, and a finding, where there is none."""
-        *libraries, inner = name.text.split(".")[1:]
-        exports: Exports = self
-        for library in libraries:
-            found = exports._imports.get(library)
-            if library not in exports._imports:
-                rest = name._replace(text=name.text.removeprefix("chain."))
-                yield self._unknown("chains", rest, library)
-            if found is None:
-                return None
-            exports = found
-        if inner in exports.own("chains"):
-            return exports, inner
-        known = [f"chain.{own}" for own in self.names("chains")]
-        hint = did_you_mean(name.text, known) or "no chain is at hand"
-        message = f"no chain is called `{name.text.removeprefix('chain.')}`"
-        yield Diagnostic("KYB124", message, name.span, help=hint)
-        return None
+        imported = [(i, o.written(section)) for i, o in self._imports.items() if o is not None]
+        return [*self.written(section), *(f"{i}.{n}" for i, names in imported for n in names)]
 
     def written(self, section: str) -> dict[str, MappingEntry]:
         """The own entries as they are written, those that are null left out."""
         if section not in self._written:
-            entries = entries_of(self._root.get(section))
+            entries = entries_of(self.root.get(section))
             self._written[section] = {n: e for n, e in entries.items() if not is_null(e.value)}
         return self._written[section]
 
@@ -206,26 +74,155 @@ class Exports:
         assert isinstance(written, Mapping)
         return written
 
-    def _unknown(self, section: str, name: Scalar, library: str) -> Diagnostic:
+    def section(self, section: str) -> Mapping | None:
+        """A section of the file itself, each of its entries whole; None where there is none."""
+        written = self.root.entries.get(section)
+        if written is None:
+            return None
+        whole: dict[str, MappingEntry] = {}
+        for name, entry in self.written(section).items():
+            body = self.get(section, name)
+            if body is not None:
+                whole[name] = MappingEntry(entry.key, body)
+        return Mapping(whole, written.key.span)
+
+    def get(self, section: str, name: str) -> Mapping | None:
+        """The whole entry; None when it has errors or doesn't exist."""
+        key = (section, name)
+        if key not in self._done:
+            self._open.append(key)
+            self._done[key] = self._whole(section, name)
+            self._open.pop()
+        return self._done[key]
+
+    def _whole(self, section: str, name: str) -> Mapping | None:
+        node = self.root.get(section)
+        own = node.get(name) if isinstance(node, Mapping) else None
+        if not isinstance(own, Mapping):
+            own = EMPTY
+        like = own.get("like")
+        base: Mapping | None = self._base if section == "vehicles" else EMPTY
+        if isinstance(like, Scalar):
+            base = self.named(section, like)
+        if base is None:
+            return None
+        plain = Mapping({k: e for k, e in own.entries.items() if k != "like"}, own.span)
+        if section in ("vehicles", "stacks"):
+            plain = self._with_stacks(plain)
+        used = (like.span,) if section == "flows" and isinstance(like, Scalar) else ()
+        whole = merge(base, plain, used)
+        removed = _REMOVED.get(section)
+        if removed is not None:
+            self._judge_removed(base.get(removed), plain.get(removed), removed[:-1])
+        airframe = plain.entries.get("airframe")
+        if section == "vehicles" and airframe and whole.get("airframe") is not None:
+            body = self.started("airframes", airframe.value, whole.get("airframe"))
+            if body is None:
+                return None
+            whole.entries["airframe"] = MappingEntry(airframe.key, body)
+        return whole
+
+    def _judge_removed(self, base: Node | None, own: Node | None, what: str) -> None:
+        """Warn of each `what` that is removed, and that `like` does not bring."""
+        brought = entries_of(base)
+        for name, entry in entries_of(own).items():
+            if is_null(entry.value) and name not in brought:
+                message = f"there is no {what} `{name}` to remove"
+                hint = did_you_mean(name, brought) or "leave it away"
+                self._found.warn("KYB129", message, entry.key.span, help=hint)
+
+    def started(self, section: str, written: Node, plain: Node | None) -> Node | None:
+        """An entry of `section` in its place: the one that is named, or started from with `like`;
+        `plain` where it is neither. None when it has errors."""
+        if isinstance(written, Scalar):
+            return self.named(section, written)
+        like = written.get("like") if isinstance(written, Mapping) else None
+        if not isinstance(written, Mapping) or not isinstance(like, Scalar):
+            return plain
+        base = self.named(section, like)
+        own = {key: entry for key, entry in written.entries.items() if key != "like"}
+        return None if base is None else merge(base, Mapping(own, written.span))
+
+    def named(self, section: str, name: Scalar) -> Mapping | None:
+        """The entry that `name` (`x`, or `import.x`) means here. The chains that an imported
+        vehicle names are called as they are here."""
+        key = (section, name.text)
+        if key in self._open or len(self._open) > _CHAIN:
+            verb = "has" if section == "stacks" else "is like"
+            chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
+            self._found.report("KYB125", f"{chain[:200]}: this never ends", name.span)
+            return None
+        library, _, inner = name.text.rpartition(".")
+        exports = self._imports.get(library) if library else self
+        if exports is None and library in self._imports:
+            return None
+        if exports is None or inner not in exports.written(section):
+            self._report_unknown(section, name, library)
+            return None
+        whole = exports.get(section, inner)
+        if whole is None or section != "vehicles" or exports is self:
+            return whole
+        if name.text not in self._qualified:
+            self._qualified[name.text] = _qualified(whole, library)
+        return self._qualified[name.text]
+
+    def _with_stacks(self, body: Mapping) -> Mapping:
+        """A vehicle, or a stack, with every stack in its lists replaced by its parts. One without
+        any stays the same object."""
+        entries: dict[str, MappingEntry] = {}
+        for key in LISTS:
+            entry = body.entries.get(key)
+            node = None if entry is None else entry.value
+            if entry is not None and isinstance(node, Sequence) and any(map(stack_of, node.items)):
+                items = tuple([part for item in node.items for part in self._parts(key, item)])
+                entries[key] = entry._replace(value=Sequence(items, node.span))
+        return Mapping({**body.entries, **entries}, body.span) if entries else body
+
+    def _parts(self, key: str, item: Node) -> tuple[Node, ...]:
+        """The parts that an item of the list `key` stands for: itself, or those of a stack."""
+        name = stack_of(item)
+        if name is None:
+            return (item,)
+        stack = self.named("stacks", name)
+        own = None if stack is None else stack.get(key)
+        if stack is not None and not isinstance(own, Sequence):
+            others = " and ".join(other for other in LISTS if stack.get(other) is not None)
+            message, hint = f"the stack `{name.text}` has no {key}", f"it has {others or 'nothing'}"
+            self._found.report("KYB157", message, name.span, help=hint)
+        return items_of(own)
+
+    def chain(self, name: Scalar) -> tuple[Exports, str] | None:
+        """(the file, the name in it) of the chain that `chain.NAME` or `chain.IMPORT.NAME` means
+        here; None, and a finding, where there is none."""
+        *libraries, inner = name.text.split(".")[1:]
+        exports: Exports = self
+        for library in libraries:
+            if library not in exports._imports:
+                rest = name._replace(text=name.text.removeprefix("chain."))
+                self._report_unknown("chains", rest, library)
+            imported = exports._imports.get(library)
+            if imported is None:
+                return None
+            exports = imported
+        if inner in exports.written("chains"):
+            return exports, inner
+        known = [f"chain.{own}" for own in self.names("chains")]
+        hint = did_you_mean(name.text, known) or "no chain is at hand"
+        message = f"no chain is called `{name.text.removeprefix('chain.')}`"
+        self._found.report("KYB124", message, name.span, help=hint)
+        return None
+
+    def _report_unknown(self, section: str, name: Scalar, library: str) -> None:
         if library and library not in self._imports:
-            message, names = f"there is no import `{library}`", self._imports
-            return Diagnostic("KYB124", message, name.span, help=_import_of(name.text, names))
-        what = section.removesuffix("s")
-        asking = {own for kind, own in self._open if kind == section}
-        known = [other for other in self.names(section) if other not in asking]
-        hint = did_you_mean(name.text, known) or f"no other is under `{section}`"
-        return Diagnostic("KYB124", f"no {what} is called `{name.text}`", name.span, help=hint)
-
-
-def _not_there(base: Node | None, own: Node | None, what: str) -> Iterator[Diagnostic]:
-    """KYB129 for each of `what` that is removed, and that `like` does not bring."""
-    brought = entries_of(base)
-    for name, entry in entries_of(own).items():
-        if is_null(entry.value) and name not in brought:
-            message = f"there is no {what[:-1]} `{name}` to remove"
-            hint = did_you_mean(name, brought) or "leave it away"
-            warning = Severity.WARNING
-            yield Diagnostic("KYB129", message, entry.key.span, help=hint, severity=warning)
+            message = f"there is no import `{library}`"
+            hint = _import_of(name.text, self._imports)
+        else:
+            what = section.removesuffix("s")
+            asking = {own for kind, own in self._open if kind == section}
+            known = [other for other in self.names(section) if other not in asking]
+            message = f"no {what} is called `{name.text}`"
+            hint = did_you_mean(name.text, known) or f"no other is under `{section}`"
+        self._found.report("KYB124", message, name.span, help=hint)
 
 
 def _import_of(name: str, imports: Iterable[str]) -> str:

@@ -1,202 +1,156 @@
-"""Find the file that an import means: beside the importing file, then in an installed library,
-never outside of both."""
+"""Imports away: what each imported file exports, with its own parameters in place."""
 
 from __future__ import annotations
 
-import functools
-import importlib.util
-import itertools
 import os
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import NamedTuple
 
-import kybflow
-from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
-from kybflow.dsl.reading.nodes import Mapping, Scalar
-from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
-from kybflow.dsl.schema.judge import judge_file
+from kybflow.dsl.diagnostics.diagnostic import Findings, has_errors
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
+from kybflow.dsl.reading.reader import ParsedFile
+from kybflow.dsl.resolving.exports import EMPTY, Exports
+from kybflow.dsl.resolving.library_files import (
+    LibraryFile,
+    LibraryPath,
+    find,
+    installed,
+    read_library,
+    shown_path,
+)
+from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
+from kybflow.dsl.resolving.substitution import Substitution, known
 
-CODES = {
-    "KYB120": "An import that names no file.",
-    "KYB121": "An import that leaves the mission's folder and the installed libraries.",
-    "KYB122": "Files that import each other in a cycle.",
-    "KYB123": "An imported file that is no library.",
-    "KYB127": "More imports than a mission may have, counted along every way to a library.",
-}
-GROUP = "kybflow.missions"
-_STANDARD = "the standard library is `kybflow/airframes`"
-
-
-class LibraryPath(NamedTuple):
-    """A file to import: where it is and how reports call it."""
-
-    path: Path
-    file: str
+MAX_IMPORTS = 200
+_CHAIN = 20
+_WITH = "with: {{{}: ...}}"
+"""How an import gives a parameter its value."""
+_KEPT = frozenset({"import", "parameters"})
 
 
-def find(text: Scalar, importer: LibraryPath, root: Path) -> Diagnosed[LibraryPath | None]:
-    """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
-    relative = Path(text.text)
-    try:
-        place = None if relative.is_absolute() else _search(relative, importer, root)
-    except PermissionError:
-        place = None
-    except (OSError, ValueError):  # a name that no file can have
-        yield _missing(text, importer)
-        return None
-    if place is None:
-        yield _outside(text)
-    elif not place.file:
-        yield _missing(text, importer)
-    return place if place and place.file else None
+class Files:
+    """The files of one compilation: the mission, and what it imports, as they are read."""
+
+    def __init__(self, mission: ParsedFile, path: Path) -> None:
+        self.root = path.parent
+        self.sources: dict[str, ParsedFile] = {mission.file: mission}
+        self.via: dict[str, tuple[Span, ...]] = {mission.file: ()}
+        readable = mission.root is not None
+        first = Span(mission.file, 1, 1, 1, 1)
+        self.open: dict[str, Span] = {os.path.realpath(path): first} if readable else {}
+        self.mission = LibraryPath(path, mission.file)
+        self._imports = 0
+
+    def add(self, source: ParsedFile, via: tuple[Span, ...]) -> None:
+        self.sources.setdefault(source.file, source)
+        self.via.setdefault(source.file, via)
+
+    def may_open(self, target: LibraryPath, real: str, at: Span, found: Findings) -> bool:
+        """Whether one more import, that of `target` at `at`, may be followed."""
+        self._imports += 1
+        if self._imports > MAX_IMPORTS:
+            if self._imports == MAX_IMPORTS + 1:
+                message = f"more than {MAX_IMPORTS} imports, counted along every way"
+                found.report("KYB127", message, at)
+            return False
+        if real not in self.open and len(self.open) <= _CHAIN:
+            return True
+        message = f"`{target.file}` is imported while it is being imported"
+        notes = (f"first reached at {self.open.get(real, at).at}",)
+        found.report("KYB122", message, at, notes=notes)
+        return False
 
 
-def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | None:
-    """The file beside the importer, else in an installed library; one without a name where there is
-    none, None where it is outside of the roots."""
-    beside = importer.path.parent / relative
-    if not _within(beside, (root, *_home_of(importer.path))):
-        return None
-    if os.path.isfile(beside):
-        folder = os.path.dirname(importer.file)
-        return LibraryPath(beside, os.path.normpath(os.path.join(folder, relative)))
-    home = installed(relative.parts[0]) if len(relative.parts) > 1 else None
+def load(files: Files, root: Mapping, declared: ParameterTable, found: Findings) -> Exports:
+    """What the file under compilation exports, whose top level is `root`, with every import of it
+    loaded."""
+    substitution = Substitution(declared, found)
+    loader = _Loader(files, _default_vehicle(files, found), found)
+    exports = loader.exports(root, substitution, files.mission)
+    substitution.judge()
+    return exports
+
+
+def _default_vehicle(files: Files, found: Findings) -> Mapping:
+    """The vehicle that every other one starts from."""
+    home = installed("kybflow")
     if home is None:
-        return LibraryPath(beside, "")
-    path = home.joinpath(*relative.parts[1:])
-    path = path if path.suffix else path.with_suffix(".yaml")
-    if not _within(path, (home,)):
+        return EMPTY
+    path = home / "defaults.yaml"
+    place = LibraryPath(path, shown_path(path))
+    library = read_library(place)
+    files.add(library.source, ())
+    root = library_root(library, Span(place.file, 1, 1, 1, 1), found)
+    if root is None:
+        return EMPTY
+    unset = Substitution(ParameterTable({}, {}), found)
+    exports = _Loader(files, EMPTY, found).exports(root, unset, place)
+    return exports.get("vehicles", "default") or EMPTY
+
+
+class _Loader:
+    """Reads what the files of one compilation import. `base` is the vehicle that every other one
+    starts from."""
+
+    def __init__(self, files: Files, base: Mapping, found: Findings) -> None:
+        self._files, self._base, self._found = files, base, found
+
+    def exports(self, root: Mapping, substitution: Substitution, place: LibraryPath) -> Exports:
+        """What the file `root` exports, with its parameters in place."""
+        entries = {key: entry for key, entry in root.entries.items() if key not in _KEPT}
+        if "$" in self._files.sources[place.file].text:
+            for key, entry in entries.items():
+                if key == "chains":
+                    substitution.note(entry.value)
+                    continue
+                value = substitution.apply(entry.value, key == "expect")
+                entries[key] = entry._replace(value=value)
+        imports = {
+            name: self._imported(entry.value, substitution, place)
+            for name, entry in entries_of(root.get("import")).items()
+        }
+        plain = Mapping(entries, root.span)
+        return Exports(plain, imports, self._base, substitution.parameters, self._found)
+
+    def _imported(
+        self, node: Node, substitution: Substitution, importer: LibraryPath
+    ) -> Exports | None:
+        """What the file exports that an import names; None where there is none, or no library."""
+        files, settings = self._files, dict[str, Setting]()
+        text: Node | None = node
+        if isinstance(node, Mapping):
+            text = node.get("from")
+            for name, entry in entries_of(node.get("with")).items():
+                value = known(substitution.apply(entry.value))
+                settings[name] = Setting(value, entry.key.span)
+        if not isinstance(text, Scalar):
+            return None
+        target = find(text, importer, files.root, self._found)
+        if target is None:
+            return None
+        at, real = text.span, os.path.realpath(target.path)
+        if not files.may_open(target, real, at, self._found):
+            return None
+        library = read_library(target)
+        files.add(library.source, (*files.via[importer.file], at))
+        root = library_root(library, at, self._found)
+        if root is None:
+            return None
+        files.open[real] = at
+        declared = declare(root.get("parameters"), settings, self._found, set_by=_WITH)
+        exports = self.exports(root, Substitution(declared, self._found), target)
+        del files.open[real]
+        return exports
+
+
+def library_root(library: LibraryFile, at: Span, found: Findings) -> Mapping | None:
+    """The top level of a library file; None, and findings, when it is none."""
+    found.add(library.findings)
+    root = library.source.root
+    if has_errors(library.findings) or root is None:
         return None
-    return LibraryPath(path, shown_path(path) if os.path.isfile(path) else "")
-
-
-def _missing(text: Scalar, importer: LibraryPath) -> Diagnostic:
-    near = nearest(text.text, _at_hand(importer, text.text))
-    return Diagnostic(
-        "KYB120",
-        f"`{text.text}` is no file",
-        text.span,
-        notes=("looked beside the importing file and in the installed libraries",),
-        help=f"did you mean `{near}`?" if near else _STANDARD,
-    )
-
-
-def _at_hand(importer: LibraryPath, name: str) -> list[str]:
-    """The names that an import could mean: files in the folder that `name` speaks of, installed
-    libraries."""
-    folder = os.path.dirname(name)
-    beside = importer.path.parent / folder
-    shown: list[str] = []
-    if "\0" not in folder and _within(beside, (importer.path.parent,)) and os.path.isdir(beside):
-        files = itertools.islice(beside.glob("*.yaml"), MOST_FILES)
-        shown += sorted(os.path.join(folder, f.name) for f in files if f != importer.path)
-    packages = {"kybflow", *(entry.name for entry in entry_points(group=GROUP))}
-    for package in sorted(packages):
-        home = installed(package)
-        shown += [f"{package}/{f.stem}" for f in sorted(home.glob("*.yaml"))] if home else []
-    return shown
-
-
-def _outside(text: Scalar) -> Diagnostic:
-    return Diagnostic(
-        "KYB121",
-        f"`{text.text}` is outside of the mission's folder",
-        text.span,
-        help="import files beside or below the mission, or from an installed library",
-    )
-
-
-def _within(path: Path, roots: tuple[Path, ...]) -> bool:
-    real, homes = os.path.realpath(path), map(os.path.realpath, roots)
-    return any(os.path.commonpath((real, home)) == home for home in homes)
-
-
-def _home_of(path: Path) -> tuple[Path, ...]:
-    """The installed library that `path` lies in, so that its files can import each other."""
-    standard = installed("kybflow")
-    return (standard,) if standard and path.is_relative_to(standard) else (path.parent,)
-
-
-def shown_path(path: Path) -> str:
-    """`path` as reports call it: from the working directory where it is below it."""
-    try:
-        return str(path.relative_to(Path.cwd()))
-    except ValueError:
-        return str(path)
-
-
-@functools.cache
-def installed(name: str) -> Path | None:
-    """The folder `library` of the missions that the package `name` ships; None where there is none.
-
-    Our own is `kybflow/missions/library` in a wheel and `missions/library` in a checkout; others
-    are found through the entry-point group `kybflow.missions`.
-    """
-    if name == "kybflow":
-        package = Path(kybflow.__file__).parent
-        folders = (package / "missions", package.parent / "missions")
-        return next((f / "library" for f in folders if f.is_dir()), None)
-    for entry in entry_points(group=GROUP, name=name):
-        try:
-            spec = importlib.util.find_spec(entry.value)
-        except ModuleNotFoundError:
-            continue
-        for folder in (spec.submodule_search_locations or ()) if spec else ():
-            return Path(folder) / "library"
+    if isinstance(root, Mapping) and "library" in root.entries:
+        return root
+    message = f"`{library.source.file}` is no library"
+    found.report("KYB123", message, at, help="a library begins with `library: NAME`")
     return None
-
-
-def without_homes(text: str) -> str:
-    """`text` with the files of installed libraries called by their package, not by the folder where
-    that is installed: `kybflow/missions/library/airframes.yaml`."""
-    for home, name in _homes().items():
-        text = text.replace(home, name)
-    return text
-
-
-@functools.cache
-def _homes() -> dict[str, str]:
-    """The folder of each installed library, and how a reader knows it."""
-    packages = ("kybflow", *(entry.name for entry in entry_points(group=GROUP)))
-    folders = {name: installed(name) for name in dict.fromkeys(packages)}
-    return {f"{f}/": f"{name}/missions/library/" for name, f in folders.items() if f is not None}
-
-
-class Library(NamedTuple):
-    """A library file as read, and what is wrong with its shape."""
-
-    source: ParsedFile
-    findings: tuple[Diagnostic, ...]
-
-
-class _Version(NamedTuple):
-    """A file on disk with its time and size, as the key of a cache."""
-
-    place: LibraryPath
-    modified: int
-    size: int
-
-
-@functools.lru_cache(maxsize=64)
-def _read(version: _Version) -> Library:
-    place = version.place
-    return judged(read(place.path, place.file))
-
-
-def judged(source: ParsedFile) -> Library:
-    """The library with what is wrong with it."""
-    root = source.root
-    if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
-        return Library(source, source.found)
-    return Library(source, tuple(judge_file(root, "library")))
-
-
-def read_library(place: LibraryPath) -> Library:
-    """A library file, read and judged again only when it changed."""
-    try:
-        status = place.path.stat()
-    except OSError:
-        return judged(read(place.path, place.file))
-    return _read(_Version(place, status.st_mtime_ns, status.st_size))

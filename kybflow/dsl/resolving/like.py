@@ -4,7 +4,7 @@ whole rule."""
 from __future__ import annotations
 
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, is_null
 
 CODES = {
     "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
@@ -12,8 +12,6 @@ CODES = {
     "KYB126": "More values than a mission may have, counted after `like`.",
     "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
 }
-
-
 Places = tuple[Span, ...]
 """Where something is used, outermost first."""
 
@@ -26,34 +24,25 @@ def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
         for key, entry in base.entries.items()
     }
     for key, entry in own.entries.items():
-        under = entries.get(key)
-        if _removes(entry.value):
+        under, value = entries.get(key), entry.value
+        if is_null(value):
             entries.pop(key, None)
-        elif under is not None and isinstance(under.value, Mapping):
-            entries[key] = MappingEntry(entry.key, _over(under.value, entry.value, under.used))
-        else:
-            entries[key] = MappingEntry(entry.key, _over(None, entry.value, ()))
+            continue
+        if isinstance(value, Mapping):
+            if under is not None and isinstance(under.value, Mapping):
+                value = merge(under.value, value, under.used)
+            elif _has_null(value):
+                value = merge(Mapping({}, value.span), value)
+        entries[key] = MappingEntry(entry.key, value)
     return Mapping(entries, own.span)
-
-
-def _over(under: Mapping | None, value: Node, used: Places) -> Node:
-    if not isinstance(value, Mapping):
-        return value
-    if under is not None:
-        return merge(under, value, used)
-    return merge(Mapping({}, value.span), value) if _has_null(value) else value
 
 
 def _has_null(value: Mapping) -> bool:
     """Whether there is anything to remove; a node without keeps being shared."""
     return any(
-        _removes(entry.value) or (isinstance(entry.value, Mapping) and _has_null(entry.value))
+        is_null(entry.value) or (isinstance(entry.value, Mapping) and _has_null(entry.value))
         for entry in value.entries.values()
     )
-
-
-def _removes(value: Node) -> bool:
-    return isinstance(value, Scalar) and value.is_null
 
 
 class UseMarker:
@@ -71,23 +60,17 @@ class UseMarker:
         return self._done[key][1]
 
     def _copied(self, node: Node, used: Places) -> Node:
+        span = node.span._replace(used=used) if used else node.span
         if isinstance(node, Scalar):
-            return _scalar(node, used)
+            return node._replace(span=span) if used else node
         if isinstance(node, Sequence):
             items = tuple(self.marked(item, used) for item in node.items) if used else node.items
-            return Sequence(items, _span(node.span, used))
-        entries = {name: self._entry(entry, used) for name, entry in node.entries.items()}
-        return Mapping(entries, _span(node.span, used))
-
-    def _entry(self, entry: MappingEntry, used: Places) -> MappingEntry:
-        places = (*used, *entry.used)
-        value = self.marked(entry.value, places)
-        return MappingEntry(_scalar(entry.key, places), value, entry.inherited, depth=entry.depth)
-
-
-def _scalar(node: Scalar, used: Places) -> Scalar:
-    return node._replace(span=_span(node.span, used)) if used else node
-
-
-def _span(span: Span, used: Places) -> Span:
-    return span._replace(used=used) if used else span
+            return Sequence(items, span)
+        entries: dict[str, MappingEntry] = {}
+        for name, entry in node.entries.items():
+            places, key = (*used, *entry.used), entry.key
+            if places:
+                key = key._replace(span=key.span._replace(used=places))
+            value = self.marked(entry.value, places)
+            entries[name] = MappingEntry(key, value, entry.inherited, depth=entry.depth)
+        return Mapping(entries, span)

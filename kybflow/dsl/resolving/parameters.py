@@ -10,14 +10,22 @@ from decimal import Decimal
 from math import inf
 from typing import Any, NamedTuple
 
-from kybflow.core.params import Field
+from kybflow.core.params import TEXT, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, SET, Span
-from kybflow.dsl.document import Parameter
+from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.composer import compose
-from kybflow.dsl.reading.nodes import NAME, Mapping, MappingEntry, Node, Scalar, Sequence
+from kybflow.dsl.reading.nodes import (
+    NAME,
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+)
 from kybflow.dsl.reading.values import (
     QUANTITIES,
     TYPES,
@@ -64,36 +72,29 @@ class Setting(NamedTuple):
     name: Span
 
 
-def parse_settings(sets: Iterable[str]) -> Diagnosed[dict[str, Setting]]:
+def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
     """The values of `--set name=value` by name."""
     settings: dict[str, Setting] = {}
     for line, text in enumerate(sets, start=1):
-        name, equals, value = text.partition("=")
-        span = Span(SET, line, 1, line, len(text) + 1)
-        if not equals or not NAME.match(name.strip()) or not value.strip() or "\n" in text:
+        before, equals, value = text.partition("=")
+        name, span = before.strip(), Span(SET, line, 1, line, len(text) + 1)
+        if not equals or not NAME.match(name) or not value.strip() or "\n" in text:
             hint = "write `--set name=value`"
-            yield Diagnostic("KYB135", f"`{text}` is no setting", span, help=hint)
+            found.report("KYB135", f"`{text}` is no setting", span, help=hint)
             continue
-        node, findings = compose(value, SET)
-        if node is None or findings or isinstance(node, Mapping):
-            yield Diagnostic("KYB135", f"`{value}` is no value of a parameter", span)
+        own = Findings()
+        node = compose(value, SET, own)
+        if node is None or own.all or isinstance(node, Mapping):
+            found.report("KYB135", f"`{value}` is no value of a parameter", span)
             continue
-        place = Span(SET, line, 1, line, len(name) + 1)
-        if name.strip() in settings:
-            yield _set_twice(name.strip(), settings[name.strip()].name, place)
+        place = span._replace(end_column=len(before) + 1)
+        if name in settings:
+            notes = (f"{settings[name].name.at} sets it already",)
+            hint = "give each parameter one value"
+            found.report("KYB460", f"`{name}` is set twice", place, notes=notes, help=hint)
             continue
-        settings[name.strip()] = Setting(_moved(node, line, len(name) + 1), place)
+        settings[name] = Setting(_moved(node, line, len(before) + 1), place)
     return settings
-
-
-def _set_twice(name: str, first: Span, again: Span) -> Diagnostic:
-    return Diagnostic(
-        "KYB460",
-        f"`{name}` is set twice",
-        again,
-        notes=(f"{first.at} sets it already",),
-        help="give each parameter one value",
-    )
 
 
 def _moved(node: Node, line: int, shift: int) -> Node:
@@ -108,76 +109,81 @@ def _moved(node: Node, line: int, shift: int) -> Node:
 def declare(
     section: Node | None,
     settings: MappingOf[str, Setting],
+    found: Findings,
     use: Scalar | None = None,
     set_by: str = "--set {}=...",
-) -> Diagnosed[ParameterTable]:
+) -> ParameterTable:
     """The parameters of `section` after `settings` (values by name). `use` is the place where a
     chain is used; None for a file, whose parameters are `set_by` that."""
-    entries = section.entries if isinstance(section, Mapping) else {}
+    entries = entries_of(section)
     declared: dict[str, BoundParameter] = {}
     for name, entry in entries.items():
         given = settings.get(name)
         if given is not None and given.node is None:
             continue
-        one = yield from _declare(name, entry, given.node if given else None, use, set_by)
+        one = _declare(name, entry, given.node if given else None, use, set_by, found)
         if one is not None:
             declared[name] = one
     for name, setting in settings.items():
         if name not in entries:
             whose = "there is no" if use is None else f"`{use.text}` has no"
             hint = did_you_mean(name, entries) if entries else "it declares none"
-            yield Diagnostic("KYB131", f"{whose} parameter `{name}`", setting.name, help=hint)
+            found.report("KYB131", f"{whose} parameter `{name}`", setting.name, help=hint)
     return ParameterTable({name: entry.key.span for name, entry in entries.items()}, declared)
 
 
 def _declare(
-    name: str, entry: MappingEntry, setting: Node | None, use: Scalar | None, set_by: str
-) -> Diagnosed[BoundParameter | None]:
-    body = entry.value
+    name: str,
+    entry: MappingEntry,
+    setting: Node | None,
+    use: Scalar | None,
+    set_by: str,
+    found: Findings,
+) -> BoundParameter | None:
+    body, span = entry.value, entry.key.span
     if not isinstance(body, Mapping):
-        yield Diagnostic("KYB106", f"the parameter `{name}` is empty", entry.key.span)
+        found.report("KYB106", f"the parameter `{name}` is empty", span)
         return None
     kind = body.get("type")
     assert isinstance(kind, Scalar)
     if kind.text not in TYPES:
-        message = f"`{kind.text}` is no type of a parameter"
-        yield Diagnostic("KYB134", message, kind.span, help=did_you_mean(kind.text, TYPES))
+        hint = did_you_mean(kind.text, TYPES)
+        found.report("KYB134", f"`{kind.text}` is no type of a parameter", kind.span, help=hint)
         return None
-    field = yield from _field(name, kind.text, body)
+    field = _field(name, kind.text, body, found)
     if not _has_room(field):
         message = f"no value of `{name}` can be {bounds_of(field)}"
-        yield Diagnostic("KYB136", message, entry.key.span, help="correct its bounds")
+        found.report("KYB136", message, span, help="correct its bounds")
         return None
     default = body.get("default")
-    default_value = None if default is None else (yield from _value(default, field))
+    value = None if default is None else _value(default, field, found)
     node = setting or default
     if node is None:
-        yield _valueless(name, entry.key.span, use, set_by)
+        if use is None:
+            hint = f"set it with `{set_by.format(name)}`, or give it a `default`"
+            found.report("KYB132", f"`{name}` has no value", span, help=hint)
+        else:
+            notes, hint = (f"declared at {span.at}",), f"write `{name}: ...` beside `do`"
+            message = f"`{use.text}` needs `{name}`"
+            found.report("KYB132", message, use.span, notes=notes, help=hint)
         return None
-    value = default_value if setting is None else (yield from _value(node, field))
+    if setting is not None:
+        value = _value(setting, field, found)
     if value is None:
         return None
     shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
-    return BoundParameter(Parameter(name, kind.text, value), shown, entry.key.span, is_set)
+    return BoundParameter(Parameter(name, kind.text, value), shown, span, is_set)
 
 
-def _valueless(name: str, declared: Span, use: Scalar | None, set_by: str) -> Diagnostic:
-    if use is None:
-        hint = f"set it with `{set_by.format(name)}`, or give it a `default`"
-        return Diagnostic("KYB132", f"`{name}` has no value", declared, help=hint)
-    message, notes = f"`{use.text}` needs `{name}`", (f"declared at {declared.at}",)
-    hint = f"write `{name}: ...` beside `do`"
-    return Diagnostic("KYB132", message, use.span, notes=notes, help=hint)
-
-
-def _value(node: Node, field: Field) -> Diagnosed[Any]:
+def _value(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; a point's name stays itself until the world is known."""
-    if isinstance(node, Scalar) and field.shape == "vector" and node.text.startswith(PREFIX):
+    is_point = field.shape == "vector" and isinstance(node, Scalar) and node.text.startswith(PREFIX)
+    if isinstance(node, Scalar) and (is_point or field.type is TEXT):
         return node.text
-    return (yield from decode(node, field))
+    return decode(node, field, found)
 
 
-def _field(name: str, kind: str, body: Mapping) -> Diagnosed[Field]:
+def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
     if kind == "position":
         dimension, shape = LENGTH, "vector"
     else:
@@ -187,7 +193,7 @@ def _field(name: str, kind: str, body: Mapping) -> Diagnosed[Field]:
     for bound in _BOUNDS:
         node = body.get(bound)
         if node is not None:
-            bounds[bound] = yield from decode(node, quantity_field(bound, dimension))
+            bounds[bound] = decode(node, quantity_field(bound, dimension), found)
     return quantity_field(name, dimension, shape, **bounds)
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnosed, Diagnostic, Severity, every
+from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Inset, Span
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
 from kybflow.dsl.resolving.parameters import BoundParameter, ParameterTable
@@ -24,47 +24,42 @@ class Substitution:
     """Puts values in the place of `$name`; remembers which were used. A node without any stays the
     same object, and an aliased one is replaced once."""
 
-    def __init__(self, parameters: ParameterTable) -> None:
-        self._names = parameters.names
-        self._declared = parameters.declared
+    def __init__(self, parameters: ParameterTable, found: Findings) -> None:
+        self.parameters = parameters
+        self._found = found
         self._done: dict[tuple[int, bool], tuple[Node, Node]] = {}
         self._used: set[str] = set()
 
-    def apply(self, node: Node, expression: bool = False) -> Diagnosed[Node]:
+    def apply(self, node: Node, expression: bool = False) -> Node:
         """`node` with every `$name` replaced; inside of conditions also between other words."""
         key = (id(node), expression)
         if key not in self._done:
-            self._done[key] = (node, (yield from self._replaced(node, expression)))
+            self._done[key] = (node, self._replaced(node, expression))
         return self._done[key][1]
 
-    def value(self, node: Node) -> Diagnosed[Node | None]:
-        """The value that `node` stands for; None when a parameter in it has none."""
-        return known((yield from self.apply(node)))
-
-    def _replaced(self, node: Node, expression: bool) -> Diagnosed[Node]:
+    def _replaced(self, node: Node, expression: bool) -> Node:
         if isinstance(node, Scalar):
-            return (yield from self._scalar(node, expression)) if "$" in node.text else node
+            if "$" not in node.text:
+                return node
+            return self._between(node) if expression else self._scalar(node)
         if isinstance(node, Sequence):
-            items = yield from every(self.apply(item, expression) for item in node.items)
-            same = all(a is b for a, b in zip(items, node.items, strict=True))
-            if same:
+            items = tuple([self.apply(item, expression) for item in node.items])
+            if all(a is b for a, b in zip(items, node.items, strict=True)):
                 return node
             given = next((s.given for i in items if (s := i.span).given is not None), None)
-            return Sequence(tuple(items), node.span._replace(given=given))
+            return Sequence(items, node.span._replace(given=given))
         changed: dict[str, MappingEntry] = {}
         for key, entry in node.entries.items():
             if isinstance(entry.value, Scalar) and "$" not in entry.value.text:
                 continue
-            value = yield from self.apply(entry.value, key in _EXPRESSIONS)
+            value = self.apply(entry.value, key in _EXPRESSIONS)
             if value is not entry.value:
                 changed[key] = entry._replace(value=value)
         return Mapping({**node.entries, **changed}, node.span) if changed else node
 
-    def _scalar(self, node: Scalar, expression: bool) -> Diagnosed[Node]:
-        if expression:
-            return (yield from self._between(node))
+    def _scalar(self, node: Scalar) -> Node:
         whole = _WHOLE.match(node.text)
-        declared = (yield from self._lookup(whole[1], node)) if whole else None
+        declared = self._lookup(whole[1], node) if whole else None
         if declared is None:
             return node
         written = declared.node.span
@@ -72,12 +67,12 @@ class Substitution:
         span = node.span._replace(given=written.given or written, is_set=is_set)
         return _placed(declared.node, span, node.text[1:])
 
-    def _between(self, node: Scalar) -> Diagnosed[Scalar]:
+    def _between(self, node: Scalar) -> Scalar:
         """A condition with every value in its place; it remembers how it was written."""
         text, behind = "", 0
         insets: list[Inset] = []
         for match in _INSIDE.finditer(node.text):
-            declared = yield from self._lookup(match[1], node, match.span())
+            declared = self._lookup(match[1], node, match.span())
             if declared is None:
                 continue
             text += node.text[behind : match.start()]
@@ -93,30 +88,30 @@ class Substitution:
 
     def _lookup(
         self, name: str, node: Scalar, place: tuple[int, int] | None = None
-    ) -> Diagnosed[BoundParameter | None]:
+    ) -> BoundParameter | None:
         self._used.add(name)
-        if name in self._names:
-            return self._declared.get(name)
-        span = node.as_text.part(*place) if place else node.span
-        hint = did_you_mean(name, self._names) or "declare it under `parameters`"
-        yield Diagnostic("KYB130", f"no parameter is called `{name}`", span, help=hint)
-        return None
+        names = self.parameters.names
+        if name not in names:
+            span = node.as_text.part(*place) if place else node.span
+            hint = did_you_mean(name, names) or "declare it under `parameters`"
+            self._found.report("KYB130", f"no parameter is called `{name}`", span, help=hint)
+        return self.parameters.declared.get(name)
 
     def note(self, node: Node) -> None:
         """Count every `$name` under `node` as used, whoever puts its value there."""
         self._used.update(names_in(node))
 
-    def unused(self) -> Iterator[Diagnostic]:
-        """A warning for each parameter that was never asked for."""
-        for name, declared in self._declared.items():
+    def judge(self) -> None:
+        """Warn of each parameter that was never asked for."""
+        for name, declared in self.parameters.declared.items():
             if name not in self._used:
-                yield unused_parameter(name, declared.span)
+                unused_parameter(name, declared.span, self._found)
 
 
-def unused_parameter(name: str, span: Span) -> Diagnostic:
-    """KYB133 for the parameter that is declared at `span`."""
-    message, hint = f"nothing uses the parameter `{name}`", f"use it as `${name}`, or remove it"
-    return Diagnostic("KYB133", message, span, help=hint, severity=Severity.WARNING)
+def unused_parameter(name: str, span: Span, found: Findings) -> None:
+    """Report the parameter that is declared at `span`, and that nothing uses."""
+    hint = f"use it as `${name}`, or remove it"
+    found.warn("KYB133", f"nothing uses the parameter `{name}`", span, help=hint)
 
 
 def known(node: Node) -> Node | None:

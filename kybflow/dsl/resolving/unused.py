@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from collections.abc import Mapping as MappingOf
-from itertools import chain
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import PREFIX
@@ -13,12 +12,13 @@ from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
     Node,
+    Scalar,
     entries_of,
     is_null,
     items_of,
     texts_in,
 )
-from kybflow.dsl.resolving.loading import Files
+from kybflow.dsl.resolving.imports import Files
 from kybflow.dsl.resolving.parameters import Setting
 
 CODES = {
@@ -42,45 +42,39 @@ def unused_names(
 ) -> Iterator[Diagnostic]:
     """KYB112 for each entry of the mission `root` whose name stands nowhere else: not in the file,
     not in `settings`, for a group and a point not in the text of an import."""
-    given = [setting.node for setting in settings.values() if setting.node is not None]
-    yield from _points(root, files, given)
+    given = [*texts_in(_nodes(settings))]
+    texts = {file: source.text for file, source in files.sources.items()}
+    world = root.get("world")
+    points = _named(world.get("points") if isinstance(world, Mapping) else None)
+    used = set(_POINT.findall("\n".join((*texts.values(), *given)))) if points else set()
+    for name, entry in points.items() if "$" not in used else ():
+        if name not in used:
+            yield _warning("point", entry, f"use it as `{PREFIX}{name}`")
     sections = {key: _named(root.get(key)) for key in _WAYS}
     if not any(sections.values()):
         return
-    said = {*_words_of(root), *_words_in(texts_in(given))}
-    if sections["groups"].keys() - said:
-        imported = (s.text for file, s in files.sources.items() if file != files.mission.file)
-        said_there = {*_words_in(imported)} | said
-    else:
-        said_there = said
+    said = set(_WORD.findall("\n".join((*_texts_of(root), *given))))
+    del texts[files.mission.file]
     for key, entries in sections.items():
-        used = said_there if key == "groups" else said
+        if key == "groups" and entries.keys() - said:
+            used = said.union(_WORD.findall("\n".join(texts.values())))
+        else:
+            used = said
         for name, entry in entries.items():
             if name not in used:
                 yield _warning(key.removesuffix("s"), entry, _WAYS[key].format(name))
 
 
-def _points(root: Mapping, files: Files, settings: list[Node]) -> Iterator[Diagnostic]:
-    points = _named(_part(root.get("world"), "points"))
-    if not points:
-        return
-    texts = chain((source.text for source in files.sources.values()), texts_in(settings))
-    used = {name for text in texts for name in _POINT.findall(text)}
-    for name, entry in points.items() if "$" not in used else ():
-        if name not in used:
-            yield _warning("point", entry, f"use it as `{PREFIX}{name}`")
-
-
-def _part(node: Node | None, key: str) -> Node | None:
-    return node.get(key) if isinstance(node, Mapping) else None
+def _nodes(settings: MappingOf[str, Setting]) -> list[Node]:
+    return [setting.node for setting in settings.values() if setting.node is not None]
 
 
 def _named(node: Node | None) -> dict[str, MappingEntry]:
     return {name: e for name, e in entries_of(node).items() if not is_null(e.value)}
 
 
-def _words_of(root: Mapping) -> Iterator[str]:
-    """Every word that stands in the file, but for the names that its sections give."""
+def _texts_of(root: Mapping) -> Iterator[str]:
+    """Every text and key that stands in the file, but for the names that its sections give."""
     waiting: list[Node] = []
     for key, entry in root.entries.items():
         if key in _WAYS:
@@ -88,20 +82,15 @@ def _words_of(root: Mapping) -> Iterator[str]:
         elif key not in _NO_USE:
             waiting.append(entry.value)
     seen = set[int]()
-    yield from _words_in(texts_in(waiting))
     while waiting:
         node = waiting.pop()
-        if id(node) in seen:
-            continue
-        seen.add(id(node))
-        entries = entries_of(node)
-        yield from _words_in(entries)
-        waiting += (*(entry.value for entry in entries.values()), *items_of(node))
-
-
-def _words_in(texts: Iterable[str]) -> Iterator[str]:
-    for text in texts:
-        yield from _WORD.findall(text)
+        if isinstance(node, Scalar):
+            yield node.text
+        elif id(node) not in seen:
+            seen.add(id(node))
+            entries = entries_of(node)
+            yield from entries
+            waiting += (*(entry.value for entry in entries.values()), *items_of(node))
 
 
 def _warning(kind: str, entry: MappingEntry, way: str) -> Diagnostic:
@@ -114,8 +103,7 @@ def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator
     """KYB128 for each import of the mission `root` of which nothing speaks, neither in the file nor
     in `settings`."""
     nodes = [entry.value for key, entry in root.entries.items() if key != "import"]
-    given = [setting.node for setting in settings.values() if setting.node is not None]
-    said = " ".join(texts_in([*nodes, *given]))
+    said = " ".join(texts_in([*nodes, *_nodes(settings)]))
     for name, entry in entries_of(root.get("import")).items():
         if f"{name}." not in said:
             message = f"nothing uses the import `{name}`"

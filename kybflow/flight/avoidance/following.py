@@ -10,13 +10,13 @@ World frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from math import tan
 from typing import NamedTuple
 
+from kybflow.core.events import Emitting, ProcessorEvent
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, norm, scale, sub
-from kybflow.core.signals import NEVER, NS, Setpoint, SetpointKind, Tick, Time, Told
+from kybflow.core.signals import NEVER, NS, Setpoint, SetpointKind, Tick, Time
 from kybflow.flight.avoidance.barrier import (
     Demand,
     braked,
@@ -32,8 +32,6 @@ from kybflow.flight.governor import Follower, shortened
 from kybflow.flight.motion import motion_of
 from kybflow.world.vehicle_context import Airframe
 
-BLOCKED: Mapping[str, tuple[str, ...]] = {"avoidance_blocked": ("reason",)}
-"""What is told of a vehicle to which what is near leaves no way."""
 _POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
 ACCEPTS = {kind: kind for kind in (_POSITION, _VELOCITY, SetpointKind.ACCELERATION)}
 """The kinds of setpoint that it bends, each into its own."""
@@ -43,6 +41,12 @@ which it plans to brake."""
 _JUMP, _LEAP = 1e-3, 0.05
 """The largest step in position, beside the velocity, that passes where something is near, and where
 nothing is, m."""
+
+
+class AvoidanceBlocked(ProcessorEvent):
+    """What is near leaves the vehicle no way: it brakes."""
+
+    reason: str
 
 
 class Keeping(NamedTuple):
@@ -70,15 +74,15 @@ class Avoidance:
         self._strongest = min(_STRONGEST, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
         self._follower = Follower()
 
-    def told(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Told:
-        """Return what is followed of a setpoint; tell it when it begins to brake because what is
-        near leaves no way."""
+    def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
+        """Return what is followed of a setpoint, with an event when it begins to brake because what
+        is near leaves no way."""
         self._gets_stuck = False
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
             return given
         reason = "what is near leaves no way: it brakes, and gives way"
-        return Told(given, "avoidance_blocked", {"reason": reason})
+        return Emitting(given, AvoidanceBlocked(reason=reason))
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
         """Return what is followed of a setpoint."""

@@ -21,7 +21,7 @@ what it is believed to be.
 from __future__ import annotations
 
 from bisect import bisect_left
-from functools import lru_cache
+from functools import lru_cache, reduce
 from math import radians
 
 from kybflow.core.params import param, params
@@ -77,11 +77,15 @@ FASTEST = shaped(FREQUENCIES[-1])
 
 @lru_cache(maxsize=256)
 def margins_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
-    """The margins that a tracker leaves, the smaller of both directions; none where the loop on
+    """The margins that a tracker leaves, the smallest of every direction; none where the loop on
     board is unstable by itself."""
     if margins(on_board(outer, inner)) == UNSTABLE:
         return UNSTABLE
-    return margins(horizontal(outer, inner)).within(margins(vertical(outer, inner)))
+    k = (outer.proportional,)
+    level, up, _ = outer.stiffness or (k, k, False)
+    ways = [horizontal(outer._replace(proportional=k), inner) for k in level]
+    ways += [vertical(outer._replace(proportional=k), inner) for k in up]
+    return reduce(Margins.within, map(margins, ways))
 
 
 def holds(found: Margins, bound: Margins) -> bool:
@@ -95,9 +99,7 @@ def designed(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> Ga
     law, whose own gains don't matter."""
 
     def fails(frequency: float) -> bool:
-        k, d, i = shaped(frequency)
-        tried = outer._replace(proportional=k, derivative=d, integral=i)
-        return not holds(margins_of(tried, inner), bound)
+        return not holds(margins_of(outer.with_gains(*shaped(frequency)), inner), bound)
 
     return shaped(FREQUENCIES[max(0, bisect_left(FREQUENCIES, True, key=fails) - 1)])
 
@@ -106,14 +108,12 @@ def completed(outer: OuterLoop, given: DesignedGains, inner: InnerLoop | None) -
     """The law with the gains that are given, and those of the design on `inner` for the rest."""
     written = (given.proportional, given.derivative, given.integral)
     own = FASTEST if inner is None or None not in written else designed(outer, inner)
-    k, d, i = (a if b is None else b for a, b in zip(own, written, strict=True))
-    return outer._replace(proportional=k, derivative=d, integral=i)
+    return outer.with_gains(*(a if b is None else b for a, b in zip(own, written, strict=True)))
 
 
 def asked_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
     """The margins that gains which are written should leave on this loop."""
-    k, d, i = designed(outer, inner)
-    best = margins_of(outer._replace(proportional=k, derivative=d, integral=i), inner)
+    best = margins_of(outer.with_gains(*designed(outer, inner)), inner)
     return ASKED._replace(gain=max(PLANNED.gain, min(ASKED.gain, _ROUNDED * best.gain)))
 
 

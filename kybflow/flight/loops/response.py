@@ -20,10 +20,12 @@ is far slower.
 from __future__ import annotations
 
 from cmath import exp
+from collections.abc import Sequence
 from math import exp as real_exp
 from math import sqrt, tau
 from typing import NamedTuple
 
+from kybflow.core.matrices import eigenvalues2, eigenvalues3
 from kybflow.flight.disturbance import WASHOUT
 from kybflow.flight.loops.margins import Response
 from kybflow.flight.tracked_pose import TrackedParams
@@ -32,13 +34,33 @@ from kybflow.world.inner_loop import InnerLoop
 FILTERS = TrackedParams()
 
 
+class Stiffness(NamedTuple):
+    """The gains of position of a law that has a matrix of them, rising: along two level directions,
+    and upwards. is_coupled: the height is not apart from x and y, and each of the matrix's three is
+    taken for every direction, which is right as far as all directions answer alike."""
+
+    level: tuple[float, ...]
+    up: tuple[float, ...]
+    is_coupled: bool = False
+
+
+def stiffness(matrix: Sequence[Sequence[float]]) -> Stiffness:
+    """The gains of a symmetric matrix along the directions in which it pulls straight back."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix
+    if xz == yz == 0.0:
+        return Stiffness(eigenvalues2(((xx, xy), (xy, yy))), (zz,))
+    own = eigenvalues3(matrix)
+    return Stiffness(own, own, is_coupled=True)
+
+
 class OuterLoop(NamedTuple):
     """A tracker's law: acceleration per error of position, velocity and its integral. trim: 1/s, at
     which the on-board attitude's error is estimated. observer: its bandwidth, Hz; 0 for none.
     attitude: rates per angle of the attitude's error, 1/s, where the tracker closes that loop
     itself. turning: the part of the change of its feedback that it commands as rates. drag: 1/s.
     period: of the control, s. climb: climb rate per error of the height, 1/s, where the tracker
-    commands that instead of thrust."""
+    commands that instead of thrust. stiffness: in place of `proportional`, of a
+    law that has a matrix of it."""
 
     proportional: float
     derivative: float
@@ -50,6 +72,12 @@ class OuterLoop(NamedTuple):
     attitude: float | None = None
     turning: float = 1.0
     climb: float | None = None
+    stiffness: Stiffness | None = None
+
+    def with_gains(self, proportional: float, derivative: float, integral: float) -> OuterLoop:
+        """The same law with these gains in every direction."""
+        k, d, i = proportional, derivative, integral
+        return self._replace(proportional=k, derivative=d, integral=i, stiffness=None)
 
 
 def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
@@ -68,8 +96,8 @@ def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 
 def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
-    """The response of the loop along x or y."""
-    k, d, i, trim, drag, period, _, own, turning, _ = outer
+    """The response of the loop along x or y, with `proportional`."""
+    k, d, i, trim, drag, period, _, own, turning, *_ = outer
     loop, rotor_time, cut_off, dead_time, late, age, pose_period, *_ = inner
     p, rate, integral = loop.proportional, loop.derivative, loop.integral
     if own is not None:
@@ -99,8 +127,8 @@ def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 
 def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
-    """The response of the loop along z."""
-    k, d, _, _, _, period, observer, _, _, climb = outer
+    """The response of the loop along z, with `proportional`."""
+    k, d, _, _, _, period, observer, _, _, climb, _ = outer
     loop, rotor_time, _, dead_time, late, age, pose_period, _, climb_time = inner
     age, bandwidth, lag = age + 0.5 * pose_period, tau * observer, rotor_time / loop.lead
     late += dead_time + 0.5 * period

@@ -1,13 +1,19 @@
-"""Laps of a path that closes, and the event that tells each."""
+"""Laps of a path that closes, and the event of each."""
 
 from __future__ import annotations
 
-from kybflow.core.signals import Done, Setpoint, Told
+from kybflow.core.events import BehaviorEvent, Emitting
+from kybflow.core.signals import Done, Setpoint
+from kybflow.core.units import Number
 
-LAP_EVENTS = {"lap_completed": ("lap",)}
-"""The event of a behavior that flies laps, and what it carries: the number of the lap, from 1."""
 _ROUNDING = 1e-9
 """The share of a lap by which the end of the last one may fall short."""
+
+
+class LapCompleted(BehaviorEvent):
+    """A lap is complete. `lap` is its number, from 1."""
+
+    lap: Number
 
 
 class Laps:
@@ -18,8 +24,8 @@ class Laps:
         self._flown = 0
         self.next = self._length
 
-    def told(self, output: Setpoint | Done) -> Told:
-        """Return the update of the tick in which a lap ends, with the event `lap_completed`."""
+    def completed(self, output: Setpoint | Done) -> Emitting:
+        """Return the update of the tick in which a lap ends, with its event."""
         self._flown += 1
         self.next = self._length * (self._flown + 1)
-        return Told(output, "lap_completed", {"lap": float(self._flown)})
+        return Emitting(output, LapCompleted(lap=float(self._flown)))

@@ -7,9 +7,9 @@ point ahead) and stops there; from there the arc length follows a rest-to-rest p
     p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
     j = (s''' - s'^3/r^2) e - 3 s' s''/r n,        e = (-sin phi, cos phi), n = (cos phi, sin phi)
 
-so that after `laps` it stops where the circle began; each lap is told. A negative speed flies
-clockwise. The heading is kept. Refuses a circle whose s'^2/r needs more tilt than the airframe has.
-World frame, metres.
+so that after `laps` it stops where the circle began; each lap emits `lap_completed`. A negative
+speed flies clockwise. The heading is kept. Refuses a circle whose s'^2/r needs more tilt than the
+airframe has. World frame, metres.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from __future__ import annotations
 from math import atan2, copysign, cos, hypot, inf, pi, sin, tan
 
 from kybflow.core.errors import Refused
+from kybflow.core.events import Emitting
 from kybflow.core.geometry import GRAVITY
-from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, Told
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
 from kybflow.flight.motion import Coast, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.behaviors._laps import LAP_EVENTS, Laps
+from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 
 _CHORDS = 48
 """Straight lines that stand for the circle in its footprint."""
@@ -45,7 +46,7 @@ class CircleParams:
 
 
 class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
-    tells = LAP_EVENTS
+    own_events = (LapCompleted,)
 
     def __init__(self, params: CircleParams, entry: Entry) -> None:
         super().__init__(params, entry)
@@ -78,7 +79,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         (x, y, z), r = self.params.center, self.params.radius
         return (x + r * cos(phase), y + r * sin(phase), z)
 
-    def update(self, tick: Tick) -> Setpoint | Done | Told:
+    def update(self, tick: Tick) -> Setpoint | Done | Emitting:
         time = tick.elapsed
         if time < self._begin:
             motion = self._lead.at(time)
@@ -88,7 +89,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         arc = self._arc.at(time - self._begin)
         setpoint = self._round(*arc)
         output = Done(setpoint) if time >= self._end else setpoint
-        return output if arc[0] < self._laps.next else self._laps.told(output)
+        return output if arc[0] < self._laps.next else self._laps.completed(output)
 
     def _round(self, gone: float, v: float, a: float, j: float) -> Setpoint:
         """The setpoint `gone` metres along the circle, and its derivatives."""

@@ -9,20 +9,22 @@ with ' = d/dtheta and dots by time:
 
     v = p' th.,  a = p'' th.^2 + p' th..,  j = p''' th.^3 + 3 p'' th. th.. + p' th...
 
-The fastest point is the centre: 2 pi / lap sqrt((w/2)^2 + h^2). Each loop is told. The heading is
-kept. Entered in motion, the centre is where that motion has died out. World frame, metres.
+The fastest point is the centre: 2 pi / lap sqrt((w/2)^2 + h^2). Each loop emits
+`lap_completed`. The heading is kept. Entered in motion, the centre is where that motion has died
+out. World frame, metres.
 """
 
 from __future__ import annotations
 
 from math import cos, hypot, pi, sin, sqrt
 
-from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, Told, made
+from kybflow.core.events import Emitting
+from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, made
 from kybflow.core.units import Angle, Duration, Length, Number, Vec3
 from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
-from kybflow.runtime.behaviors._laps import LAP_EVENTS, Laps
+from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 
 _POSITION = SetpointKind.POSITION
 _CHORDS = 96
@@ -59,7 +61,7 @@ class FigureEightParams:
 
 
 class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
-    tells = LAP_EVENTS
+    own_events = (LapCompleted,)
 
     def __init__(self, params: FigureEightParams, entry: Entry) -> None:
         super().__init__(params, entry)
@@ -72,14 +74,14 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         self._laps = Laps(2.0 * pi)
         self._sides = long * c, long * s, -short * s, short * c
 
-    def update(self, tick: Tick) -> Setpoint | Done | Told:
+    def update(self, tick: Tick) -> Setpoint | Done | Emitting:
         time, coast = tick.elapsed, self._coast
         pace = self._phase.at(time)
         setpoint = self._eight(*pace)
         if time < coast.duration:
             setpoint = coast.added(setpoint, time)
         output = Done(setpoint) if time >= self._end else setpoint
-        return output if pace[0] < self._laps.next else self._laps.told(output)
+        return output if pace[0] < self._laps.next else self._laps.completed(output)
 
     def _eight(self, phase: float, rate: float, pull: float, jolt: float) -> Setpoint:
         """The setpoint at a phase, and its derivatives by time."""

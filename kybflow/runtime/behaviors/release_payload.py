@@ -58,7 +58,7 @@ class ReleasePayload(
         if tick.payload is PayloadState.ABSENT:
             return Failed(setpoint, "no payload is on board")
         if tick.payload is PayloadState.RELEASED:
-            if first:  # it was before: the vehicle is not asked again, and tells so
+            if first:  # it was before: the vehicle is not asked again, and an event says so
                 self._released = -inf
                 return Grip(setpoint, True)
             return self._settled(setpoint, time)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from kybflow.core.errors import EventRefused
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan, TransitionPlan
-from kybflow.parts.observables import EVENTS
+from kybflow.parts.events import AWAITED_EVENTS
 from kybflow.runtime.commanding.orders import COMMANDS, PREFIX
 
 
@@ -15,7 +15,7 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
     """Raises EventRefused for the first of `names` that the mission doesn't wait for."""
     known = {*awaited(plan), *COMMANDS}
     for name in names:
-        if name in EVENTS:
+        if name in AWAITED_EVENTS:
             raise EventRefused(
                 f"the mission doesn't wait for a person's `{name}`: kybflow tells it"
             )

@@ -3,8 +3,8 @@
 Each command is answered once, with the words of whoever refuses it: most at once, those that a
 vehicle decides on when it acts, in the same tick or the next. It is noted then as the event
 `command_given`, in the order in which commands were heard, so that the run can be flown again. A
-command to every vehicle is also told as the operator's event (`operator.pause`), which the mission
-may hear.
+command to every vehicle is also emitted as the operator's event (`operator.pause`), which the
+mission may hear.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from kybflow.core.errors import KybflowError, Refused, described
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Time
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
+from kybflow.parts.events import ClientsRefusedEvent, CommandGiven, CommandsFailed, LeaseTaken
 from kybflow.parts.observables import is_in
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
@@ -44,7 +46,6 @@ from kybflow.runtime.commanding.orders import (
     word,
 )
 from kybflow.runtime.commanding.situation import Situation
-from kybflow.runtime.events import Fields
 from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
@@ -88,11 +89,11 @@ class Commander:
             self._take_up(now, flying=False)
 
     def close(self) -> None:
-        """The run is over: answer the commands that no vehicle has answered, and tell what was
-        refused last."""
+        """The run is over: answer the commands that no vehicle has answered, and report what
+        was refused last."""
         for untold in self._queue.last_words:
             if reason := untold():
-                self._events.tell("clients_refused", reason=reason)
+                self._events.emit(ClientsRefusedEvent(reason=reason))
         while self._heard:
             self._answer(self._heard[0], Answer(False, OVER))
 
@@ -113,9 +114,9 @@ class Commander:
                     if by == self._lease.holder:
                         self._hear(GivenCommand(ReleaseLease(), by), now, flying=flying)
                 case ServerFailure(reason):
-                    self._events.tell("commands_failed", reason=reason)
+                    self._events.emit(CommandsFailed(reason=reason))
                 case ClientsRefused(reason):
-                    self._events.tell("clients_refused", reason=reason)
+                    self._events.emit(ClientsRefusedEvent(reason=reason))
 
     def _hear(self, given: GivenCommand, now: Time, *, flying: bool) -> None:
         heard = _Heard(given, now)
@@ -124,7 +125,7 @@ class Commander:
         before, order = self._lease.holder, given.order
         reason = self._lease.objection(order, given.by, given.take)
         if reason is None and before not in (None, given.by, self._lease.holder):
-            self._events.note("lease_taken", "", by=given.by, previous=before)
+            self._events.emit(LeaseTaken(by=given.by, previous=before))
         if reason is None and not flying and not isinstance(order, (Stop, ReleaseLease)):
             reason = NOT_FLYING
         if reason is not None:
@@ -143,7 +144,7 @@ class Commander:
         while self._heard and self._heard[0].answer is not None:
             first = self._heard.popleft()
             assert first.answer is not None
-            self._events.note("command_given", "", **first.record(first.answer, self._events.now))
+            self._events.emit(first.record(first.answer, self._events.now))
             first.given.answered(first.answer)
 
     def _give(self, given: GivenCommand, answered: _Answered) -> None:
@@ -165,7 +166,7 @@ class Commander:
             case Perform(vehicle, act):
                 self._requests(vehicle).perform(act, BY, answered=_as_answer(answered))
             case Stop(reason):
-                self._events.tell(f"{PREFIX}stop")
+                self._events.emit(Custom(f"{PREFIX}stop"))
                 controls.stop(reason or "stopped by the operator", "")
                 answered(Answer(True))
             case ReleaseLease():
@@ -178,7 +179,7 @@ class Commander:
     def _emitted(self, name: str) -> Answer:
         check_emitted(self._plan, (name,))
         waits = name in self._watched.awaited_now()
-        self._events.tell(name)
+        self._events.emit(Custom(name))
         return Answer(True, "" if waits else "nothing waits for it now")
 
     def _ask_vehicles(self, order: VehicleOrder, answered: _Answered) -> None:
@@ -188,7 +189,7 @@ class Commander:
         if len(asked) == len(everyone):
             event = f"{PREFIX}{word(order)}"
             waits = event in self._watched.awaited_now()
-            self._events.tell(event)
+            self._events.emit(Custom(event))
             if isinstance(order, LandOrder) and any(
                 requests.land_objection() is None for requests in asked.values()
             ):
@@ -244,15 +245,16 @@ class _Heard:
         self.given, self.at = given, at
         self.answer: Answer | None = None
 
-    def record(self, answer: Answer, now: Time) -> dict[str, Fields]:
-        """Return the fields of its event. heard_s: when it was heard, if that wasn't `now`."""
-        fields: dict[str, Fields] = {"command": text(self.given.order), "by": self.given.by}
-        if self.given.take:
-            fields["take"] = True
-        if self.at != now:
-            fields["heard_s"] = self.at / NS
-        fields["accepted"] = answer.accepted
-        return {**fields, "reason": answer.reason} if answer.reason else fields
+    def record(self, answer: Answer, now: Time) -> CommandGiven:
+        """Return its event."""
+        return CommandGiven(
+            command=text(self.given.order),
+            by=self.given.by,
+            take=self.given.take,
+            heard_s=None if self.at == now else self.at / NS,
+            accepted=answer.accepted,
+            reason=answer.reason,
+        )
 
 
 class _Poll:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import OptionRefused
+from kybflow.core.events import Custom
 from kybflow.dsl.plan import Values
-from kybflow.parts.observables import EVENTS
+from kybflow.parts.events import AWAITED_EVENTS, Logged
 from kybflow.runtime.events import Events
 from kybflow.runtime.options import Options
 from kybflow.runtime.vehicle.requests import Requester, Requests
@@ -49,9 +50,9 @@ class CallbackContext:
 
     def emit(self, name: str) -> None:
         """Raises ValueError for the events of kybflow and of the operator."""
-        if name in EVENTS or name.startswith(_OPERATOR):
+        if name in AWAITED_EVENTS or name.startswith(_OPERATOR):
             raise ValueError(f"an action can't emit `{name}`")
-        self._controls.events.tell(name, at=self._at)
+        self._controls.events.emit(Custom(name), at=self._at)
 
     def phase(self, flow: str, phase: str) -> None:
         self._controls.phase(flow, phase, BY, self._at)
@@ -60,7 +61,7 @@ class CallbackContext:
         self._controls.requests[vehicle].perform(act, BY, self._at)
 
     def log(self, text: str) -> None:
-        self._controls.events.tell("logged", at=self._at, text=text)
+        self._controls.events.emit(Logged(text=text), at=self._at)
 
     def stop(self, reason: str) -> None:
         self._controls.stop(reason, self._at)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.core.errors import PartFailed, described
-from kybflow.core.signals import NS, Event, Time
+from kybflow.core.signals import NS, Event, FieldValue, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import (
     ActionPlan,
@@ -28,7 +28,8 @@ from kybflow.dsl.plan import (
     Switch,
 )
 from kybflow.parts import Action, ActionContext
-from kybflow.runtime.events import Events, Fields
+from kybflow.parts.events import ActionFailed
+from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.action_context import CallbackContext, RunControls
 
 Do = Callable[[Event], None]
@@ -114,12 +115,12 @@ class _Callback:
                 do(event)
             except Exception as error:  # a part may raise anything; only it is removed
                 self._actions.remove((name, do))
-                reason = described(error)
-                events.tell("action_failed", at=self._plan.at, action=name, reason=reason)
+                failed = ActionFailed(action=name, reason=described(error))
+                events.emit(failed, at=self._plan.at)
 
     def matches(self, event: Event, events: Events) -> bool:
         """Whether the event's fields are those that are asked for, and the condition holds. A
-        condition that raises is told, and nothing is done any more."""
+        condition that raises is reported, and nothing is done any more."""
         fields = event.fields
         if any(shown(fields.get(name)) != value for name, value in self._plan.fields):
             return False
@@ -127,7 +128,8 @@ class _Callback:
             return self._when is None or self._when()
         except Exception as error:  # a lab's own link may show anything
             self._actions, self._when = [], None
-            events.tell("action_failed", at=self._plan.at, action="when", reason=described(error))
+            failed = ActionFailed(action="when", reason=described(error))
+            events.emit(failed, at=self._plan.at)
             return False
 
 
@@ -187,7 +189,7 @@ class _Known(dict[str, str]):
         return shown(None)
 
 
-def shown(value: Fields) -> str:
+def shown(value: FieldValue) -> str:
     """Return a field's value as filters compare it and texts show it."""
     if value is None:
         return "none"

@@ -2,11 +2,12 @@
 
 Each flow has a state machine, whose states are its phases. On entry a phase gives vehicles to other
 flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
-flow at a time drives a vehicle: what another asks of it is refused, and told. Where a phase lets
-its vehicles arrive in turns, each is asked when the one before has left the state that it was asked
-for, and is down where the failsafe lands it; where together, the pace of their behaviors is made
-one when they begin. A flow that ends gives back the vehicles that it was given. Its time stands
-still while a vehicle that it drives is paused. When a person lands every vehicle, every flow ends.
+flow at a time drives a vehicle: what another asks of it is refused, and an event says so. Where a
+phase lets its vehicles arrive in turns, each is asked when the one before has left the state that
+it was asked for, and is down where the failsafe lands it; where together, the pace of their
+behaviors is made one when they begin. A flow that ends gives back the vehicles that it was given.
+Its time stands still while a vehicle that it drives is paused. When a person lands every vehicle,
+every flow ends.
 """
 
 from __future__ import annotations
@@ -17,11 +18,22 @@ from collections.abc import Set as AbstractSet
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, described
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, FlowMachine
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
 from kybflow.flight.profiles import Pace
+from kybflow.parts.events import (
+    DriverChanged,
+    FlowEnded,
+    FlowFailed,
+    GiveRefused,
+    PhaseEnded,
+    PhaseRefused,
+    PhaseStarted,
+    SwitchRefused,
+)
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import rounded
@@ -49,7 +61,7 @@ class FlowOptions(Protocol):
     """The options, as a flow sees them."""
 
     def set(self, name: str, value: Any, by: str, at: str = "") -> None:
-        """Ask for a change. Raises OptionRefused, which is told already."""
+        """Ask for a change. Raises OptionRefused after the event `option_refused`."""
 
 
 class PhaseVisit(NamedTuple):
@@ -66,7 +78,7 @@ class RunningFlow:
     """One flow: its machine, when it entered its phase, and the phases that it has been in.
 
     unpaced: whether its vehicles arrive together and begin in this tick. turn: the vehicle whose
-    turn it is. waiting: those whose turn comes. missed: the events that were told while a turn
+    turn it is. waiting: those whose turn comes. missed: the events that were emitted while a turn
     passed.
     """
 
@@ -94,8 +106,8 @@ class RunningFlow:
 
     def is_in_its_state(self, vehicle: str, state: str) -> bool:
         """Whether a vehicle in `state` does what the phase asked it for."""
-        phase = self.phase
-        return is_in(state, phase.chains.get(vehicle, phase.run[vehicle]))
+        request = self.phase.run[vehicle]
+        return is_in(state, request.chain or request.state)
 
     def left(self, how: str, now: Time) -> None:
         self.visits[-1] = self.visits[-1]._replace(end_s=rounded(now / NS), ended=how)
@@ -148,13 +160,12 @@ class Flows:
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
-        and told, for a flow that waits for a vehicle and has none; return why."""
+        with an event, for a flow that waits for a vehicle and has none; return why."""
         reason = self.objection(flow)
         if reason is None:
             self._flows[flow].machine.switch(phase, at)
         else:
-            tell = self._events.tell
-            tell("phase_refused", at=at, flow=flow, phase=phase, by=by, reason=reason)
+            self._events.emit(PhaseRefused(flow=flow, phase=phase, by=by, reason=reason), at=at)
         return reason
 
     def objection(self, flow: str) -> str | None:
@@ -215,7 +226,7 @@ class Flows:
         try:
             self._step(flow, now, dt)
         except Exception as error:  # a lab's own link may show anything
-            self._events.tell("flow_failed", flow=flow.plan.name, reason=described(error))
+            self._events.emit(FlowFailed(flow=flow.plan.name, reason=described(error)))
             flow.machine.end("failed")
 
     def _step(self, flow: RunningFlow, now: Time, dt: float) -> None:
@@ -272,16 +283,16 @@ class Flows:
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
         flow.arrived(self._events.now)
-        self._events.tell("phase_started", at=phase.at, flow=name, phase=phase.name)
+        self._events.emit(PhaseStarted(flow=name, phase=phase.name), at=phase.at)
         given = [to for vehicle, to in phase.give.items() if self._give(flow, vehicle, to)]
         for other in dict.fromkeys(given):
             if not self._flows[other].active:
                 self._flows[other].machine.begin()
-        for option in phase.set:
+        for option in phase.options:
             try:
                 self._options.set(option.option, option.value, f"flow {name}", phase.at)
             except OptionRefused:
-                continue  # it is told
+                continue  # an event says so
         if phase.arrive == "in_turns":
             flow.waiting.extend(phase.run)
             self._ask_next(flow)
@@ -293,14 +304,13 @@ class Flows:
     def _ask(self, flow: RunningFlow, vehicle: str) -> bool:
         """Ask a vehicle for what the phase runs; return whether the flow drives it."""
         phase, reason = flow.phase, self._not_mine(flow, vehicle)
-        state = phase.run[vehicle]
+        request = phase.run[vehicle]
         if reason is None:
-            requests, values = self._vehicles[vehicle].requests, phase.values.get(vehicle, ())
-            requests.switch(state, Requester.FLOW, phase.at, values=values)
+            requests = self._vehicles[vehicle].requests
+            requests.switch(request.state, Requester.FLOW, phase.at, values=request.values)
         else:
-            self._events.tell(
-                "switch_refused", vehicle, phase.at, state=state, by="flow", reason=reason
-            )
+            refused = SwitchRefused(state=request.state, by="flow", reason=reason)
+            self._events.emit(refused, vehicle, phase.at)
         return reason is None
 
     def _give(self, flow: RunningFlow, vehicle: str, to: str) -> bool:
@@ -308,10 +318,10 @@ class Flows:
         name, at = flow.plan.name, flow.phase.at
         reason = self._not_mine(flow, vehicle)
         if reason is not None:
-            self._events.tell("give_refused", vehicle, at, flow=name, to=to, reason=reason)
+            self._events.emit(GiveRefused(flow=name, to=to, reason=reason), vehicle, at)
             return False
         self._drivers[vehicle].append(to)
-        self._events.tell("driver_changed", vehicle, at, flow=to)
+        self._events.emit(DriverChanged(flow=to), vehicle, at)
         return True
 
     def _not_mine(self, flow: RunningFlow, vehicle: str) -> str | None:
@@ -324,9 +334,9 @@ class Flows:
     def _leave(self, flow: RunningFlow, reason: Exit) -> None:
         name, phase = flow.plan.name, flow.phase.name
         flow.left(reason.how, self._events.now)
-        self._events.tell("phase_ended", at=reason.at, flow=name, phase=phase, how=reason.how)
+        self._events.emit(PhaseEnded(flow=name, phase=phase, how=reason.how), at=reason.at)
         if reason.transition is not None and reason.transition.emit is not None:
-            self._events.tell(reason.transition.emit, at=reason.at)
+            self._events.emit(Custom(reason.transition.emit), at=reason.at)
 
     def _end(self, flow: RunningFlow) -> None:
         """The flow is over; vehicles that it was given go back to who gave them."""
@@ -335,6 +345,6 @@ class Flows:
             if vehicle in flow.plan.vehicles or name not in drivers:
                 continue
             drivers.remove(name)
-            self._events.tell("driver_changed", vehicle, flow=drivers[-1])
-        self._events.tell("flow_ended", flow=name, phase=flow.visits[-1].name)
-        self._events.tell(f"{name}.finished")
+            self._events.emit(DriverChanged(flow=drivers[-1]), vehicle)
+        self._events.emit(FlowEnded(flow=name, phase=flow.visits[-1].name))
+        self._events.emit(Custom(f"{name}.finished"))

@@ -12,6 +12,7 @@ from functools import partial
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import PayloadState
 from kybflow.parts import Link
+from kybflow.parts.events import Collided, LandedHard, PayloadRested
 from kybflow.parts.link import ReportsTouches, Touch
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -53,13 +54,13 @@ class Impacts:
             return
         if not (touch.carries and vehicle.may_touch_down):
             self.first = self.first or f"`{name}` ran into `{into}`"
-            self._events.note("collided", name, into=into)
+            self._events.emit(Collided(into=into), name)
             return
         truth = vehicle.truth
         speed = 0.0 if truth is None else -truth.velocity[2]
         if speed > HARD:
             self.first = self.first or f"`{name}` landed hard ({speed:.2f} m/s) on `{into}`"
-            self._events.note("landed_hard", name, onto=into, speed=speed)
+            self._events.emit(LandedHard(onto=into, speed=speed), name)
 
 
 class PayloadDrops:
@@ -91,4 +92,4 @@ class _PayloadDrop:
         self._last = place
         if self._still == _STEPS:
             x, y, z = place
-            self._events.note("payload_rested", self._vehicle.name, x=x, y=y, z=z)
+            self._events.emit(PayloadRested(x=x, y=y, z=z), self._vehicle.name)

@@ -14,6 +14,7 @@ from kybflow.core.signals import NS, Measurement, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import FaultPlan
 from kybflow.parts import Effect, Filter, Rig
+from kybflow.parts.events import FaultEnded, FaultFailed, FaultInjected
 from kybflow.parts.fault import Air
 from kybflow.runtime.events import Events
 
@@ -71,19 +72,19 @@ class Injection:
         except Exception:
             _take_away(working)
             raise
-        self._events.tell("fault_injected", plan.vehicle, plan.at, fault=plan.part.name)
+        self._events.emit(FaultInjected(fault=plan.part.name), plan.vehicle, plan.at)
         self._working.append(working)
 
     def _fail(self, plan: FaultPlan, how: str, error: Exception) -> None:
         name = plan.part.name
         self.failure = f"the fault `{name}` {how}: {described(error)}"
-        self._events.tell("fault_failed", plan.vehicle, plan.at, fault=name, reason=self.failure)
+        self._events.emit(FaultFailed(fault=name, reason=self.failure), plan.vehicle, plan.at)
 
     def _mend(self, fault: _Working) -> None:
         _take_away(fault)
         plan = fault.plan
         if not fault.failed:
-            self._events.tell("fault_ended", plan.vehicle, plan.at, fault=plan.part.name)
+            self._events.emit(FaultEnded(fault=plan.part.name), plan.vehicle, plan.at)
 
 
 def _take_away(fault: _Working) -> None:

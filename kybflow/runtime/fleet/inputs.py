@@ -1,4 +1,4 @@
-"""The mission's inputs: read once a tick, judged, and told as events.
+"""The mission's inputs: read once a tick and judged; what happens becomes events.
 
     device ─► link ─► is it well? ─► readings, which behaviors and conditions see
                                 └──► events: INPUT.BUTTON, input_lost, input_recovered
@@ -6,9 +6,9 @@
 An input is lost while its link knows of a problem (unplugged), while nothing has been heard of it
 for `silent_after`, while an axis is no number from -1 to 1, and while an axis away from its centre
 has given the same numbers for `stuck_after`. There is no reading of a lost input. It has recovered
-when it has been well for half a second. A button is told when it goes down, also while an axis is
-broken, since it may be the one that lands; one that was held before a silence and still is after
-it has not gone down again.
+when it has been well for half a second. A button emits its event when it goes down, also while an
+axis is broken, since it may be the one that lands; one that was held before a silence and still is
+after it has not gone down again.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.errors import DriverError, described
+from kybflow.core.events import Custom
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, InputReading, InputReadings, Time
 from kybflow.dsl.plan import InputPlan
 from kybflow.flight.formation.shapes import centroid
 from kybflow.parts import InputLink
+from kybflow.parts.events import InputLost, InputRecovered
 from kybflow.parts.input import FeltLink
-from kybflow.runtime.events import Events, Fields
+from kybflow.runtime.events import Events
 
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -71,7 +73,7 @@ class Inputs:
         return len(self._inputs)
 
     def step(self, now: Time, vehicles: Iterable[Vehicle] = (), *, flying: bool = True) -> None:
-        """Read every input, tell what happened, in flight only, and let each hand feel the vehicles
+        """Read every input, emit its events, in flight only, and let each hand feel the vehicles
         that it steers, as they were in the last tick. Called at the start of a tick."""
         for one in self._inputs:
             self._heard[one.plan.name] = one.step(now, flying)
@@ -113,7 +115,7 @@ class _Input:
         self._axes: Mapping[str, float] | None = None
         self._moved: Time = 0
         self._well: Time | None = None
-        self._told = False
+        self._reported = False
         self._began: Time | None = None
         self._unfelt: InputTrouble | None = None
 
@@ -125,11 +127,11 @@ class _Input:
         self._unfelt = None
         if reading is not None:
             for button in sorted(reading.held - self._held) if flying else ():
-                self._events.tell(f"{self.plan.name}.{button}", at=self.plan.at)
+                self._events.emit(Custom(f"{self.plan.name}.{button}"), at=self.plan.at)
             self._held = reading.held
         self._judge(trouble, now)
         if flying:
-            self._tell()
+            self._emit()
         return reading if self.trouble is None else None
 
     def feel(self, link: FeltLink, push: Vec3 | None) -> None:
@@ -160,7 +162,7 @@ class _Input:
         return (None if reading is None else self._named(reading)), None
 
     def _named(self, reading: InputReading) -> InputReading:
-        names, dead_man = self.plan.buttons, self.plan.dead_man
+        names, dead_man = self.plan.button_names, self.plan.dead_man
         held = frozenset(names[button] for button in reading.held if button in names)
         return reading._replace(held=held, engaged=dead_man is None or dead_man in held)
 
@@ -190,21 +192,20 @@ class _Input:
     def _judge(self, trouble: InputTrouble | None, now: Time) -> None:
         if trouble is not None:
             self._well = None
-            self.trouble = (self._told and self.trouble) or trouble
+            self.trouble = (self._reported and self.trouble) or trouble
             return
         self._well = now if self._well is None else self._well
-        if not self._told or now - self._well >= RECOVERED:
+        if not self._reported or now - self._well >= RECOVERED:
             self.trouble = None
 
-    def _tell(self) -> None:
-        """Tell once that it is lost, and once that it is back."""
+    def _emit(self) -> None:
+        """Emit once that it is lost, and once that it is back."""
         name, at = self.plan.name, self.plan.at
-        if self.trouble is not None and not self._told:
-            numbers = {"value": self.trouble.value, "bound": self.trouble.bound}
-            known = {key: n for key, n in numbers.items() if n is not None and isfinite(n)}
-            fields: dict[str, Fields] = {"input": name, "reason": self.trouble.reason, **known}
-            self._events.tell("input_lost", "", at, **fields)
-            self._told = True
-        elif self.trouble is None and self._told:
-            self._events.tell("input_recovered", at=at, input=name)
-            self._told = False
+        if self.trouble is not None and not self._reported:
+            reason, *numbers = self.trouble
+            value, bound = (n if n is not None and isfinite(n) else None for n in numbers)
+            self._events.emit(InputLost(input=name, reason=reason, value=value, bound=bound), at=at)
+            self._reported = True
+        elif self.trouble is None and self._reported:
+            self._events.emit(InputRecovered(input=name), at=at)
+            self._reported = False

@@ -2,7 +2,7 @@
 
 Motion capture sees them, late and with noise, as it sees vehicles; nobody is told where they really
 are. The velocity of one is that of its last twentieth of a second, and at most the speed that the
-mission tells. One that is not seen for half a second is told as `obstacle_lost`, and as
+mission tells. One that is not seen for half a second emits `obstacle_lost`, and
 `obstacle_found` when it is seen again; whoever keeps away from it takes it to be larger meanwhile,
 by how far it can have gone. What comes bit by bit as before, of one whose poses have wavered, is
 repeated by the system for a body that it has lost, and counts as nothing seen. World frame, SI.
@@ -18,13 +18,14 @@ from kybflow.core.errors import described
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
 from kybflow.core.signals import NS, Measurement, Pose, SeenObstacle, Time
 from kybflow.parts import Stream
+from kybflow.parts.events import ObstacleFound, ObstacleLost
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import STILL, WAVERS
 from kybflow.runtime.monitoring.sensing import AHEAD
 from kybflow.world.moving_sphere import MovingSphere
 
 LOST: Time = NS // 2
-"""How long one may not be seen until that is told."""
+"""How long one may not be seen until that is an event."""
 _OVER: Time = NS // 20
 
 
@@ -48,11 +49,11 @@ class MovingObstacles:
                 self.seen[name] = seen
                 if name in self._lost:
                     self._lost.discard(name)
-                    self._events.tell("obstacle_found", obstacle=name)
+                    self._events.emit(ObstacleFound(obstacle=name))
             elif name in self.seen and name not in self._lost and self._unseen(name, now) > LOST:
                 self._lost.add(name)
                 reason = _because(f"not seen for {LOST / NS:g} s", watched.trouble())
-                self._events.tell("obstacle_lost", obstacle=name, reason=reason)
+                self._events.emit(ObstacleLost(obstacle=name, reason=reason))
 
     def objections(self, now: Time) -> Iterator[tuple[str, str | None]]:
         """Yield each one with why nobody may take off because of it, None where it is seen."""

@@ -12,9 +12,9 @@ more than `MEMORY` where another vehicle believes itself to be. Then its poses, 
 one another but are another's, are withheld until it jumps or is lost again.
 
 Then a pose that is the one before it bit by bit is no measurement and is withheld, from the first
-on, so that an estimate ages from when its body froze, not from when that is told; once it was
-told, also on the ground, until the pose changes. All others pass: whether the vehicle can be there
-is for the estimators to say (`kybflow.flight.pose_gate`).
+on, so that an estimate ages from when its body froze, not from when that is reported; once it
+was reported, also on the ground, until the pose changes. All others pass: whether the vehicle can
+be there is for the estimators to say (`kybflow.flight.pose_gate`).
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ from collections.abc import Callable, Iterator, Sequence
 from math import dist, inf
 from typing import NamedTuple
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import ZERO, Quat, Vec3, distance
 from kybflow.core.signals import NEVER, NS, Estimate, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.pose_track import PoseTrack, unexplained
+from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.findings import Finding, Trouble, nearest, tell
+from kybflow.runtime.monitoring.findings import Trouble, nearest
 
-LOST, FROZE = "body_lost", "body_froze"
 WAVERS = 30
 """So many poses in a row on the ground, each a little beside the last one, are measured with
 noise."""
@@ -67,7 +68,7 @@ class Bodies:
 
     def judge(
         self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
-    ) -> tuple[list[Pose], list[Finding]]:
+    ) -> tuple[list[Pose], list[VehicleEvent]]:
         """The new poses of a body, oldest first: those that are measurements, and what is found.
         To be asked whenever poses have come, and without any from `due` on. in_air: whether its
         vehicle is."""
@@ -75,22 +76,22 @@ class Bodies:
         if body is None:
             body = self._bodies[name] = _Body(now)
         passed: list[Pose] = []
-        findings: list[Finding] = []
+        findings: list[VehicleEvent] = []
         for pose in poses:
             if pose.time <= body.stamp or not _is_sound(pose):
                 continue
             if body.repeats(pose, in_air):
-                self._froze(name, body, findings)
+                self._froze(body, findings)
             else:
                 self._follow(name, body, pose, findings)
                 if not body.of:
                     passed.append(pose)
         newest = body.stamp if body.stamp > body.began else body.began
         body.due = newest + self._timeout(body)
-        if now > body.due and not body.trouble.is_told(LOST):
+        if now > body.due and not body.trouble.is_known(BodyLost):
             age, bound = (now - newest) / NS, (body.due - newest) / NS
             body.trouble.good = 0
-            findings.append(body.found(Finding("body_lost", name, age, bound, time=now)))
+            findings.append(body.found(BodyLost(value=age, bound=bound)))
         return passed, findings
 
     def due(self, name: str) -> Time:
@@ -103,31 +104,32 @@ class Bodies:
         slow = 3 * body.interval
         return slow if slow > self._lost else self._lost
 
-    def _froze(self, name: str, body: _Body, findings: list[Finding]) -> None:
+    def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
         since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
-        if since > bound and not body.trouble.is_told(FROZE):
-            findings.append(body.found(Finding("body_froze", name, since, bound, time=body.stamp)))
+        if since > bound and not body.trouble.is_known(BodyFroze):
+            findings.append(body.found(BodyFroze(value=since, bound=bound)))
         body.trouble.good = 0
 
-    def _follow(self, name: str, body: _Body, pose: Pose, findings: list[Finding]) -> None:
+    def _follow(self, name: str, body: _Body, pose: Pose, findings: list[VehicleEvent]) -> None:
         """A pose that is a new one: does the body recover, did it jump?"""
         if body.trouble.finding is not None and body.trouble.is_over():
-            findings.append(Finding("body_recovered", name, time=pose.time))
+            findings.append(BodyRecovered())
         last = body.track.last
         if last is not None and pose.time - last.time > _MEMORY:
             body.of = self._believer(name, pose)
             if body.of:
                 value, bound = distance(pose.position, last.position), self._bounds.near
-                findings.append(Finding("body_swapped", name, value, bound, body.of, pose.time))
+                findings.append(BodySwapped(other=body.of, value=value, bound=bound))
         first = body.track.follow(pose)
         if first is None or last is None:
             return
         value, bound = unexplained(last, first) or (0.0, 0.0)
         other = nearest(first.position, self._others(name, first))
-        found = Finding("body_jumped", name, value, bound, time=first.time)
-        if other:
-            found = Finding("body_swapped", name, value, bound, other, first.time)
-        findings.append(found)
+        findings.append(
+            BodySwapped(other=other, value=value, bound=bound)
+            if other
+            else BodyJumped(value=value, bound=bound)
+        )
         body.left, body.of = last, self._believer(name, first) if body.of else other
 
     def _believer(self, name: str, pose: Pose) -> str:
@@ -172,7 +174,7 @@ class _Body:
         self._last: Pose | None = None
         self._wavered = 0
 
-    def found(self, finding: Finding) -> Finding:
+    def found(self, finding: VehicleEvent) -> VehicleEvent:
         """From now on that is wrong with it."""
         self.trouble.finding = finding
         return finding
@@ -188,7 +190,7 @@ class _Body:
             self._before = passed
         self.stamp = stamp
         same = last is not None and last.position == position and last.attitude == attitude
-        if same and (in_air or self._wavered >= WAVERS or self.trouble.is_told(FROZE)):
+        if same and (in_air or self._wavered >= WAVERS or self.trouble.is_known(BodyFroze)):
             return True
         if self._wavered < WAVERS and not in_air and last is not None:
             stands = not same and distance(last.position, position) < STILL
@@ -203,7 +205,7 @@ def _is_sound(pose: Pose) -> bool:
 
 
 class BodyMonitor:
-    """Tells what is found of one vehicle's body, and withholds the poses that are no measurements.
+    """Emits what is found of one vehicle's body, and withholds the poses that are no measurements.
     `bodies` judges those of the whole fleet; `estimate` gives what the vehicle flies on. Poses that
     no estimator asks for are judged where they come, and nobody misses them. due: when to be asked
     without any."""
@@ -235,10 +237,7 @@ class BodyMonitor:
         if self._is_needed:
             self.due = self._bodies.due(self._name)
         for found in findings:
-            tell(
-                self._events, found, self._name, self._at,
-                other=found.other, value=found.value, bound=found.bound,
-            )  # fmt: skip
+            self._events.emit(found, self._name, self._at)
         if len(passed) == len(poses):
             return measurements
         good = set(map(id, passed))

@@ -29,7 +29,7 @@ is within that of where another vehicle believed to be.
 
 recovered: so many good frames in a row since it was lost or froze. After a jump: the poses went
 back, or were lost meanwhile, and so many in a row are where the vehicle believes itself to be.
-Where an estimator followed the camera they are not, and it is told of another jump.
+Where an estimator followed the camera they are not, and another jump is reported.
 """
 
 from __future__ import annotations
@@ -40,23 +40,32 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.pose_track import Streak, reach
 from kybflow.parts import Estimator
+from kybflow.parts.events import (
+    CameraFroze,
+    CameraJumped,
+    CameraLostEvent,
+    CameraRecovered,
+    CameraSwappedEvent,
+    TagsFound,
+    TagsLost,
+)
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.findings import Finding, Trouble, nearest, tell
+from kybflow.runtime.monitoring.findings import Trouble, nearest
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
 
-LOST, FROZE, SWAPPED = "camera_lost", "camera_froze", "camera_swapped"
 SILENT, SAME = 0.15, 0.1
-"""Seconds. Both are told before the estimate is a quarter of a second old, from 15 Hz on."""
+"""Seconds. Both are reported before the estimate is a quarter of a second old, from 15 Hz on."""
 _ACROSS = 40
 """Pixels of a row that are compared."""
 BLIND, NEAR = 0.15, 0.2
@@ -72,14 +81,15 @@ class CameraStreams:
         self.due: Time = NEVER
 
     @property
-    def wrong(self) -> dict[str, str]:
-        """What was told last of each camera that has not recovered."""
-        return {n: s.trouble.finding.event for n, s in self._streams.items() if s.trouble.finding}
+    def wrong(self) -> dict[str, VehicleEvent]:
+        """What was reported last of each camera that has not recovered."""
+        found = {name: stream.trouble.finding for name, stream in self._streams.items()}
+        return {name: finding for name, finding in found.items() if finding is not None}
 
-    def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[Finding]:
+    def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[VehicleEvent]:
         """What is found with these new frames. To be asked whenever some have come, and without any
         from `due` on. in_air: whether the vehicle is."""
-        findings: list[Finding] = []
+        findings: list[VehicleEvent] = []
         for frame in frames:
             stream = self._streams.get(frame.camera)
             if stream is None:
@@ -89,7 +99,7 @@ class CameraStreams:
             findings += stream.look(frame, in_air)
         for stream in self._streams.values():
             findings += stream.miss(now)
-        waiting = (s for s in self._streams.values() if not s.trouble.is_told(LOST))
+        waiting = (s for s in self._streams.values() if not s.trouble.is_known(CameraLostEvent))
         self.due = min((s.heard + round(s.timeout * NS) for s in waiting), default=NEVER)
         return findings
 
@@ -108,27 +118,29 @@ class _CameraStream:
         self._changed: Time = 0
         self._sample: Any = None
 
-    def look(self, frame: Frame, in_air: bool) -> Iterator[Finding]:
+    def look(self, frame: Frame, in_air: bool) -> Iterator[VehicleEvent]:
         """What is found with the next frame."""
         trouble = self.trouble
-        if self._repeats(frame) and (in_air or trouble.is_told(FROZE)):
+        if self._repeats(frame) and (in_air or trouble.is_known(CameraFroze)):
             since = (frame.time - self._changed) / NS
-            if since > self.freeze_timeout and not trouble.is_told(FROZE):
-                yield self._found(Finding("camera_froze", self._name, since, self.freeze_timeout))
+            bound = self.freeze_timeout
+            if since > bound and not trouble.is_known(CameraFroze):
+                yield self._found(CameraFroze(camera=self._name, value=since, bound=bound))
             trouble.good = 0
             return
         self._changed = frame.time
         if trouble.is_over():
-            yield Finding("camera_recovered", self._name)
+            yield CameraRecovered(camera=self._name)
 
-    def miss(self, now: Time) -> Iterator[Finding]:
+    def miss(self, now: Time) -> Iterator[VehicleEvent]:
         """What is found where no frame comes."""
         silence = (now - self.heard) / NS
-        if silence > self.timeout and not self.trouble.is_told(LOST):
+        if silence > self.timeout and not self.trouble.is_known(CameraLostEvent):
             self.trouble.good = 0
-            yield self._found(Finding("camera_lost", self._name, silence, self.timeout))
+            lost = CameraLostEvent(camera=self._name, value=silence, bound=self.timeout)
+            yield self._found(lost)
 
-    def _found(self, finding: Finding) -> Finding:
+    def _found(self, finding: VehicleEvent) -> VehicleEvent:
         self.trouble.finding = finding
         return finding
 
@@ -168,22 +180,22 @@ class Sightings:
         self.lost = self.is_blind = False
 
     @property
-    def wrong(self) -> dict[str, Finding]:
-        """What was told last of each camera, as long as it goes on."""
+    def wrong(self) -> dict[str, CameraJumped]:
+        """What was reported last of each camera, as long as it goes on."""
         found = {name: track.trouble.finding for name, track in self._tracks.items()}
-        return {name: finding for name, finding in found.items() if finding is not None}
+        return {name: event for name, event in found.items() if isinstance(event, CameraJumped)}
 
-    def judge(self, sighting: Sighting, in_air: bool) -> list[Finding]:
+    def judge(self, sighting: Sighting, in_air: bool) -> list[VehicleEvent]:
         """What is found with a new sighting. in_air: whether the vehicle is."""
         time, located = sighting.frames[0].time, sighting.located
         self.is_blind = located is None
         if located is None:
             return self._blind(time, in_air)
         self._posed = time
-        findings: list[Finding] = []
+        findings: list[VehicleEvent] = []
         if self.lost:
             self.lost = False
-            findings.append(Finding("tags_found"))
+            findings.append(TagsFound())
         if not in_air:  # it may be carried about
             self._tracks.clear()
             return findings
@@ -196,13 +208,13 @@ class Sightings:
                 findings += self._agreed(camera)
         return findings
 
-    def _agreed(self, cameras: str) -> Iterator[Finding]:
+    def _agreed(self, cameras: str) -> Iterator[VehicleEvent]:
         """Cameras that told a good pose together: what each did wrong alone is over."""
         for name, track in self._tracks.items():
             if name != cameras and name in cameras.split(_AND) and track.trouble.is_over():
-                yield Finding("camera_recovered", name)
+                yield CameraRecovered(camera=name)
 
-    def _blind(self, time: Time, in_air: bool) -> list[Finding]:
+    def _blind(self, time: Time, in_air: bool) -> list[VehicleEvent]:
         if self._posed is None or not in_air:
             self._posed = time
             return []
@@ -210,7 +222,7 @@ class Sightings:
         if since <= self._timeout or self.lost:
             return []
         self.lost = True
-        return [Finding("tags_lost", "", since, self._timeout)]
+        return [TagsLost(value=since, bound=self._timeout)]
 
     def _placed(self, time: Time, located: Located) -> _Place | None:
         believed = self._fleet.at(self._vehicle, time)
@@ -239,7 +251,7 @@ class _Track:
 
     def follow(
         self, place: _Place, camera: str, whose: Callable[[_Place], str]
-    ) -> Iterator[Finding]:
+    ) -> Iterator[VehicleEvent]:
         """What is found with the next one. whose: the vehicle that is there."""
         trouble, elsewhere = self.trouble, self._elsewhere
         last, self._last = self._last, place
@@ -251,16 +263,18 @@ class _Track:
             elsewhere.seen, trouble.good = [], 0
         if trouble.finding is not None and not is_off and (went or trouble.good):
             if trouble.is_over():
-                yield Finding("camera_recovered", camera)
+                yield CameraRecovered(camera=camera)
             return
         if not (elsewhere.seen or (is_off and (went or trouble.finding is None))):
             return
         first = elsewhere.confirmed(place)
         if first is not None:
-            other = whose(first)
-            trouble.finding = Finding("camera_jumped", camera, first.value, first.bound)
-            if other:
-                trouble.finding = Finding("camera_swapped", camera, first.value, first.bound, other)
+            other, value, bound = whose(first), first.value, first.bound
+            trouble.finding = (
+                CameraSwappedEvent(camera=camera, value=value, bound=bound, other=other)
+                if other
+                else CameraJumped(camera=camera, value=value, bound=bound)
+            )
             yield trouble.finding
 
 
@@ -278,9 +292,9 @@ class SeeingEstimator(Protocol):
 
 
 class CameraMonitor:
-    """Tells what is found of one vehicle's cameras, and withholds frozen frames; estimators know
+    """Emits what is found of one vehicle's cameras, and withholds frozen frames; estimators know
     nothing of it. `fleet` is where the vehicles believe to be. Where no estimator asks for frames,
-    nobody misses them, and nothing is told."""
+    nobody misses them, and nothing is reported."""
 
     def __init__(self, plan: VehiclePlan, fleet: EstimateHistory, events: Events) -> None:
         self._name, self._events = plan.name, events
@@ -303,12 +317,12 @@ class CameraMonitor:
         """What is known to be wrong, in words; None where nothing is."""
         said = []
         for name, event in self._streams.wrong.items():
-            if event == FROZE:
+            if isinstance(event, CameraFroze):
                 said.append(f"the camera `{name}` froze")
-            elif event == LOST:
+            elif isinstance(event, CameraLostEvent):
                 said.append(f"the camera `{name}` gives no frames")
         for name, found in self._sightings.wrong.items():
-            if found.event == SWAPPED:
+            if isinstance(found, CameraSwappedEvent):
                 said.append(f"the camera `{name}` shows where `{found.other}` is")
             else:
                 said.append(f"what the camera `{name}` shows jumped by {found.value:.2f} m")
@@ -323,10 +337,11 @@ class CameraMonitor:
         whether the vehicle is."""
         frames = [m for m in measurements if type(m) is Frame] if measurements else ()
         if frames or now >= self._streams.due:
-            self._tell(self._streams.judge(frames, now, in_air))
+            self._emit(self._streams.judge(frames, now, in_air))
         if not frames:
             return measurements
-        frozen = [name for name, event in self._streams.wrong.items() if event == FROZE]
+        wrong = self._streams.wrong
+        frozen = [name for name, event in wrong.items() if isinstance(event, CameraFroze)]
         if not frozen:
             return measurements
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
@@ -342,11 +357,8 @@ class CameraMonitor:
                     fresh.append(sighting)
         if fresh:
             best = next((s for s in fresh if s.located is not None), fresh[0])
-            self._tell(self._sightings.judge(best, in_air))
+            self._emit(self._sightings.judge(best, in_air))
 
-    def _tell(self, findings: Sequence[Finding]) -> None:
+    def _emit(self, findings: Sequence[VehicleEvent]) -> None:
         for found in findings:
-            tell(
-                self._events, found, self._name, self._at,
-                camera=found.subject, value=found.value, bound=found.bound, other=found.other,
-            )  # fmt: skip
+            self._events.emit(found, self._name, self._at)

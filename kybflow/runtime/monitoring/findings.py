@@ -10,27 +10,10 @@ swap (`nearest`).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3, distance
-from kybflow.core.signals import Time
 from kybflow.flight.pose_track import CONFIRMED
-from kybflow.parts.observables import EVENT_FIELDS
-from kybflow.runtime.events import Events, Fields
-
-
-class Finding(NamedTuple):
-    """Something that was found. subject: the body or the camera, empty where it is all of them.
-    value, bound: what was measured and what may be: seconds without anything new; metres (or, for
-    a turn, radians) off. other: the vehicle that is where the subject seems to be. time: when it
-    was true, where that is known."""
-
-    event: str
-    subject: str = ""
-    value: float = 0.0
-    bound: float = 0.0
-    other: str = ""
-    time: Time = 0
 
 
 class Trouble:
@@ -39,12 +22,12 @@ class Trouble:
     __slots__ = ("finding", "good")
 
     def __init__(self) -> None:
-        self.finding: Finding | None = None
+        self.finding: VehicleEvent | None = None
         self.good = 0
 
-    def is_told(self, event: str) -> bool:
-        """Whether it was told, and goes on."""
-        return self.finding is not None and self.finding.event == event
+    def is_known(self, event: type[VehicleEvent]) -> bool:
+        """Whether this was found, and goes on."""
+        return isinstance(self.finding, event)
 
     def is_over(self) -> bool:
         """Take note of a good observation; whether it confirms that the subject is well again."""
@@ -64,10 +47,3 @@ def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:
         if share < best:
             best, whose = share, vehicle
     return whose
-
-
-def tell(events: Events, finding: Finding, vehicle: str, at: str, **known: Fields) -> None:
-    """Tell the finding's event, with what of `known` it carries."""
-    carried = EVENT_FIELDS[finding.event]
-    fields = {name: value for name, value in known.items() if name in carried}
-    events.tell(finding.event, vehicle, at, **fields)

@@ -1,12 +1,13 @@
 """The sensors of one vehicle beside its link.
 
-What they measure comes in place of what the link measures of the same kinds. One that fails is told
-once, until it works again, and its estimators age; the link is not blamed. It fails by raising, or
-where nothing comes and it knows why: once it has worked, or `PATIENCE` seconds after the start.
+What they measure comes in place of what the link measures of the same kinds. One that fails is
+reported once, until it works again, and its estimators age; the link is not blamed. It fails by
+raising, or where nothing comes and it knows why: once it has worked, or `PATIENCE` seconds after
+the start.
 
 What can't be true is left out, of the link as of a sensor: what is stamped more than `AHEAD` after
 now, because an estimator that took it would take nothing else until then; a frame of a camera that
-the vehicle doesn't have, and one whose image is none. The first of each is told.
+the vehicle doesn't have, and one whose image is none. The first of each is reported.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time, kind_name
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
 from kybflow.parts import Stream
+from kybflow.parts.events import MeasurementRefused, SensorFailed, SensorRecovered
 from kybflow.runtime.events import Events
 
 PATIENCE = 1.0
@@ -97,7 +99,7 @@ class Sensing:
         if found:
             self._worked.add(name)
             if self._failed.pop(name, None) is not None:
-                self._events.tell("sensor_recovered", self._vehicle, part.at, sensor=name)
+                self._events.emit(SensorRecovered(sensor=name), self._vehicle, part.at)
         elif name not in self._failed and (name in self._worked or self._is_late(now)):
             trouble = _trouble(sensor)
             if trouble is not None:
@@ -110,12 +112,12 @@ class Sensing:
         return now - self._began >= PATIENCE * NS
 
     def _fail(self, sensor: OpenSensor, reason: str) -> None:
-        """Tell it, once until the sensor works again."""
+        """Report it, once until the sensor works again."""
         name = _name(sensor)
         if name not in self._failed:
             self._failed[name] = reason
             at = sensor.plan.part.at
-            self._events.tell("sensor_failed", self._vehicle, at, sensor=name, reason=reason)
+            self._events.emit(SensorFailed(sensor=name, reason=reason), self._vehicle, at)
 
 
 def _trouble(sensor: OpenSensor) -> str | None:
@@ -137,7 +139,7 @@ class Admission:
     def __init__(self, vehicle: str, cameras: Collection[str], events: Events) -> None:
         self._vehicle, self._cameras, self._events = vehicle, cameras, events
         self._counts: dict[MeasurementKind, int] = {}
-        self._told: set[tuple[str, MeasurementKind, str]] = set()
+        self._reported: set[tuple[str, MeasurementKind, str]] = set()
 
     def admitted(
         self, measurements: Sequence[Measurement], now: Time, source: str, at: str
@@ -180,16 +182,10 @@ class Admission:
     def _refuse(self, kind: MeasurementKind, wrong: tuple[str, str], source: str, at: str) -> None:
         self._counts[kind] = self._counts.get(kind, 0) + 1
         sort, reason = wrong
-        if (source, kind, sort) not in self._told:
-            self._told.add((source, kind, sort))
-            self._events.tell(
-                "measurement_refused",
-                self._vehicle,
-                at,
-                source=source,
-                kind=kind_name(kind),
-                reason=reason,
-            )
+        if (source, kind, sort) not in self._reported:
+            self._reported.add((source, kind, sort))
+            refused = MeasurementRefused(source=source, kind=kind_name(kind), reason=reason)
+            self._events.emit(refused, self._vehicle, at)
 
 
 def _is_grey(image: Any) -> bool:

@@ -11,7 +11,7 @@ which would hold back its evasions.
 
 All other vehicles are kept away from, by their estimates, or those in `treat_as_obstacles` alone:
 in a formation, the one that has left it. Nobody is relied on to give way. Where what is near leaves
-no way it brakes, gives way to what presses hardest, and tells `avoidance_blocked`. It acts in
+no way it brakes, gives way to what presses hardest, and emits `avoidance_blocked`. It acts in
 behaviors that stay in the air. Metres, world frame.
 """
 
@@ -19,10 +19,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.signals import Setpoint, Tick, Told
+from kybflow.core.events import Emitting
+from kybflow.core.signals import Setpoint, Tick
 from kybflow.core.units import Acceleration, Length, Speed
 from kybflow.flight.avoidance.detour import Detour
-from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
+from kybflow.flight.avoidance.following import ACCEPTS, Avoidance, AvoidanceBlocked, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import Airframe, VehicleContext
@@ -52,7 +53,7 @@ class AvoidObstaclesParams:
 class AvoidObstacles(Processor[AvoidObstaclesParams]):
     accepts = ACCEPTS
     goes_round = True
-    tells = BLOCKED
+    own_events = (AvoidanceBlocked,)
 
     @classmethod
     def keeps_off(cls, params: AvoidObstaclesParams, airframe: Airframe) -> float:
@@ -71,9 +72,9 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
         self._nearby = Nearby(context, params.treat_as_obstacles)
         self._avoidance = Avoidance(context.airframe, self._nearby, Detour(context.fence))
 
-    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Emitting:
         p = self.params
         if p.treat_as_obstacles is not self._nearby.others:
             self._nearby.count(p.treat_as_obstacles)
         keeping = Keeping(p.keep, _SLACK * p.keep, p.braking, p.speed)
-        return self._avoidance.told(setpoint, tick, keeping)
+        return self._avoidance.bend(setpoint, tick, keeping)

@@ -4,7 +4,7 @@ Every vehicle has it unless its mission lists its own processors: `library/defau
 setpoint brakes by `braking` so that the rotors stay `keep` away from each obstacle: along its way
 where it heads for one, and past one it slides along. From where it is too close it is led back, at
 up to 0.3 m/s. The rules: `kybflow.flight.avoidance`, `barrier` and `following`. What keeps clear by
-itself passes unchanged, bit for bit. Where obstacles contradict each other it brakes and tells
+itself passes unchanged, bit for bit. Where obstacles contradict each other it brakes and emits
 `avoidance_blocked`.
 
 It does not go round anything, and other vehicles are none of its business: that is
@@ -15,9 +15,10 @@ come close to what they leave or land on. An obstacle that is meant to be touche
 
 from __future__ import annotations
 
-from kybflow.core.signals import Setpoint, Tick, Told
+from kybflow.core.events import Emitting
+from kybflow.core.signals import Setpoint, Tick
 from kybflow.core.units import Acceleration, Length, Speed
-from kybflow.flight.avoidance.following import ACCEPTS, BLOCKED, Avoidance, Keeping
+from kybflow.flight.avoidance.following import ACCEPTS, Avoidance, AvoidanceBlocked, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import Airframe, VehicleContext
@@ -40,7 +41,7 @@ class ObstacleGuardParams:
 class ObstacleGuard(Processor[ObstacleGuardParams]):
     accepts = ACCEPTS
     clamps = True
-    tells = BLOCKED
+    own_events = (AvoidanceBlocked,)
 
     @classmethod
     def keeps_off(cls, params: ObstacleGuardParams, airframe: Airframe) -> float:
@@ -52,6 +53,6 @@ class ObstacleGuard(Processor[ObstacleGuardParams]):
         self.idle = nearby.is_empty
         self._avoidance = Avoidance(context.airframe, nearby)
 
-    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Told:
+    def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Emitting:
         p = self.params
-        return self._avoidance.told(setpoint, tick, Keeping(p.keep, p.keep, p.braking, p.speed))
+        return self._avoidance.bend(setpoint, tick, Keeping(p.keep, p.keep, p.braking, p.speed))

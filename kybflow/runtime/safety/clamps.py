@@ -1,10 +1,11 @@
-"""Which clamp keeps a vehicle's setpoint from where its behavior wants it, told as events.
+"""Which clamp keeps a vehicle's setpoint from where its behavior wants it, and its events.
 
 A processor that `clamps` takes away for good what lies beyond its bound, so that the vehicle never
 gets there: the fence. (`limit_speed`, `limit_acceleration` and `smooth` let it arrive later, and
-what avoids an obstacle goes around it: that is shaping, and shows in the errors alone.) A clamp is
-told from 2 cm on, of setpoints of velocity from 5 cm/s: once when it begins, and once when it has
-let everything pass for half a second, with the most that it took away and for how long.
+what avoids an obstacle goes around it: that is shaping, and shows in the errors alone.) A clamp
+counts from 2 cm on, of setpoints of velocity from 5 cm/s. It emits `clamp_started` when it begins,
+and `clamp_ended` when it has let everything pass for half a second, with the most that it took away
+and for how long.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Mapping
 from kybflow.core.geometry import ZERO, distance
 from kybflow.core.signals import NS, Setpoint, Time
 from kybflow.core.units import format_measured
+from kybflow.parts.events import ClampEnded, ClampStarted
 from kybflow.runtime.events import Events
 
 _LEAST, _LEAST_SPEED = 0.02, 0.05
@@ -51,7 +53,7 @@ class Clamps:
         if clamp is None:
             clamp = self.active[label] = _Clamp(now)
             at = self._lines[label]
-            self._events.tell("clamp_started", self._vehicle, at, processor=name, reason=words)
+            self._events.emit(ClampStarted(processor=name, reason=words), self._vehicle, at)
         clamp.last, clamp.unit, clamp.most = now, unit, max(clamp.most, off)
         return words if unit == "m" else None
 
@@ -60,11 +62,12 @@ class Clamps:
         over = [label for label, clamp in self.active.items() if now - clamp.last > _QUIET]
         for label in over:
             clamp = self.active.pop(label)
-            self._events.tell(
-                "clamp_ended", self._vehicle, self._lines[label], processor=self._names[label],
+            ended = ClampEnded(
+                processor=self._names[label],
                 most=format_measured(clamp.most, clamp.unit),
                 seconds=(clamp.last - clamp.since) / NS,
-            )  # fmt: skip
+            )
+            self._events.emit(ended, self._vehicle, self._lines[label])
 
 
 def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:

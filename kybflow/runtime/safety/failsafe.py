@@ -18,8 +18,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import PartFailed, described
+from kybflow.core.events import AlarmRaised
 from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
 from kybflow.parts import Supervisor
+from kybflow.parts.events import FailsafeEnded, FailsafeStarted, PartFailedEvent
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_alarm
 
@@ -100,7 +102,7 @@ class Failsafe:
                 alarm = check(tick, airborne)
                 if alarm is None:
                     continue
-                heard = self.tell(label, checked_alarm(alarm), tick.now)
+                heard = self.emit(label, checked_alarm(alarm), tick.now)
             except Exception as error:  # a part may raise anything
                 self._checks = tuple(c for c in self._checks if c[0] != label)
                 self._hurried = tuple(c for c in self._hurried if c[0] != label)
@@ -132,11 +134,11 @@ class Failsafe:
     def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> RaisedAlarm:
         """Publish that a part failed; return the alarm for it."""
         reason, at = str(failure), at or self._lines.get(failure.part, "")
-        self._events.tell("part_failed", self._vehicle, at, part=failure.part, reason=reason)
+        self._events.emit(PartFailedEvent(part=failure.part, reason=reason), self._vehicle, at)
         alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}")
         return RaisedAlarm(alarm, at)
 
-    def tell(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
+    def emit(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
         """Publish an alarm of the part `label` as an event, once for as long as it persists."""
         heard = RaisedAlarm(alarm, self._lines.get(label, ""))
         last = self._last.get(alarm.event)
@@ -147,15 +149,18 @@ class Failsafe:
         if waived is not None and now - waived < RELEASED_AFTER * NS:
             self._waived[alarm.event] = now
         if last is None or now - last > _QUIET:
-            self._tell(alarm.event, heard, alarm.reaction)
+            self._events.emit(AlarmRaised(alarm), self._vehicle, heard.at)
         return heard
 
-    def _tell(self, event: str, heard: RaisedAlarm, reaction: Reaction) -> None:
+    def _emit_start(self, heard: RaisedAlarm, reaction: Reaction) -> None:
         alarm, at = heard
-        numbers = {"value": alarm.value, "bound": alarm.bound}
-        fields = {name: number for name, number in numbers.items() if number is not None}
-        name = reaction.name.lower()
-        self._events.tell(event, self._vehicle, at, reaction=name, reason=alarm.reason, **fields)
+        started = FailsafeStarted(
+            reaction=reaction.name.lower(),
+            reason=alarm.reason,
+            value=alarm.value,
+            bound=alarm.bound,
+        )
+        self._events.emit(started, self._vehicle, at)
 
     def decide(self, heard: RaisedAlarm, tick: Tick, airborne: bool, state: str) -> Reaction | None:
         """Return the reaction to an alarm, None if there is nothing to do. On the ground every
@@ -182,7 +187,7 @@ class Failsafe:
             blind = reaction is Reaction.LAND_BLIND
             self._may_see = blind and alarm.event != "part_failed"
             self.clear_brake()
-        self._tell("failsafe_started", heard, reaction)
+        self._emit_start(heard, reaction)
         return reaction
 
     def sees_again(self, tick: Tick) -> bool:
@@ -197,7 +202,7 @@ class Failsafe:
         self.latched, self._may_see = Reaction.LAND, False
         reason = f"there is an estimate, and no alarm, for {SEEN / NS:g} s"
         back = Alarm("estimate_lost", Reaction.LAND, reason)
-        self._tell("failsafe_started", RaisedAlarm(back, ""), Reaction.LAND)
+        self._emit_start(RaisedAlarm(back, ""), Reaction.LAND)
         return True
 
     def _brakes(self, alarm: Alarm, now: Time) -> bool:
@@ -226,7 +231,7 @@ class Failsafe:
         if any(now - brake.heard < RELEASED_AFTER * NS for brake in self._braking.values()):
             return False
         self._released.update(dict.fromkeys(self._braking, now))
-        self._events.tell("failsafe_ended", self._vehicle, reaction="brake", alarm=self.braking)
+        self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
         self.clear_brake()
         return True
 

@@ -49,7 +49,7 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
             yield Objection("margin", reason, "write `margin: 10 cm`", is_doubt=True)
 
     @classmethod
-    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+    def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:
         return cls.events if context.fence is not None else ()
 
     def __init__(self, params: FenceSupervisorParams, context: VehicleContext) -> None:

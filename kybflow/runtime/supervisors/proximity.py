@@ -65,7 +65,7 @@ class Proximity(Supervisor[ProximityParams]):
                 yield Objection("margin", reason, hint, params.reaction == "warn")
 
     @classmethod
-    def can_tell(cls, context: VehicleContext) -> tuple[str, ...]:
+    def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:
         return cls.events if len(context.diameters) > 1 else ()
 
     def __init__(self, params: ProximityParams, context: VehicleContext) -> None:

@@ -7,6 +7,13 @@ does what an integral would, without winding up against it. A VELOCITY setpoint 
 ACCELERATION setpoint only its own; the integral is kept meanwhile, because it stands for a
 disturbance that does not end with the kind.
 
+With `position_gain` P is a matrix K, so that the axes differ, or are coupled:
+
+    a = a_des + D (v_des - v) + K (p_des - p) + ...,    world axes,
+
+as stiff along one direction as it is soft along another. K is symmetric and positive definite, so
+that it pulls back along every direction. D and I stay the same along each.
+
 Attitude and thrust give the specific force a + g (`kybflow.flight.steering`: limits, mass, the
 on-board attitude's error). The jerk turns it at the rate z x jerk / |a + g|, fed forward as body
 rates (Mellinger and Kumar, ICRA 2011, eq. 11). While tilt or thrust is limited, on the ground, and
@@ -15,10 +22,13 @@ in steps longer than 40 ms, the integral stands still.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
+from kybflow.core.matrices import transform
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.core.units import Number
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.core.units import Matrix, Number
+from kybflow.flight.loops.response import OuterLoop, stiffness
 from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
@@ -29,6 +39,11 @@ from kybflow.world.vehicle_context import Airframe, VehicleContext
 @params
 class CascadeParams(SteeringParams):
     proportional: Number = param("Acceleration per metre of position error.", default=9.0, above=0)
+    position_gain: Matrix[Literal[3], Literal[3], Number] | None = param(
+        "Acceleration per metre of position error along world x, y and z, in place of"
+        " `proportional`; symmetric.",
+        default=None, at_least=-100.0, at_most=100.0, is_definite=True,
+    )  # fmt: skip
     derivative: Number = param("Acceleration per m/s of velocity error.", default=7.5, above=0)
     integral: Number = param(
         "Acceleration per metre and second of position error.", default=4.5, at_least=0
@@ -49,9 +64,12 @@ class Cascade(Tracker[CascadeParams]):
     def outer_loop(
         cls, params: CascadeParams, airframe: Airframe, inner: InnerLoop | None, period: float
     ) -> OuterLoop:
-        p = params
+        p, own = params, params.position_gain
         k, d, i = p.proportional, p.derivative, p.integral
-        return OuterLoop(k, d, i, p.trim, airframe.drag, period, turning=0.0)
+        return OuterLoop(
+            k, d, i, p.trim, airframe.drag, period, turning=0.0,
+            stiffness=None if own is None else stiffness(own),
+        )  # fmt: skip
 
     @property
     def hover_thrust(self) -> float:
@@ -84,9 +102,13 @@ class Cascade(Tracker[CascadeParams]):
             wx, wy, wz = position
             px, py, pz = estimate.position
             k, ex, ey = p.proportional, wx - px, wy - py
-            ax += k * ex
-            ay += k * ey
-            az += k * (wz - pz)
+            if p.position_gain is not None:
+                kx, ky, kz = transform(p.position_gain, (ex, ey, wz - pz))
+                ax, ay, az = ax + kx, ay + ky, az + kz
+            else:
+                ax += k * ex
+                ay += k * ey
+                az += k * (wz - pz)
             if self._steering.learns:
                 i, most = p.integral * dt, p.integral_limit
                 ix, iy = ix + i * ex, iy + i * ey

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from kybflow.core.errors import PartError, PartFailed, Refused
+from kybflow.core.events import Custom, Emitting
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, distance, heading_of
 from kybflow.core.signals import (
     NS,
@@ -19,14 +20,23 @@ from kybflow.core.signals import (
     Setpoint,
     Tick,
     Time,
-    Told,
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
-from kybflow.runtime.events import Events, Fields
+from kybflow.parts.events import (
+    BehaviorEnded,
+    BehaviorFailed,
+    BehaviorStarted,
+    BehaviorWaits,
+    Landed,
+    LandingRefused,
+    SwitchRefused,
+    TookOff,
+)
+from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
 from kybflow.runtime.safety.land_mode import LandMode
@@ -39,7 +49,7 @@ PATIENCE: Time = 10 * NS
 UNCLEAR: Time = NS // 2
 """How long after its rotors stopped it may not show yet that a vehicle falls."""
 REPEATED: Time = NS // 10
-"""How long no transition may have been refused until another refusal is told."""
+"""How long no transition may have been refused until another refusal is reported."""
 LIGHT, DEEP = 0.5, 0.05
 """A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
 whatever is in the air."""
@@ -173,10 +183,10 @@ class Activity:
             self.hold, self._resumes = None, self.off_ground
         output = self.behavior.update(tick)
         if self.behavior.waits_for != self._waits_for:
-            self._tell_waiting()
+            self._emit_waiting()
         if not isinstance(output, Setpoint):
-            if isinstance(output, Told):
-                output = self._told(output)
+            if isinstance(output, Emitting):
+                output = self._emitted(output)
             if isinstance(output, Command):
                 self._given = output
                 return output
@@ -189,12 +199,14 @@ class Activity:
             self._blend = SetpointBlend(tick.now, tick.setpoint, output)
         return output if self._blend is None else self._blended(output, tick.now)
 
-    def _told(self, told: Told) -> Setpoint | Done:
-        """Tell an event of the behavior's own. Raises PartError for one that it doesn't declare."""
-        if told.event not in self.behavior.tells:
-            raise PartError(f"`{told.event}` is no event that it `tells`")
-        self._tell(told.event, self.state.at, **told.fields)
-        return told.output
+    def _emitted(self, emitting: Emitting) -> Setpoint | Done:
+        """Emit an event of the behavior's own. Raises PartError for one that it doesn't declare."""
+        event = emitting.event
+        if type(event) not in self.behavior.own_events:
+            raise PartError(f"`{event.name}` is none of its `own_events`")
+        own = event.replaced(behavior=self.machine.state)
+        self._events.emit(own, self._name, self.state.at)
+        return emitting.output
 
     def _noted(self, output: Setpoint | Failed | Done | Grip, tick: Tick) -> Setpoint:
         """Note what an update says besides its setpoint, and return that."""
@@ -208,10 +220,11 @@ class Activity:
             self.grip = output
         return output.setpoint
 
-    def _tell_waiting(self) -> None:
+    def _emit_waiting(self) -> None:
         self._waits_for = self.behavior.waits_for
         if self._waits_for is not None:
-            self._tell("behavior_waits", self.state.at, reason=self._waits_for)
+            waits = BehaviorWaits(behavior=self.machine.state, reason=self._waits_for)
+            self._events.emit(waits, self._name, self.state.at)
 
     def _blended(self, asked: Setpoint, now: Time) -> Setpoint:
         assert self._blend is not None
@@ -263,14 +276,15 @@ class Activity:
         return followed.position[2] < known.position[2] - DEEP
 
     def _refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
-        """Return why a claim that the vehicle has landed is refused; the first one is told."""
+        """Return why a claim that the vehicle has landed is refused; the first one is reported."""
         claims = self._touch_down
         reason = "" if claims is None else claims.refusal(estimate, now, is_pushed=is_pushed)
         if claims is None or not reason:
             return ""
         refused_for = claims.refused_for(now)
         if refused_for == 0:
-            self._tell("landing_refused", self.state.at, reason=reason)
+            refused = LandingRefused(behavior=self.machine.state, reason=reason)
+            self._events.emit(refused, self._name, self.state.at)
         elif refused_for > PATIENCE and self.behavior.needs_estimate:
             self.fail(f"it has landed, it says, but {reason}")
         return reason
@@ -313,7 +327,7 @@ class Activity:
             self.flight = end
             self.resting_place = None if estimate is None else estimate.position
             if end is GROUND or start is GROUND:
-                self._events.tell("landed" if end is GROUND else "took_off", self._name)
+                self._events.emit(Landed() if end is GROUND else TookOff(), self._name)
 
     def _enter(self, name: str) -> None:
         """Build the behavior of the state that the machine has entered. One that refuses to start
@@ -321,7 +335,9 @@ class Activity:
         state, entry = self.plan.states[name], self.entry()
         self.entered, self.changed = entry.now, True
         self._score.entered(name, state.behavior.name, entry.now / NS)
-        self._tell("behavior_started", state.at, part=state.behavior.name, **self._told_values())
+        values = ", ".join(f"{field} {value}" for field, value in self._values)
+        began = BehaviorStarted(behavior=name, part=state.behavior.name, values=values)
+        self._events.emit(began, self._name, state.at)
         try:
             started = self._started
             behavior = self._built(state, entry) if started is None else started
@@ -341,11 +357,6 @@ class Activity:
                 self._touch_down = self._landing(state, entry.context)
             self.flight = MOVING
 
-    def _told_values(self) -> dict[str, str]:
-        """Return the values that a state is entered with, as its event tells them."""
-        shown = ", ".join(f"{name} {value}" for name, value in self._values)
-        return {"values": shown} if shown else {}
-
     def _landing(self, state: StatePlan, context: VehicleContext) -> TouchDown:
         """The judge of the landing that begins."""
         told = state.behavior.cls.footprint(self.behavior.params, None)
@@ -354,12 +365,14 @@ class Activity:
 
     def _exit(self, reason: Exit) -> None:
         """Tell how the machine leaves the state, and clear what was kept for it."""
+        name = self.machine.state
         if self._outcome == "failed":
-            self._tell("behavior_failed", reason.at, reason=self._reason)
+            failed = BehaviorFailed(behavior=name, reason=self._reason)
+            self._events.emit(failed, self._name, reason.at)
         self._score.left(reason.how, self._events.now / NS)
-        self._tell("behavior_ended", reason.at, how=reason.how)
+        self._events.emit(BehaviorEnded(behavior=name, how=reason.how), self._name, reason.at)
         if reason.transition is not None and reason.transition.emit is not None:
-            self._events.tell(reason.transition.emit, at=reason.at)
+            self._events.emit(Custom(reason.transition.emit), at=reason.at)
         if reason.how in ("failed", "refused", "within"):
             self._score_unforeseen(reason)
         if reason.how != "refused":
@@ -398,13 +411,13 @@ class Activity:
 
     def _is_welcome(self, name: str) -> bool:
         """Whether a `next` may lead to a state now; the first of several refusals in a row is
-        told."""
+        reported."""
         state, now = self.plan.states[name], self._events.now
         reason = self.unwelcome(state)
         if reason is not None:
             if now - self._unwelcome > REPEATED:
-                fields = {"state": name, "by": "mission", "reason": reason}
-                self._events.tell("switch_refused", self._name, self.state.at, **fields)
+                refused = SwitchRefused(state=name, by="mission", reason=reason)
+                self._events.emit(refused, self._name, self.state.at)
             self._unwelcome = now
         return reason is None
 
@@ -434,9 +447,6 @@ class Activity:
             taken = reason.transition
             after = taken.after if taken is not None else None
             self._score.failure(self._reason or f"not done within {after:g} s")
-
-    def _tell(self, event: str, at: str, **fields: Fields) -> None:
-        self._events.tell(event, self._name, at, behavior=self.machine.state, **fields)
 
 
 def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:

@@ -6,9 +6,10 @@ landing; its rotors are then cut, and it has not landed. From a low height it is
 reports itself disarmed: a fall counts for `LATE` after its end.
 
 Rotors that turn on the ground: its driver asks a vehicle that has landed to disarm. One that is
-still armed after `TOLD` is told; after `FORCED` it is disarmed by force where all the evidence of a
-touch-down is there: a fresh estimate near the ground that has stood still for `STOOD`, and a
-vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the run has failed.
+still armed after `SLOW` emits `stays_armed`; after `FORCED` it is disarmed by force where all the
+evidence of a touch-down is there: a fresh estimate near the ground that has stood still for
+`STOOD`, and a vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the
+run has failed.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND
+from kybflow.parts.events import ControlLost, StaysArmed
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
@@ -31,7 +33,7 @@ FALLING = 1.2
 """Metres a second; no landing sinks as fast."""
 LATE: Time = NS // 2
 """A vehicle reports that its rotors rest so long after they stopped at most."""
-TOLD: Time = 5 * NS
+SLOW: Time = 5 * NS
 FORCED: Time = 10 * NS
 GIVEN_UP: Time = 30 * NS
 STOOD: Time = 3 * NS
@@ -60,7 +62,7 @@ class ArmingWatch:
         self._fell: tuple[Time, float] | None = None
         self._stood: Time | None = None
         self._stands: Estimate | None = None
-        self._told = self._forced = False
+        self._reported = self._forced = False
 
     def update(self, tick: Tick, armed: bool) -> bool:
         """Compare, once a tick; return whether it has just been found to fall. armed: what the
@@ -99,35 +101,35 @@ class ArmingWatch:
             return False
         above, self._fell = self._fell[1], None
         reason = f"it disarmed in the air: its estimate has it {above:.2f} m above the ground"
-        self._events.tell("control_lost", self._name, self._at, reason=reason)
+        self._events.emit(ControlLost(reason=reason), self._name, self._at)
         lost = Alarm("control_lost", Reaction.CUT, reason, is_failure=True)
         return self._reactions.react(RaisedAlarm(lost, self._at), tick)
 
     def _linger(self, tick: Tick) -> None:
         """Follow a vehicle that has landed and is armed."""
         if self._since is None:
-            self._since, self._told, self._forced = tick.now, False, False
+            self._since, self._reported, self._forced = tick.now, False, False
         waited = tick.now - self._since
         stands = self._has_stood(tick.estimate, tick.now)
-        if waited >= TOLD and not self._told:
-            self._told = True
-            self._tell("it has landed, is asked to disarm, and stays armed")
+        if waited >= SLOW and not self._reported:
+            self._reported = True
+            self._emit("it has landed, is asked to disarm, and stays armed")
         if waited >= FORCED and not self._forced and stands:
             self._forced = True
             self._force(tick.now)
         if waited >= GIVEN_UP and not self.gave_up:
             self.gave_up = True
             reason = f"it has landed, and is still armed after {GIVEN_UP // NS} s: disarm it"
-            self._tell(reason)
+            self._emit(reason)
             self._score.failure(reason)
 
     def _force(self, now: Time) -> None:
         try:
             self._link.disarm_by_force(now)
         except Refused as refusal:
-            self._tell(f"it can't be disarmed by force: {refusal}")
+            self._emit(f"it can't be disarmed by force: {refusal}")
         else:
-            self._tell("it stands still on the ground: disarmed by force")
+            self._emit("it stands still on the ground: disarmed by force")
 
     def _has_stood(self, known: Estimate | None, now: Time) -> bool:
         """Return whether the estimate has had it still, on the ground, for long enough."""
@@ -145,5 +147,5 @@ class ArmingWatch:
             return 0.0
         return height_in_the_air(self._activity.entry().context, known, ())
 
-    def _tell(self, reason: str) -> None:
-        self._events.tell("stays_armed", self._name, self._at, reason=reason)
+    def _emit(self, reason: str) -> None:
+        self._events.emit(StaysArmed(reason=reason), self._name, self._at)

@@ -11,9 +11,11 @@ from contextlib import suppress
 from typing import Any
 
 from kybflow.core.errors import OptionRefused, PartError, PartFailed, Refused
-from kybflow.core.signals import Alarm, Command, Retune, Setpoint, SetpointKind, Tick, Time, Told
+from kybflow.core.events import Emitting
+from kybflow.core.signals import Alarm, Command, Retune, Setpoint, SetpointKind, Tick, Time
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import Processor, Tracker
+from kybflow.parts.events import LandModeRefused
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
@@ -28,10 +30,10 @@ Commanded = tuple[Command, Setpoint | None]
 
 OptionSetter = Callable[[str, Any, str, str], None]
 """Asks for another value of an option: its name, the value (SI), who asks and the mission line.
-Raises OptionRefused, which is told already."""
+Raises OptionRefused after the event `option_refused`."""
 
-_Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Told | Retune]
-_MORE = (Told, Retune)
+_Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Emitting | Retune]
+_MORE = (Emitting, Retune)
 _IDLE = SetpointKind.IDLE
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
 """Plausible range of a tracker's hover thrust, as a fraction of the airframe's weight."""
@@ -155,21 +157,23 @@ class Control:
         return command if command.armed else self._turning(command)
 
     def _bent(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> Setpoint:
-        """Return what the processor `label` made of a setpoint; tell it where that is a clamp."""
+        """Return what the processor `label` made of a setpoint; report it where that is a clamp."""
         if label in self._clamping:
             reason = self._clamps.note(label, asked, given, now)
             if reason is not None:
                 self._activity.keep_from(reason)
         return given
 
-    def _said(self, label: str, said: Told | Retune) -> Setpoint:
+    def _said(self, label: str, said: Emitting | Retune) -> Setpoint:
         """Do what a processor says besides its setpoint, and return that. Raises PartError for what
         it doesn't declare."""
         part = self._parts[label]
-        return self._told(part, said) if isinstance(said, Told) else self._retuned(part, said)
+        if isinstance(said, Emitting):
+            return self._emitted(part, said)
+        return self._retuned(part, said)
 
     def _retuned(self, part: PartPlan, retune: Retune) -> Setpoint:
-        """Ask for other values of the tracker's options; a refusal is told by who refuses it."""
+        """Ask for other values of the tracker's options; who refuses them emits that."""
         undeclared = retune.options.keys() - part.cls.retunes
         if undeclared or not isinstance(retune.output, Setpoint):
             named = ", ".join(f"`{option}`" for option in sorted(undeclared))
@@ -180,13 +184,13 @@ class Control:
                 self.set_option(name, value, f"processor {part.name}", part.at)
         return retune.output
 
-    def _told(self, part: PartPlan, told: Told) -> Setpoint:
-        """Tell an event of a processor's own."""
-        if told.event not in part.cls.tells or not isinstance(told.output, Setpoint):
-            raise PartError(f"`{told.event}` with {told.output!r} is nothing that it tells")
-        fields = {"processor": part.name, **told.fields}
-        self._events.tell(told.event, self._plan.name, part.at, **fields)
-        return told.output
+    def _emitted(self, part: PartPlan, emitting: Emitting) -> Setpoint:
+        """Emit an event of a processor's own."""
+        output, event = emitting
+        if type(event) not in part.cls.own_events or not isinstance(output, Setpoint):
+            raise PartError(f"`{event.name}` with {output!r} is nothing that it emits")
+        self._events.emit(event.replaced(processor=part.name), self._plan.name, part.at)
+        return output
 
     def _turning(self, command: Command) -> Command:
         if not command.armed and self._activity.off_ground:
@@ -200,8 +204,8 @@ class Control:
         try:
             landed = activity.has_landed(tick.now, tick.estimate)
         except Refused as refusal:
-            at, reason = plan.driver.at, str(refusal)
-            self._events.tell("land_mode_refused", plan.name, at, reason=reason)
+            refused = LandModeRefused(reason=str(refusal))
+            self._events.emit(refused, plan.name, plan.driver.at)
             activity.go(activity.machine.state)
             return None
         return (RESTING if landed else HANDED_OVER), None

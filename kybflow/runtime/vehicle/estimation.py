@@ -5,7 +5,7 @@ prevents toggling, not flying. Nor does one wait that contradicts the estimate i
 further than `FARTHEST` and four times both spreads away: one of them is wrong, and the mission
 lists first what it trusts most. An estimator that raises or gives an estimate that is not finite is
 removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). What one
-refuses of the measured positions is told, and when it takes them again. A behavior may name
+refuses of the measured positions is reported, and when it takes them again. A behavior may name
 estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change from one estimator
 to another.
 """
@@ -22,6 +22,12 @@ from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
+from kybflow.parts.events import (
+    EstimatorChanged,
+    EstimatorLost,
+    PositionAccepted,
+    PositionRefused,
+)
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
@@ -169,7 +175,7 @@ class Estimation:
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
             if candidate.part.refusal is not candidate.refusal:
-                self._tell_refusal(candidate, now)
+                self._emit_refusal(candidate, now)
         if chosen is None:
             chosen = next((c for c in self._candidates if c.is_usable), None)
         estimate = chosen.estimate if chosen is not None else None
@@ -226,15 +232,15 @@ class Estimation:
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
 
-    def _tell_refusal(self, candidate: Candidate, now: Time) -> None:
-        told, candidate.refusal = candidate.refusal, candidate.part.refusal
-        tell, name = self._events.tell, candidate.name
+    def _emit_refusal(self, candidate: Candidate, now: Time) -> None:
+        before, candidate.refusal = candidate.refusal, candidate.part.refusal
+        name = candidate.name
         if candidate.refusal is not None:
-            reason = candidate.refusal.reason
-            tell("position_refused", self._vehicle, candidate.at, estimator=name, reason=reason)
-        elif told is not None:
-            lasted = (now - told.since) / NS
-            tell("position_accepted", self._vehicle, candidate.at, estimator=name, value=lasted)
+            refused = PositionRefused(estimator=name, reason=candidate.refusal.reason)
+            self._events.emit(refused, self._vehicle, candidate.at)
+        elif before is not None:
+            accepted = PositionAccepted(estimator=name, value=(now - before.since) / NS)
+            self._events.emit(accepted, self._vehicle, candidate.at)
 
     def _fail(self, failed: Candidate, error: Exception) -> None:
         failed.has_failed = True
@@ -272,21 +278,20 @@ class Estimation:
         self._was_used = True
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:
-            self._events.tell("estimator_lost", self._vehicle, previous=before, reason=reason)
+            self._events.emit(EstimatorLost(previous=before, reason=reason), self._vehicle)
             self._score.estimator("", now / NS)
             return
         offset = 0.0
         if last is not None:
             offset, self._blend = EstimateBlend.between(last, estimate)
-        self._events.tell(
-            "estimator_changed",
-            self._vehicle,
+        changed = EstimatorChanged(
             estimator=chosen.name,
             previous=before,
             reason=reason or self._gain(chosen.name),
             offset=offset,
             blended=self._blend is not None,
         )
+        self._events.emit(changed, self._vehicle)
         self._score.estimator(chosen.name, now / NS)
 
 

@@ -22,6 +22,7 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Check, Link, Override
+from kybflow.parts.events import ForeignCommandEvent, LinkReturned, VehicleSaid
 from kybflow.parts.link import (
     Arms,
     DisarmsByForce,
@@ -135,12 +136,12 @@ class LinkIn:
         if self._alive is not None:
             self._health.age = (now - self._alive) / NS
         if self._texts is not None:
-            tell = self._events.tell
             for severity, text in self._health.attempt(self._texts) or ():
-                tell("vehicle_said", self._vehicle, self._at, severity=severity, text=text)
+                said = VehicleSaid(severity=severity, text=text)
+                self._events.emit(said, self._vehicle, self._at)
         if self._others is not None:
             for reason, allowed in self._health.attempt(self._others) or ():
-                self._events.tell("foreign_command", self._vehicle, self._at, reason=reason)
+                self._events.emit(ForeignCommandEvent(reason=reason), self._vehicle, self._at)
                 self._score.foreign(reason, allowed)
         return measurements
 
@@ -162,7 +163,7 @@ class LinkIn:
         """Note a message of the vehicle itself; publish `link_returned` after a silence."""
         if self._alive is not None and now - self._alive > SILENCE * NS:
             silence = (now - self._alive) / NS
-            self._events.tell("link_returned", self._vehicle, self._at, value=silence)
+            self._events.emit(LinkReturned(value=silence), self._vehicle, self._at)
         self._alive = now
 
 

@@ -6,6 +6,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import Command, Grip, Time
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts.events import ArmingRefused
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.resting_bias import RestingBias
 from kybflow.runtime.vehicle.activity import Activity
@@ -77,7 +78,7 @@ class CommandOutput:
                 return True
         except Refused as refusal:
             activity, reason = self._activity, str(refusal)
-            self._events.tell("arming_refused", self._name, activity.state.at, reason=reason)
+            self._events.emit(ArmingRefused(reason=reason), self._name, activity.state.at)
             activity.refuse(reason)
             return False
         self.arming = command

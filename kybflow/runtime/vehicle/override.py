@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.signals import Alarm, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Override
+from kybflow.parts.events import ControlLost, ControlRefused, ControlReturned, ControlTaken
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
@@ -63,13 +65,13 @@ class ManualOverride:
         if override is None or not self._activity.off_ground:
             self._lost = None
             if self.away:
-                self._tell("control_returned")
+                self._emit(ControlReturned())
                 self._take_back()
         elif override.lands:
             self._take_back()
             if override != self._lost:
                 self._lost = override
-                self._tell("control_lost", reason=override.reason)
+                self._emit(ControlLost(reason=override.reason))
             lost = Alarm("control_lost", Reaction.LAND, override.reason)
             self._reactions.react(RaisedAlarm(lost, self._plan.driver.at), tick)
             self._bring_down(override, tick.now)
@@ -81,13 +83,13 @@ class ManualOverride:
         activity = self._activity
         if not self.away:
             self.away, self._control.followed = True, None
-            self._tell("control_taken", reason=override.reason)
+            self._emit(ControlTaken(reason=override.reason))
             activity.freeze("pilot")
             if activity.hold is not None:  # whoever has the vehicle, it brakes for nothing more
                 self._failsafe.clear_brake()
                 activity.hold.leave("brake", tick.now)
         if override.refused and override.refused != self._refused:
-            self._tell("control_refused", reason=override.refused)
+            self._emit(ControlRefused(reason=override.refused))
         self._refused = override.refused
         activity.wait(tick.dt)
         self._failsafe.check(tick, airborne=False)  # supervisors keep their state; no reaction
@@ -113,5 +115,5 @@ class ManualOverride:
             self.away = False
             self._activity.thaw("pilot")
 
-    def _tell(self, event: str, **fields: str) -> None:
-        self._events.tell(event, self._plan.name, self._plan.driver.at, **fields)
+    def _emit(self, event: VehicleEvent) -> None:
+        self._events.emit(event, self._plan.name, self._plan.driver.at)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from kybflow.core.signals import NS, Estimate, Payload, PayloadState, Time
+from kybflow.parts.events import PayloadAlreadyReleased, PayloadLoaded, PayloadReleased
 from kybflow.runtime.events import Events
 
 
@@ -20,7 +21,7 @@ class PayloadTracker:
     def wants(self, is_open: bool, now: Time, at: str) -> bool:
         """Return whether to request the servo to open or to close; it may be so already."""
         if is_open and self.state is PayloadState.RELEASED:
-            self._events.tell("payload_already_released", self._vehicle, at)
+            self._events.emit(PayloadAlreadyReleased(), self._vehicle, at)
             return False
         if not is_open:
             self._asked = None
@@ -39,9 +40,9 @@ class PayloadTracker:
             self._asked = None
             self.releases += 1
             x, y, z = (None, None, None) if estimate is None else estimate.position
-            self._events.tell("payload_released", self._vehicle, x=x, y=y, z=z, took=took)
+            self._events.emit(PayloadReleased(x=x, y=y, z=z, took=took), self._vehicle)
         elif self.state is PayloadState.ABOARD and before is not None:
-            self._events.tell("payload_loaded", self._vehicle)
+            self._events.emit(PayloadLoaded(), self._vehicle)
 
     def _meant(self, said: Payload) -> PayloadState | None:
         """Return the state that a report means. An open servo released what was aboard or was to

@@ -7,6 +7,7 @@ from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Setpoint, Tick, 
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.landing_place import vehicle_below
 from kybflow.parts import GROUND
+from kybflow.parts.events import LandModeStarted
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import STATES, Failsafe, RaisedAlarm
 from kybflow.runtime.safety.land_mode import LandMode
@@ -76,7 +77,7 @@ class Reactions:
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
         """React to an alarm of the part `label`; return whether that changed anything."""
-        return self.react(self._failsafe.tell(label, alarm, tick.now), tick)
+        return self.react(self._failsafe.emit(label, alarm, tick.now), tick)
 
     def lost_estimate(self, tick: Tick) -> bool:
         """React to the loss of the estimate that the behavior needs."""
@@ -109,7 +110,7 @@ class Reactions:
         entry = self._activity.entry()
         height = _height(entry.estimate, entry.context.start[2])
         self._activity.land_mode = LandMode(self._link.land, now, height)
-        self._events.tell("land_mode_started", self._plan.name, self._plan.driver.at)
+        self._events.emit(LandModeStarted(), self._plan.name, self._plan.driver.at)
 
     def update_hold(self, now: Time) -> None:
         """Release a hold once its braking alarms are silent; land if it has lasted too long."""

@@ -15,12 +15,26 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import PartFailed, Refused, described
+from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, PlannedPoint, Reaction, Time
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Coast
 from kybflow.flight.profiles import Pace
 from kybflow.parts import GROUND
+from kybflow.parts.events import (
+    OptionRefusedEvent,
+    Paused,
+    PauseRefused,
+    Performed,
+    PerformRefused,
+    ProcessorDisabled,
+    ProcessorEnabled,
+    Reset,
+    ResetRefused,
+    Resumed,
+    SwitchRefused,
+)
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.activity import Activity, unfit
@@ -45,7 +59,7 @@ _Order = Callable[[Time], str | None]
 
 
 def unheard(_: str | None) -> None:
-    """Take an answer that nobody waits for: the events tell it."""
+    """Take an answer that nobody waits for: the events say it."""
 
 
 class Requester(IntEnum):
@@ -333,16 +347,16 @@ class Requests:
 
     def _refuse(self, request: SwitchRequest, reason: str) -> str:
         by = request.by.name.lower()
-        self._tell("switch_refused", request.at, state=request.state, by=by, reason=reason)
+        self._emit(SwitchRefused(state=request.state, by=by, reason=reason), request.at)
         return reason
 
     def _pause(self, by: str, at: str, _: Time) -> str | None:
         reason = self.pause_objection()
         if reason is not None:
-            self._tell("pause_refused", at, by=by, reason=reason)
+            self._emit(PauseRefused(by=by, reason=reason), at)
         elif not self.paused:
             self._activity.freeze("pause")
-            self._tell("paused", at, by=by)
+            self._emit(Paused(by=by), at)
         return reason
 
     def _resume(self, by: str, at: str, now: Time) -> str | None:
@@ -351,7 +365,7 @@ class Requests:
         hold = self._activity.hold
         if hold is not None and self.paused:
             hold.leave("pause", now)
-            self._tell("resumed", at, by=by)
+            self._emit(Resumed(by=by), at)
         return reason
 
     def _enable(self, label: str, on: bool, by: str, at: str, _: Time) -> str | None:
@@ -363,13 +377,13 @@ class Requests:
             reason = "a safety part can't be switched off"
         if reason is not None:
             option = f"{self._plan.name}.{label}"
-            self._tell("option_refused", at, option=option, by=by, reason=reason)
+            self._emit(OptionRefusedEvent(option=option, by=by, reason=reason), at)
         elif on is (label in self.off):
             self.off ^= {label}
             if on:
-                self._tell("processor_enabled", at, processor=label, by=by)
+                self._emit(ProcessorEnabled(processor=label, by=by), at)
             else:
-                self._tell("processor_disabled", at, processor=label, by=by)
+                self._emit(ProcessorDisabled(processor=label, by=by), at)
         return reason
 
     def _perform(self, act: str, by: str, at: str, now: Time) -> str | None:
@@ -383,25 +397,25 @@ class Requests:
                 reason = str(refusal)
         if reason is None:
             recent.append(now)
-            self._tell("performed", at, act=act, by=by)
+            self._emit(Performed(act=act, by=by), at)
         else:
-            self._tell("perform_refused", at, act=act, by=by, reason=reason)
+            self._emit(PerformRefused(act=act, by=by, reason=reason), at)
         return reason
 
     def _reset(self, by: str, at: str, now: Time) -> str | None:
         reason = self.reset_objection(now)
         if reason is not None:
-            self._tell("reset_refused", at, by=by, reason=reason)
+            self._emit(ResetRefused(by=by, reason=reason), at)
             return reason
         self._failsafe.reset()
         self._activity.resting_place = None
         if self._activity.machine.state == "fault":
             self._activity.go("landed")
-        self._tell("reset", at, by=by)
+        self._emit(Reset(by=by), at)
         return None
 
-    def _tell(self, event: str, at: str, **fields: str) -> None:
-        self._events.tell(event, self._plan.name, at, **fields)
+    def _emit(self, event: VehicleEvent, at: str) -> None:
+        self._events.emit(event, self._plan.name, at)
 
 
 def _answer(order: Callable[[], str | None], asking: Sequence[Answered]) -> None:

@@ -90,7 +90,7 @@ def encode(message: Message, sequence: int = 0) -> bytes:
     return header + message.payload + bytes(-length % 8)
 
 
-class Decoder:
+class MessageDecoder:
     """Messages from a stream of bytes, however it is cut; `version` is None until the cookie has
     come. After a CodecError it is of no more use: the link must be opened anew."""
 

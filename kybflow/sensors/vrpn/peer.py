@@ -14,8 +14,8 @@ from kybflow.sensors.vrpn.codec import (
     TYPE,
     UDP,
     CodecError,
-    Decoder,
     Message,
+    MessageDecoder,
     PoseReport,
     decode_datagram,
     decode_pose,
@@ -52,7 +52,7 @@ class Peer:
         self.datagrams_to: tuple[str, int] | None = None
         self.senders: dict[int, str] = {}
         self._types: dict[int, str] = {}
-        self._decoder = Decoder()
+        self._decoder = MessageDecoder()
         self._told: dict[int, dict[str, int]] = {SENDER: {}, TYPE: {}}
         self._sequence = self._datagram = 0
 

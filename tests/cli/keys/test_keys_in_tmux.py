@@ -34,7 +34,7 @@ from kybflow.dsl.plan import TransitionPlan
 
 autopilot, mode = sys.argv[1:]
 driver, opened = opening(autopilot)
-go = TransitionPlan("next", "up", event="operator.go")
+go = TransitionPlan(target="up", event="operator.go")
 idle = state("idle", part("behaviors", "wait_on_ground"), go)
 states = [idle, up("hold"), hold(1000.0, "down"), down()]
 flier = vehicle("a", states, driver=driver, tracker=part("trackers", "on_board"))

@@ -17,7 +17,7 @@ from kybflow.dsl.plan import TransitionPlan
 
 
 def waiting():
-    go = TransitionPlan("next", "up", event="operator.go")
+    go = TransitionPlan(target="up", event="operator.go")
     idle = state("idle", part("behaviors", "wait_on_ground"), go)
     return vehicle("a", [idle, up("hold"), hold(60.0, "down"), down()])
 

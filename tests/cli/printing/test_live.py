@@ -11,15 +11,15 @@ from rich.console import Console
 from short_flights import down, hold, up
 
 from kybflow.cli.printing.live import LivePanel
-from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan
+from kybflow.dsl.plan import FlowPlan, PhasePlan, Request, TransitionPlan
 
 
 def member(name: str, start: float, come_after: float) -> Any:
     """One that flies in formation once it has hovered for `come_after` seconds."""
     formed = part("behaviors", "formation", members="pair", side=0.8)
-    leave = TransitionPlan("next", "down", after=6.0)
+    leave = TransitionPlan(target="down", after=6.0)
     idle = state("idle", part("behaviors", "wait_on_ground"))
-    line = state("line", formed, leave, TransitionPlan("failed", "down"))
+    line = state("line", formed, leave, TransitionPlan(target="down", cause="failed"))
     return vehicle(
         name, [idle, up("hold"), hold(come_after, "line"), line, down()], start=(start, 0.0, 0.0)
     )
@@ -28,8 +28,14 @@ def member(name: str, start: float, come_after: float) -> Any:
 @pytest.mark.thorough
 @pytest.mark.parametrize("width", [80, 120])
 def test_it_shows_the_phase_what_is_waited_for_and_who_is_nearest(run: Any, width: int) -> None:
-    phase = PhasePlan("launch", {"a": "up", "b": "up"}, {}, (), ())
-    flow = FlowPlan("team", "launch", ("a", "b"), {"launch": phase})
+    phase = PhasePlan(
+        name="launch",
+        run={"a": Request("up"), "b": Request("up")},
+        give={},
+        options=(),
+        transitions=(),
+    )
+    flow = FlowPlan(name="team", begin="launch", vehicles=("a", "b"), phases={"launch": phase})
     shown: list[str] = []
 
     def sees(engine: Any) -> None:

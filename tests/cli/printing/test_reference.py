@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.cli.printing.parts import page
-from kybflow.core.params import fields_of
+from kybflow.core.events import BaseEvent
+from kybflow.core.params import Field, RecordOf, fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.expressions.tree import Function
+from kybflow.dsl.language.tables import missing_tables, records, with_tables
 from kybflow.dsl.names.built_in import BUILT_IN as STATES
-from kybflow.dsl.schema.mission import library_schema, skeleton
 from kybflow.parts.action import BUILT_IN as ACTIONS
 from kybflow.parts.catalog import load_catalog, own_catalog
-from kybflow.parts.observables import EVENT_FIELDS, EVENTS, OBSERVABLES, OF_THE_RUN
-from kybflow.world.vehicle_context import Airframe
+from kybflow.parts.events import ENGINE_EVENTS
+from kybflow.parts.observables import OBSERVABLES
 
 DOCS = Path(__file__).parents[3] / "docs"
 LANGUAGE = (DOCS / "mission-language.md").read_text(encoding="utf-8")
@@ -31,28 +31,15 @@ def parts(*arguments: str) -> int:
     return CliRunner().invoke(app, ["parts", *arguments]).exit_code
 
 
-def keys_of(schema: Any) -> Iterator[str]:
-    """Every key that a shape of the language has."""
-    if isinstance(schema, list):
-        for item in schema:
-            yield from keys_of(item)
-    elif isinstance(schema, dict):
-        yield from schema.get("properties", {})
-        for value in schema.values():
-            yield from keys_of(value)
+def is_flat(field: Field) -> bool:
+    """Whether the keys of another record stand in its place; docs/parts.md has those."""
+    return isinstance(field.type, RecordOf) and field.type.flat
 
 
 def words_of_code(text: str) -> set[str]:
     """The words that stand in code, in the line or fenced."""
     code = re.findall(r"^```.*?^```$|`[^`\n]+`", text, re.MULTILINE | re.DOTALL)
     return {word for piece in code for word in re.findall(r"\w+", piece)}
-
-
-def rows_of(title: str) -> set[str]:
-    """What the first cells of a section's tables name in code."""
-    [section] = re.findall(rf"^## {title}\n(.*?)(?=^## |\Z)", LANGUAGE, re.MULTILINE | re.DOTALL)
-    cells = re.findall(r"^\| (.*?) \|", section, re.MULTILINE)
-    return {word for cell in cells for word in re.findall(r"`(\w+)", cell)}
 
 
 def supervisors() -> dict[str, list[tuple[str, str]]]:
@@ -104,23 +91,48 @@ def test_the_page_is_written_and_checked(tmp_path: Path) -> None:
     assert parts("--check", str(file)) == 2
 
 
-def test_the_language_page_has_every_key() -> None:
-    keys = {*keys_of(skeleton()), *keys_of(library_schema())}
-    airframe = {field.name for field in fields_of(Airframe)}  # docs/parts.md has them
-    assert sorted(keys - airframe - words_of_code(LANGUAGE)) == []
+def test_the_tables_of_the_language_page_are_current() -> None:
+    mend = "mend it with: kybflow schema --write docs/mission-language.md"
+    assert with_tables(DOCS / "mission-language.md") == LANGUAGE, mend
 
 
-def test_the_tables_of_the_language_page_have_their_keys() -> None:
-    mission = skeleton()["properties"]
-    assert rows_of("Keys") == mission.keys()
-    assert rows_of("A vehicle") == mission["vehicles"]["additionalProperties"]["properties"].keys()
+def test_the_language_page_has_a_table_of_each_record() -> None:
+    assert missing_tables(LANGUAGE) == []
 
 
-@pytest.mark.parametrize("name", EVENTS)
-def test_the_language_page_has_the_event(name: str) -> None:
-    star = " *" if name in OF_THE_RUN else ""
-    fields = ", ".join(f"`{field}`" for field in EVENT_FIELDS[name])
-    assert f"| `{name}`{star} | {EVENTS[name]} | {fields} |" in LANGUAGE.splitlines()
+@pytest.mark.parametrize("title", records())
+def test_the_tables_have_each_key_once_with_its_help(title: str) -> None:
+    table = LANGUAGE.partition(f"<!-- keys: {title} -->\n")[2].partition("<!-- end -->")[0]
+    for field in fields_of(records()[title]):
+        if not is_flat(field):
+            [row] = re.findall(rf"^\| `{field.key}` \| .*$", table, re.MULTILINE)
+            assert field.help
+            assert row.replace("\\|", "|").startswith(f"| `{field.key}` | {field.help} | ")
+
+
+@pytest.mark.parametrize("event", ENGINE_EVENTS.values(), ids=ENGINE_EVENTS)
+def test_the_page_has_every_event_with_its_fields(event: type[BaseEvent]) -> None:
+    [row] = re.findall(rf"^\| `{event.name}` \| .*$", page(), re.MULTILINE)
+    assert f" | {event.__doc__} | " in row
+    assert set(event.fields) <= words_of_code(row)
+
+
+@pytest.mark.parametrize(
+    ("event", "owner", "carries", "awaited"),
+    [
+        ("body_lost", "a vehicle with motion capture", "`value` [s], `bound` [s]", "yes"),
+        ("lap_completed", "`circle`, `figure_eight`", "`behavior`, `lap`", "yes"),
+        ("run_ended", "the run", "`reason`", "no: the run is over then"),
+        ("fault_ended", "a vehicle", "`fault`", "by a callback that logs it"),
+        ("landed_hard", "a vehicle", "`onto`, `speed` [m/s]", "no: it is recorded only"),
+    ],
+)
+def test_the_page_says_whose_an_event_is_its_units_and_who_may_wait_for_it(
+    event: str, owner: str, carries: str, awaited: str
+) -> None:
+    [row] = re.findall(rf"^\| `{event}` \| .*$", page(), re.MULTILINE)
+    _, _, whose, _, fields, waits, _ = (cell.strip() for cell in row.split("|"))
+    assert (whose, fields, waits) == (owner, carries, awaited)
 
 
 def test_the_language_page_has_every_word_every_action_and_every_built_in_state() -> None:

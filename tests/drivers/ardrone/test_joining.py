@@ -7,7 +7,7 @@ import socket
 import threading
 
 import pytest
-from click.testing import CliRunner
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.core.errors import DriverError

@@ -25,7 +25,7 @@ SOMEBODYS = "somebody else has control, until `operator.resume`"
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_a_person_starts_pauses_takes_back_and_lands_it(autopilot, tmp_path):
     own, opened = opening(autopilot)
-    go = TransitionPlan("next", "up", event="operator.go")
+    go = TransitionPlan(target="up", event="operator.go")
     idle = state("idle", part("behaviors", "wait_on_ground"), go)
     states = [idle, up("hold", 0.6), hold(60.0, "down"), down()]
     one = vehicle("a", states, driver=own, tracker=part("trackers", "on_board"))

@@ -31,7 +31,7 @@ def test_a_person_lets_it_go_and_asks_it_back_from_a_pilot(autopilot, tmp_path):
         offered.extend(offer.name for offer in person.commander.offers)
         person.press(flight.engine, "resume", "enter")
 
-    go = TransitionPlan("next", "up", event="operator.go")
+    go = TransitionPlan(target="up", event="operator.go")
     idle = state("idle", part("behaviors", "wait_on_ground"), go)
     flight = DryRun(
         autopilot,

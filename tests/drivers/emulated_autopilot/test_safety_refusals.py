@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from click.testing import CliRunner
 from dry_runs import AUTOPILOTS, DRIVER, UP, DryRun, supervised
 from plans import part, state, then
 from short_flights import down, hold, up
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.drivers.mavlink.firmware import profile_of
@@ -57,7 +57,7 @@ def broken(**failures):
 
 def mission(**arrows):
     climb = replace(up("hold"), at=UP)
-    failed = TransitionPlan("failed", "ground")
+    failed = TransitionPlan(target="ground", cause="failed")
     climb = replace(climb, transitions=(*climb.transitions, failed))
     return [climb, hold(1.0, "down"), down(), state("ground", part("behaviors", "wait_on_ground"))]
 
@@ -137,7 +137,7 @@ def test_its_servo_is_not_set_up(autopilot, tmp_path):
         flight.pilot.state.parameters._values[output] = 0.0 if autopilot == "px4" else 33.0
 
     drop = replace(state("drop", part("behaviors", "release_payload"), then("down")), at="m.yaml:6")
-    failed = TransitionPlan("failed", "down")
+    failed = TransitionPlan(target="down", cause="failed")
     drop = replace(drop, transitions=(*drop.transitions, failed))
     states = [replace(up("drop"), at=UP), drop, down()]
     parcel = Parcel(mass=0.03, size=0.05, channel=1)

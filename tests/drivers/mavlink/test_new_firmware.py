@@ -74,7 +74,7 @@ def kybflow_says(copy: Path, *arguments: str) -> tuple[int, str]:
 
 def test_one_file_gives_the_target_the_choice_and_the_reference(copy: Path) -> None:
     assert kybflow_says(copy, "validate", MISSION, "--target", "acme")[0] == 0
-    assert "[px4|ardupilot|acme]" in kybflow_says(copy, "mavlink", "setup", "--help")[1]
+    assert "<px4|ardupilot|acme>" in kybflow_says(copy, "mavlink", "setup", "--help")[1]
     assert "acme" in kybflow_says(copy, "parts", "mavlink")[1]
     code, _ = kybflow_says(copy, "schema", "--write", "mission.schema.json")
     schema = (copy / "mission.schema.json").read_text(encoding="utf-8")

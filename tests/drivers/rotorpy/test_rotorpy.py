@@ -12,7 +12,7 @@ from sim_worlds import FRAME, PERIOD, push, seat, thrust, touches
 
 pytest.importorskip("rotorpy", reason="needs the extra `rotorpy`")
 
-from click.testing import CliRunner, Result
+from typer.testing import CliRunner, Result
 
 from kybflow.cli.app import app
 from kybflow.core.errors import DriverError

@@ -5,36 +5,33 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from plans import FENCE, NANO
+from plans import NANO, plan, state
 
 from kybflow.core.signals import Battery, CommandKind, Pose, SetpointKind
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.data import chains_that_do_not_connect, control_rates, missing_measurements
-from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.document import Document, EstimatorEntry, PartUse, StateEntry, VehicleEntry
 from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Leg
 from kybflow.parts.catalog import PartSpec
 
-SPAN = Span("m.yaml", 1, 1, 1, 2)
 POSITION, VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
 ATTITUDE = CommandKind.ATTITUDE_THRUST
 
 
-def use(name: str, **facts: Any) -> PartUse:
+def use(name: str, **facts: Any) -> PartPlan:
     """A part of which the checks see these facts."""
     cls: Any = SimpleNamespace(
         takes=lambda _: facts["accepts"], kinds=lambda _: facts["gives"], **facts
     )
-    spec = PartSpec("any", name, cls, type(None), (), name)
-    return PartUse(Text(name, SPAN), spec, None, name, SPAN)
+    return PartPlan(name, cls, None, name)
 
 
-def behavior(emits: SetpointKind | CommandKind, *flight: Leg) -> PartUse:
+def behavior(emits: SetpointKind | CommandKind, *flight: Leg) -> PartPlan:
     return use("fly", emits=emits, flight=flight or (AIR >> AIR,))
 
 
-def driver(**more: Any) -> PartUse:
+def driver(**more: Any) -> PartPlan:
     facts = {
         "accepts": frozenset({ATTITUDE}),
         "provides": frozenset({Pose}),
@@ -51,15 +48,17 @@ class Parts:
     def get(self, kind: str, name: str) -> Any:
         if kind == "trackers":
             given = {"never": CommandKind.RATES_THRUST, "fits": ATTITUDE}[name]
-            return use(name, accepts=frozenset({POSITION}), gives=frozenset({given})).spec
-        assert name in BUILT_IN.values()
-        return behavior(SetpointKind.IDLE, GROUND >> GROUND).spec
+            made = use(name, accepts=frozenset({POSITION}), gives=frozenset({given}))
+        else:
+            assert name in BUILT_IN.values()
+            made = behavior(SetpointKind.IDLE, GROUND >> GROUND)
+        return PartSpec(kind, name, made.cls, type(None), (), name)
 
     def names(self, kind: str) -> tuple[str, ...]:
         return ("never", "fits") if kind == "trackers" else ()
 
 
-def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
+def case(flown: PartPlan, control_rate: int = 250, **parts: Any) -> Case:
     facts: dict[str, Any] = {
         "estimators": (),
         "processors": (),
@@ -67,34 +66,18 @@ def case(flown: PartUse, control_rate: int = 250, **parts: Any) -> Case:
         "driver": driver(),
         **parts,
     }
-    name = Text("go", SPAN)
-    vehicle = VehicleEntry(
-        name=Text("a", SPAN),
+    vehicle = VehiclePlan(
+        name="a",
         airframe=NANO,
         start=(0.0, 0.0, 0.0),
-        start_span=SPAN,
         heading=0.0,
-        supervisors=(),
-        begin=name,
-        states={"go": StateEntry(name, flown, (), SPAN)},
-        span=SPAN,
+        begin="go",
+        states={"go": state("go", flown)},
         **facts,
     )
-    document = Document(
-        mission=name,
-        summary="",
-        target=Text("lab", Span("m.yaml", 2, 1, 2, 2)),
-        parameters={},
-        fence=FENCE,
-        control_rate=control_rate,
-        control_span=None,
-        hover_limit=30.0,
-        time_limit=60.0,
-        vehicles={"a": vehicle},
-        expect=(),
-    )
+    mission = plan(vehicle, target="lab", control_rate=control_rate)
     catalog: Any = Parts()
-    return Case(document, catalog)
+    return Case(mission, catalog)
 
 
 def messages(found: Any) -> list[str]:
@@ -151,7 +134,7 @@ def test_a_tracker_may_give_several_kinds_and_one_that_fits_is_named() -> None:
 
 def test_measurements_that_nobody_provides() -> None:
     needs = frozenset({Pose, Battery})
-    estimator = EstimatorEntry(use("mocap", uses=lambda _: needs), None, 1.0, None)
+    estimator = EstimatorPlan(part=use("mocap", uses=lambda _: needs), recover_after=1.0)
     flown = case(behavior(POSITION), estimators=(estimator,))
     expected = ["KYB302 `mocap` needs battery measurements: `bench` provides `pose`"]
     assert expected == messages(missing_measurements(flown))

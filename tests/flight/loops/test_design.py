@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import cos, sin
 
 import pytest
 from hypothesis import given, settings
@@ -21,7 +22,8 @@ from kybflow.flight.loops.design import (
     quickest_observer,
     shaped,
 )
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.loops.margins import margins
+from kybflow.flight.loops.response import OuterLoop, Stiffness, horizontal, stiffness, vertical
 from kybflow.world.inner_loop import InnerLoop, attitude_loop
 from kybflow.world.vehicle_context import Airframe
 
@@ -119,3 +121,48 @@ def test_gains_that_are_given_stay() -> None:
 
 def test_without_a_declared_loop_they_are_the_fastest() -> None:
     assert outer_loop(GeometricParams(), MK, None, 0.004)[:3] == FASTEST
+
+
+SOFT, STIFF, UP = 5.0, 14.0, 8.0
+
+
+def with_matrix(matrix) -> OuterLoop:
+    return LAW._replace(stiffness=stiffness(matrix))
+
+
+def test_a_matrix_leaves_the_smallest_margins_of_its_directions() -> None:
+    apart = ((SOFT, 0.0, 0.0), (0.0, STIFF, 0.0), (0.0, 0.0, UP))
+    soft, stiff, up = (LAW._replace(proportional=k) for k in (SOFT, STIFF, UP))
+    ways = (horizontal(soft, inner()), horizontal(stiff, inner()), vertical(up, inner()))
+    found = [margins(way) for way in ways]
+    assert margins_of(with_matrix(apart), inner()) == tuple(map(min, *found))
+    assert len(set(found)) == 3
+
+
+@given(st.floats(-3.2, 3.2))
+@settings(max_examples=10)
+def test_they_are_the_same_however_it_is_turned_about_the_vertical(angle: float) -> None:
+    mean, half = 0.5 * (SOFT + STIFF), 0.5 * (STIFF - SOFT)
+    c, s = half * cos(2.0 * angle), half * sin(2.0 * angle)
+    turned = ((mean + c, s, 0.0), (s, mean - c, 0.0), (0.0, 0.0, UP))
+    assert stiffness(turned).level == pytest.approx((SOFT, STIFF))
+    apart = LAW._replace(stiffness=Stiffness((SOFT, STIFF), (UP,)))
+    assert margins_of(with_matrix(turned), inner()) == pytest.approx(margins_of(apart, inner()))
+
+
+def test_the_same_gain_in_every_direction_leaves_the_margins_of_that_gain() -> None:
+    alike = ((SOFT, 0.0, 0.0), (0.0, SOFT, 0.0), (0.0, 0.0, SOFT))
+    assert margins_of(with_matrix(alike), inner()) == margins_of(
+        LAW._replace(proportional=SOFT), inner()
+    )
+
+
+def test_a_matrix_that_couples_the_height_says_so() -> None:
+    found = stiffness(((9.0, 0.0, 2.0), (0.0, 9.0, 0.0), (2.0, 0.0, 9.0)))
+    assert found.is_coupled
+    assert found.level == found.up == pytest.approx((7.0, 9.0, 11.0))
+
+
+def test_the_design_is_the_same_whatever_matrix_is_written() -> None:
+    weak = with_matrix(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    assert designed(weak, inner()) == designed(LAW, inner())

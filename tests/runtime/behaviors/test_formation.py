@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from part_bench import SITE, at_rest, estimate
 
+from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance
-from kybflow.core.signals import NS, Done, Failed, Heard, InputReading, Setpoint, Tick, Told
+from kybflow.core.signals import NS, Done, Failed, Heard, InputReading, Setpoint, Tick
 from kybflow.flight.formation.shapes import centroid
 from kybflow.parts import AXES, Entry
 from kybflow.runtime.behaviors.follow import Follow, FollowParams
@@ -76,9 +77,9 @@ class Swarm:
                     news = Heard(self.now, known, self.setpoints[name], said)
                     self.air.note(name, news)
 
-    def take(self, name: str, output: Setpoint | Told | Done | Failed) -> None:
-        if isinstance(output, Told):
-            self.events.append((name, output.event, output.fields))
+    def take(self, name: str, output: Setpoint | Emitting | Done | Failed) -> None:
+        if isinstance(output, Emitting):
+            self.events.append((name, output.event.name, output.event.recorded()))
             output = output.output
         if isinstance(output, Done | Failed):
             self.ends[name] = output

@@ -25,7 +25,7 @@ from kybflow.runtime.fleet.action_context import RunControls
 
 
 def idle(target: str):
-    go = TransitionPlan("next", target, event="operator.go")
+    go = TransitionPlan(target=target, event="operator.go")
     return state("idle", part("behaviors", "wait_on_ground"), go)
 
 
@@ -86,15 +86,15 @@ def test_what_nothing_waits_for_is_refused_with_the_nearest():
 
 @pytest.mark.parametrize("name", ["a.landed", "landed", "run_started"])
 def test_nobody_can_give_an_event_of_the_engine(name: str):
-    heard = CallbackPlan("landed", ("a",), (LogText("down"),))
+    heard = CallbackPlan(event="landed", vehicles=("a",), actions=(LogText("down"),))
     with pytest.raises(EventRefused, match="the mission doesn't wait for"):
         check_emitted(plan(waiting(), callbacks=(heard,)), [name])
 
 
 def test_a_mission_s_own_event_and_the_commands_can_be_given():
     own = (
-        CallbackPlan("landed", ("a",), (Emit("ready"),)),
-        CallbackPlan("ready", ("",), (LogText("ready"),)),
+        CallbackPlan(event="landed", vehicles=("a",), actions=(Emit("ready"),)),
+        CallbackPlan(event="ready", vehicles=("",), actions=(LogText("ready"),)),
     )
     check_emitted(plan(held(), callbacks=own), ["ready", "operator.pause", "operator.stop"])
 

@@ -52,10 +52,10 @@ class Watch:
 def test_an_imu_that_goes_wrong_in_flight_takes_no_position_away(run) -> None:
     """Poses a centimetre off are refused, for the filter believes its IMU too much."""
     healthy = Compare("<", Read(None, "estimate.age"), Quantity(0.25, DURATION))
-    source = EstimatorPlan(part("estimators", "fusion"), healthy, 1.0, None)
+    source = EstimatorPlan(part("estimators", "fusion"), healthy=healthy, recover_after=1.0)
     bias = part("faults", "imu_bias_step", accelerometer=(-0.44, 0.33, -0.44))
     flier = vehicle("a", [up("hold", 1.0), hold(6.0, "down"), down()], estimators=(source,))
-    _, told = run(flier, faults=(FaultPlan(bias, "a", 6.0),))
+    _, told = run(flier, faults=(FaultPlan(part=bias, vehicle="a", time=6.0),))
     assert named(told, "fault_injected")
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert not named(told, "estimator_lost")
@@ -65,13 +65,19 @@ def test_an_imu_that_goes_wrong_in_flight_takes_no_position_away(run) -> None:
 def test_poses_noisier_than_declared_are_flown_on(run) -> None:
     """And no IMU that goes wrong at the same time has it land blind."""
     healthy = Compare("<", Read(None, "estimate.age"), Quantity(0.25, DURATION))
-    source = EstimatorPlan(part("estimators", "fusion"), healthy, 1.0, None)
+    source = EstimatorPlan(part("estimators", "fusion"), healthy=healthy, recover_after=1.0)
     bias = part("faults", "imu_bias_step", accelerometer=(0.0, 0.5, -0.5))
     noise = part("faults", "mocap_noise")
     jump = part("supervisors", "jump")
     flier = vehicle("a", [up("hold", 1.0), hold(6.0, "down"), down()], estimators=(source,))
     flier = replace(flier, supervisors=(*flier.supervisors, jump))
-    _, told = run(flier, faults=(FaultPlan(bias, "a", 6.0), FaultPlan(noise, "a", 8.0)))
+    _, told = run(
+        flier,
+        faults=(
+            FaultPlan(part=bias, vehicle="a", time=6.0),
+            FaultPlan(part=noise, vehicle="a", time=8.0),
+        ),
+    )
     assert len(named(told, "fault_injected")) == 2
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert len(named(told, "position_refused")) <= 3
@@ -91,7 +97,7 @@ def flown(run, seed: int) -> tuple[Watch, float]:
     flier = vehicle(
         "a",
         [up("eight", 1.0), state("eight", eight, then("down")), down()],
-        estimators=(EstimatorPlan(source, None, 1.0, None),),
+        estimators=(EstimatorPlan(source, recover_after=1.0),),
         supervisors=tuple(
             part("supervisors", spec.name, **({"age": OLDEST} if spec.name == "estimate" else {}))
             for spec in load_catalog().always("supervisors")

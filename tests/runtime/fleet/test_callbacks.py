@@ -9,7 +9,8 @@ from plans import state, then, vehicle
 from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.core.errors import OptionRefused, PartFailed
-from kybflow.core.signals import NS, Event, Setpoint, SetpointKind, Tick, Told
+from kybflow.core.events import BehaviorEvent, Custom, Emitting
+from kybflow.core.signals import NS, Event, Setpoint, SetpointKind, Tick
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import (
     Call,
@@ -24,6 +25,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
 )
 from kybflow.parts import AIR, Action, ActionContext, Entry
+from kybflow.parts.events import BehaviorEnded, Collided, Landed, TookOff
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.fleet.callbacks import Callbacks, filled
@@ -95,7 +97,7 @@ class Bench:
 
 
 def on(event: str, *actions, vehicles=("a",), **more) -> CallbackPlan:
-    return CallbackPlan(event, vehicles, actions, at="m.yaml:9", **more)
+    return CallbackPlan(event=event, vehicles=vehicles, actions=actions, at="m.yaml:9", **more)
 
 
 def call(cls: type[Action], params: object = None) -> Call:
@@ -105,7 +107,7 @@ def call(cls: type[Action], params: object = None) -> Call:
 
 def test_an_event_is_answered_once_by_whom_it_concerns():
     bench = Bench(on("landed", LogText("down")), on("landed", LogText("never"), vehicles=("b",)))
-    bench.events.tell("landed", "a")
+    bench.events.emit(Landed(), "a")
     bench.callbacks.step()
     bench.callbacks.step()
     assert bench.logged() == ["down"]
@@ -113,7 +115,7 @@ def test_an_event_is_answered_once_by_whom_it_concerns():
 
 def test_what_a_simulator_alone_knows_is_not_answered():
     bench = Bench(on("collided", LogText("bang")))
-    bench.events.note("collided", "a")
+    bench.events.emit(Collided(into="wall"), "a")
     bench.callbacks.step()
     assert bench.logged() == []
 
@@ -126,7 +128,7 @@ def test_actions_are_done_in_order_and_say_where_they_come_from():
         Stop("enough"),
     )
     bench = Bench(on("landed", *actions))
-    bench.events.tell("landed", "a")
+    bench.events.emit(Landed(), "a")
     bench.callbacks.step()
     assert bench.asked == [
         ("switch", "down", Requester.CALLBACK, "m.yaml:9"),
@@ -138,18 +140,16 @@ def test_actions_are_done_in_order_and_say_where_they_come_from():
 
 def test_an_option_that_is_refused_is_told_by_the_options_alone():
     bench = Bench(on("landed", SetOption("a.tracker.tilt", 9.0), LogText("next")), refuses=True)
-    bench.events.tell("landed", "a")
+    bench.events.emit(Landed(), "a")
     bench.callbacks.step()
     assert bench.logged() == ["next"]
     assert named(bench.told, "action_failed") == []
 
 
-@pytest.mark.parametrize(
-    ("fields", "answered"), [({"how": "done"}, True), ({"how": "next"}, False)]
-)
-def test_a_filter_compares_a_field(fields: dict[str, str], answered: bool):
+@pytest.mark.parametrize(("how", "answered"), [("done", True), ("next", False)])
+def test_a_filter_compares_a_field(how: str, answered: bool):
     bench = Bench(on("behavior_ended", LogText("over"), fields=(("how", "done"),)))
-    bench.events.tell("behavior_ended", "a", **fields)
+    bench.events.emit(BehaviorEnded(behavior="fly", how=how), "a")
     bench.callbacks.step()
     assert bool(bench.logged()) is answered
 
@@ -157,19 +157,19 @@ def test_a_filter_compares_a_field(fields: dict[str, str], answered: bool):
 def test_a_condition_must_hold_when_the_event_is_answered():
     bench = Bench(on("landed", LogText("down"), when=InState("a", "down")))
     bench.holds = False
-    bench.events.tell("landed", "a")
+    bench.events.emit(Landed(), "a")
     bench.callbacks.step()
     bench.holds = True
     bench.callbacks.step()
     assert bench.logged() == []
-    bench.events.tell("landed", "a")
+    bench.events.emit(Landed(), "a")
     bench.callbacks.step()
     assert bench.logged() == ["down"]
 
 
 def test_what_is_emitted_is_answered_in_the_next_tick_one_round_a_tick():
     bench = Bench(on("ping", LogText("ping"), Emit("ping"), vehicles=("",)))
-    bench.events.tell("ping")
+    bench.events.emit(Custom("ping"))
     for rounds in (1, 2, 3):
         bench.events.turn(rounds)
         assert bench.callbacks.pending
@@ -179,7 +179,7 @@ def test_what_is_emitted_is_answered_in_the_next_tick_one_round_a_tick():
 
 def test_an_action_of_a_package_gets_the_event_and_its_parameters():
     bench = Bench(on("landed", call(Note, NoteParams("saw"))))
-    bench.events.tell("landed", "a")
+    bench.events.emit(Landed(), "a")
     bench.callbacks.step()
     assert bench.logged() == ["saw landed of a"]
 
@@ -187,7 +187,7 @@ def test_an_action_of_a_package_gets_the_event_and_its_parameters():
 def test_an_action_that_raises_is_told_and_left_out_and_the_others_go_on():
     bench = Bench(on("landed", call(Broken), LogText("still here")))
     for _ in range(2):
-        bench.events.tell("landed", "a")
+        bench.events.emit(Landed(), "a")
         bench.callbacks.step()
     assert bench.logged() == ["still here"] * 2
     [failed] = named(bench.told, "action_failed")
@@ -206,7 +206,7 @@ def test_an_action_that_cannot_be_made_is_known_before_anything_flies():
 @pytest.mark.parametrize("name", ["landed", "operator.go"])
 def test_an_action_may_not_speak_for_the_engine_or_a_person(name: str):
     bench = Bench(on("took_off", Emit(name)))
-    bench.events.tell("took_off", "a")
+    bench.events.emit(TookOff(), "a")
     bench.callbacks.step()
     assert [e.name for e in bench.told] == ["took_off", "action_failed"]
 
@@ -251,7 +251,7 @@ def test_a_vehicle_that_rests_is_waited_for_when_it_is_asked_for_more(run):
 
 
 def test_arrows_hear_what_is_emitted_one_tick_later(run):
-    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan("next", "down", event="now"))
+    waits = state("hold", hold(60.0, "down").behavior, TransitionPlan(target="down", event="now"))
     callbacks = (on("behavior_started", Emit("now"), fields=(("behavior", "hold"),)),)
     _, told = run(vehicle("a", [up("hold"), waits, down()]), callbacks=callbacks)
     emitted = named(told, "now")[0].time
@@ -271,29 +271,35 @@ def test_stop_lands_everybody_and_the_run_ended_as_it_should(run):
     assert flown.exit_code == 0
 
 
-class Humming(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
-    """Tells each second, by the second."""
+class Hummed(BehaviorEvent):
+    """A second went by."""
 
-    tells = {"hummed": ("second",)}  # noqa: RUF012
+    second: float
+
+
+class Humming(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
+    """Emits each second, by the second."""
+
+    own_events = (Hummed,)
 
     def __init__(self, params: NoParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._told = 0
 
-    def update(self, tick: Tick) -> Setpoint | Told:
+    def update(self, tick: Tick) -> Setpoint | Emitting:
         if tick.elapsed < self._told + 1:
             return self.setpoint
         self._told += 1
-        return Told(self.setpoint, "hummed", {"second": float(self._told)})
+        return Emitting(self.setpoint, Hummed(second=float(self._told)))
 
 
 class Mumbling(Humming, flight=AIR >> AIR, emits=SetpointKind.POSITION):
-    tells = {}  # noqa: RUF012
+    own_events = ()
 
 
-def test_what_a_behavior_tells_is_answered_by_next_and_by_callbacks(run):
+def test_what_a_behavior_emits_is_answered_by_next_and_by_callbacks(run):
     callbacks = (on("hummed", LogText("{behavior} {second}")),)
-    heard = TransitionPlan("next", "down", event="hummed")
+    heard = TransitionPlan(target="down", event="hummed")
     _, told = run(
         vehicle("a", [up("hum"), state("hum", Humming, heard), down()]), callbacks=callbacks
     )
@@ -301,16 +307,18 @@ def test_what_a_behavior_tells_is_answered_by_next_and_by_callbacks(run):
     assert path(told, "a") == ["up", "hum", "down", "landed"]
 
 
-def test_a_behavior_that_tells_what_it_does_not_declare_has_failed(run):
+def test_a_behavior_that_emits_what_it_does_not_declare_has_failed(run):
     states = [up("hum"), state("hum", Mumbling, then("down")), down()]
     _, told = run(vehicle("a", states))
     [failed] = named(told, "part_failed")
-    assert "`hummed` is no event that it `tells`" in str(failed.fields["reason"])
+    assert "`hummed` is none of its `own_events`" in str(failed.fields["reason"])
 
 
 def when(*actions, hold: float = 0.0) -> CallbackPlan:
     """A callback on the condition of the bench."""
-    return CallbackPlan("", (), actions, when=InState("a", "down"), at="m.yaml:9", hold=hold)
+    return CallbackPlan(
+        event="", vehicles=(), actions=actions, when=InState("a", "down"), at="m.yaml:9", hold=hold
+    )
 
 
 def watched(bench: Bench, *holds: bool) -> int:
@@ -345,7 +353,12 @@ def test_a_condition_that_raises_is_told_once_and_not_answered():
 
 def test_a_condition_switches_a_vehicle_in_flight_without_an_event(run):
     high = CallbackPlan(
-        "", (), (Switch("a", "down"),), when=InState("a", "hold"), hold=1.0, at="m.yaml:9"
+        event="",
+        vehicles=(),
+        actions=(Switch("a", "down"),),
+        when=InState("a", "hold"),
+        hold=1.0,
+        at="m.yaml:9",
     )
     _, told = run(vehicle("a", [up("hold"), hold(60.0, "down"), down()]), callbacks=(high,))
     [asked] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]

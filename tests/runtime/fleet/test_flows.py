@@ -12,6 +12,7 @@ from plans import part, plan, state, then, vehicle
 from short_flights import Still, down, named, path, up
 
 from kybflow.core.errors import OptionRefused
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.expressions import GroupInState, InState
 from kybflow.dsl.plan import (
@@ -21,6 +22,7 @@ from kybflow.dsl.plan import (
     FlowPlan,
     PartPlan,
     PhasePlan,
+    Request,
     SetOption,
     Switch,
     TransitionPlan,
@@ -69,11 +71,11 @@ class Settings:
 
 
 def go(target: str, **when: Any) -> TransitionPlan:
-    return TransitionPlan("next", target, **when)
+    return TransitionPlan(target=target, **when)
 
 
 def limit(target: str, seconds: float) -> TransitionPlan:
-    return TransitionPlan("within", target, after=seconds)
+    return TransitionPlan(target=target, cause="within", after=seconds)
 
 
 def phase(
@@ -83,12 +85,20 @@ def phase(
     give: dict[str, str] | None = None,
     options: tuple[SetOption, ...] = (),
 ) -> PhasePlan:
-    return PhasePlan(name, run or {}, give or {}, options, arrows)
+    return PhasePlan(
+        name=name,
+        run={v: Request(state) for v, state in (run or {}).items()},
+        give=give or {},
+        options=options,
+        transitions=arrows,
+    )
 
 
 def flow(name: str, *phases: PhasePlan, vehicles: str = "", waits: bool = False) -> FlowPlan:
     members = {p.name: p for p in phases}
-    return FlowPlan(name, phases[0].name, tuple(vehicles), members, waits)
+    return FlowPlan(
+        name=name, begin=phases[0].name, vehicles=tuple(vehicles), phases=members, waits=waits
+    )
 
 
 class Stage:
@@ -518,7 +528,7 @@ def test_a_last_phase_is_left_by_a_way_out_of_every_phase():
     other = phase("other", go(END, after=60.0), run={"a": "up"})
     stage = Stage(flow("team", last(go("other", event="alarm")), other, vehicles="a"))
     stage.step(2)
-    stage.events.tell("alarm")
+    stage.events.emit(Custom("alarm"))
     stage.step(2)
     assert stage.a.asked == ["down", "up"]
     assert not stage.flows.ended
@@ -534,8 +544,8 @@ def test_a_way_out_of_a_phase_tells_its_event():
 
 
 def test_a_way_out_of_a_state_tells_its_event_to_everybody(run):
-    tells = state("hold", hover(), TransitionPlan("next", "down", after=1.0, emit="a_is_done"))
-    hears = state("hold", hover(), TransitionPlan("next", "down", event="a_is_done"))
+    tells = state("hold", hover(), TransitionPlan(target="down", after=1.0, emit="a_is_done"))
+    hears = state("hold", hover(), TransitionPlan(target="down", event="a_is_done"))
     a = vehicle("a", [up("hold"), tells, down()], start=(-1.0, 0.0, 0.0))
     b = vehicle("b", [up("hold", 0.3), hears, down()])
     _, told = run(a, b)
@@ -579,7 +589,7 @@ def test_in_turns_the_next_is_asked_when_the_one_before_has_left_its_state() -> 
 def test_while_a_turn_passes_no_way_out_is_asked_and_no_event_is_lost() -> None:
     stage = in_turns(go("next", when=BOTH_HOVER, event="go_on"), go("next", event="gone"))
     stage.a.state = "hover"
-    stage.events.tell("gone")
+    stage.events.emit(Custom("gone"))
     stage.b.state = "hover"
     stage.step()
     assert stage.phases("team") == ["over"]
@@ -607,7 +617,7 @@ def test_one_that_refuses_passes_its_turn() -> None:
 
 def test_no_turn_outlives_its_phase() -> None:
     stage = in_turns(go("next", event="enough"))
-    stage.events.tell("enough")
+    stage.events.emit(Custom("enough"))
     stage.step(2)
     assert stage.phases("team")[0] == "over: next"
     stage.a.state = "hover"

@@ -45,7 +45,14 @@ class Flight:
 
 
 def heavy(time=None, lasts=None, when=None, vehicle="a", at="m.yaml:7") -> FaultPlan:
-    return FaultPlan(part("faults", "mass_change", factor=1.2), vehicle, time, when, lasts, at)
+    return FaultPlan(
+        part=part("faults", "mass_change", factor=1.2),
+        vehicle=vehicle,
+        time=time,
+        when=when,
+        duration=lasts,
+        at=at,
+    )
 
 
 def condition():
@@ -87,7 +94,7 @@ def test_a_condition_injects_once_the_first_time() -> None:
 
 
 def test_faults_of_one_tick_come_in_the_order_of_the_mission() -> None:
-    sag = FaultPlan(part("faults", "battery_sag"), "b", 1.0)
+    sag = FaultPlan(part=part("faults", "battery_sag"), vehicle="b", time=1.0)
     flight = Flight(heavy(1.0), sag, heavy(1.0, vehicle="b"))
     flight.tick(1.0)
     assert [(e.vehicle, e.fields["fault"]) for e in flight.told] == [
@@ -96,7 +103,15 @@ def test_faults_of_one_tick_come_in_the_order_of_the_mission() -> None:
 
 
 def test_a_swap_breaks_both_and_mends_both() -> None:
-    flight = Flight(FaultPlan(part("faults", "mocap_swap", other="b"), "a", 1.0, None, 1.0))
+    flight = Flight(
+        FaultPlan(
+            part=part("faults", "mocap_swap", other="b"),
+            vehicle="a",
+            time=1.0,
+            when=None,
+            duration=1.0,
+        )
+    )
     flight.tick(1.0)
     assert [rig.body for rig in flight.rigs.values()] == ["b", "a"]
     flight.tick(2.0)
@@ -123,7 +138,7 @@ def plan_of(cls) -> PartPlan:
 def test_chance_is_that_of_the_run_and_of_the_faults_place() -> None:
     def draws(seed):
         Chancy.drawn = []
-        flight = Flight(*[FaultPlan(plan_of(Chancy), "a", 0.0)] * 2, seed=seed)
+        flight = Flight(*[FaultPlan(part=plan_of(Chancy), vehicle="a", time=0.0)] * 2, seed=seed)
         flight.tick(0.0)
         return Chancy.drawn
 
@@ -135,7 +150,7 @@ def test_chance_is_that_of_the_run_and_of_the_faults_place() -> None:
 
 @pytest.mark.parametrize("fault", [plan_of(Broken), part("faults", "mocap_swap", other="nobody")])
 def test_a_fault_that_cannot_be_injected_is_told_and_fails_the_run(fault: PartPlan) -> None:
-    flight = Flight(FaultPlan(fault, "a", 1.0), heavy(1.0))
+    flight = Flight(FaultPlan(part=fault, vehicle="a", time=1.0), heavy(1.0))
     flight.tick(1.0)
     assert [entry[1] for entry in flight.path] == ["fault_failed", "fault_injected"]
     assert flight.injection.failure is not None
@@ -172,7 +187,7 @@ class AtWork(Fault[None]):
 
 def at_work(way: str) -> Flight:
     cls = type(way, (AtWork,), {"way": way})
-    flight = Flight(FaultPlan(plan_of(cls), "a", 0.0, at="m.yaml:7"))
+    flight = Flight(FaultPlan(part=plan_of(cls), vehicle="a", time=0.0, at="m.yaml:7"))
     flight.tick(0.0)
     return flight
 
@@ -213,7 +228,7 @@ def test_of_a_fault_that_cannot_be_injected_nothing_stays() -> None:
         if flight.rigs["a"].mass == 2.0:
             raise ZeroDivisionError("no world has that")
 
-    flight = Flight(FaultPlan(plan_of(Chancy), "a", 1.0))
+    flight = Flight(FaultPlan(part=plan_of(Chancy), vehicle="a", time=1.0))
     flight.rigs["a"] = flight.injection._rigs["a"] = Rig("a", changed)
     flight.tick(1.0)
     assert [entry[1] for entry in flight.path] == ["fault_failed"]

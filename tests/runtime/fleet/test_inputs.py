@@ -50,8 +50,8 @@ class Bench:
         self.device, self.told, self.now = Device(), list[Event](), 0
         self.noted: list[tuple[Time, InputReading | None, str]] = []
         part = PartPlan("script", Script, None, "inputs.stick")
-        facts: dict[str, Any] = {"buttons": {"a": "leave", "r": "hold"}, "silent_after": 0.3}
-        plan = InputPlan("stick", part, **{**facts, **more})
+        facts: dict[str, Any] = {"button_names": {"a": "leave", "r": "hold"}, "silent_after": 0.3}
+        plan = InputPlan(name="stick", part=part, **{**facts, **more})
         events = Events((self.told.append,))
         self._events = events
         self.inputs = Inputs(

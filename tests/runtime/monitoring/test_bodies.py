@@ -5,21 +5,30 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 from math import cos, nan, sin
+from typing import NamedTuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, from_heading
 from kybflow.core.signals import NS, Estimate, Pose
-from kybflow.runtime.monitoring.bodies import FROZE, LOST, Bodies, BodyBounds
-from kybflow.runtime.monitoring.findings import Finding
-
-JUMPED, SWAPPED, RECOVERED = "body_jumped", "body_swapped", "body_recovered"
+from kybflow.flight.pose_track import CONFIRMED
+from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
+from kybflow.runtime.monitoring.bodies import Bodies, BodyBounds
 
 TICK = NS // 250
 FLEET = ("a", "b", "c")
 Change = Callable[[str, Pose], Pose | None]
+
+
+class Found(NamedTuple):
+    """What was found, of which body and when."""
+
+    time: int
+    body: str
+    event: VehicleEvent
 
 
 def flight(name: str, time: int) -> Pose:
@@ -32,10 +41,10 @@ def flight(name: str, time: int) -> Pose:
 
 def watched(
     change: Change, seconds: float, names: tuple[str, ...] = FLEET, rate: int = 120, seed: int = 1
-) -> tuple[list[Finding], dict[str, list[Pose]]]:
+) -> tuple[list[Found], dict[str, list[Pose]]]:
     """What is found while `names` fly, their poses (0.5 mm of noise) as `change` makes them."""
     generator, bodies = random.Random(seed), Bodies()
-    findings: list[Finding] = []
+    findings: list[Found] = []
     passed: dict[str, list[Pose]] = {name: [] for name in names}
     count = dict.fromkeys(names, 0)
     for tick in range(round(seconds * NS / TICK)):
@@ -51,7 +60,7 @@ def watched(
                     poses.append(changed)
             good, found = bodies.judge(name, poses, now)
             passed[name] += good
-            findings += found
+            findings += [Found(now, name, event) for event in found]
     return findings, passed
 
 
@@ -78,43 +87,45 @@ def test_a_good_flight_is_no_finding_and_every_pose_passes(rate: int) -> None:
 def test_a_body_that_is_lost_and_comes_back() -> None:
     findings, _ = watched(from_second(1.0, "a", lambda pose: None, 2.0), 3.0)
     (lost, back) = findings
-    assert (lost.event, lost.subject, back.event, back.subject) == (LOST, "a", RECOVERED, "a")
+    assert isinstance(lost.event, BodyLost)
+    assert (lost.body, back.body, back.event) == ("a", "a", BodyRecovered())
     assert 1.24 <= lost.time / NS <= 1.26
-    assert lost.value > lost.bound == 0.25
+    assert lost.event.value > lost.event.bound == 0.25
     assert 2.0 <= back.time / NS <= 2.05
 
 
 def test_a_body_that_never_comes() -> None:
     findings, _ = watched(from_second(0.0, "a", lambda pose: None), 1.0)
-    assert [(f.event, f.subject) for f in findings] == [(LOST, "a")]
+    assert [(f.body, type(f.event)) for f in findings] == [("a", BodyLost)]
 
 
 def test_a_frozen_body_is_withheld_at_once_and_told_after_the_bound() -> None:
     still = flight("a", NS)
     frozen = from_second(1.0, "a", lambda pose: still._replace(time=pose.time), 2.0)
     findings, passed = watched(frozen, 3.0)
-    assert [(f.event, f.subject) for f in findings] == [(FROZE, "a"), (RECOVERED, "a")]
     froze, back = findings
+    assert isinstance(froze.event, BodyFroze)
+    assert (froze.body, back.body, back.event) == ("a", "a", BodyRecovered())
     assert 1.5 < froze.time / NS <= 1.52
-    assert froze.value > froze.bound == 0.5
+    assert froze.event.value > froze.event.bound == 0.5
     assert 2.0 < back.time / NS <= 2.05
     assert [p.time for p in passed["a"] if NS < p.time < 2 * NS] == []
 
 
-def still(bodies: Bodies, times: Sequence[int], in_air: bool) -> tuple[int, list[str]]:
+def still(bodies: Bodies, times: Sequence[int], in_air: bool) -> tuple[int, list[type]]:
     """(how many poses of a body that stands still pass, what is found)."""
-    count, found = 0, []
+    count, found = 0, list[type]()
     for time in times:
         passed, findings = bodies.judge("a", [Pose(time, (0.0, 0.0, 0.0), LEVEL)], time, in_air)
         count += len(passed)
-        found += [finding.event for finding in findings]
+        found += map(type, findings)
     return count, found
 
 
 def test_what_stands_still_without_noise_is_not_frozen_before_it_flies() -> None:
     bodies = Bodies()
     assert still(bodies, range(0, 2 * NS, NS // 100), in_air=False) == (200, [])
-    assert still(bodies, range(2 * NS, 3 * NS, NS // 100), in_air=True) == (0, [FROZE])
+    assert still(bodies, range(2 * NS, 3 * NS, NS // 100), in_air=True) == (0, [BodyFroze])
 
 
 def test_what_wavered_on_the_ground_and_stands_still_is_frozen_there_too() -> None:
@@ -126,7 +137,7 @@ def test_what_wavered_on_the_ground_and_stands_still_is_frozen_there_too() -> No
         bodies.judge("a", [Pose(time, there, LEVEL)], time, in_air=False)
     passed, told = still(bodies, range(NS, 2 * NS, NS // 100), in_air=False)
     assert passed <= 1
-    assert told == [FROZE]
+    assert told == [BodyFroze]
 
 
 def test_what_froze_in_the_air_is_withheld_on_the_ground_until_it_moves() -> None:
@@ -135,17 +146,17 @@ def test_what_froze_in_the_air_is_withheld_on_the_ground_until_it_moves() -> Non
     assert still(bodies, range(NS, 2 * NS, NS // 100), in_air=False) == (0, [])
     poses = [Pose(2 * NS + i, (0.001 * i, 0.0, 0.0), LEVEL) for i in range(1, 4)]
     passed, findings = bodies.judge("a", poses, 2 * NS + 3, in_air=False)
-    assert (passed, [f.event for f in findings]) == (poses, [RECOVERED])
+    assert (passed, findings) == (poses, [BodyRecovered()])
 
 
 @pytest.mark.parametrize("rate", [3, 5, 8])
 def test_a_slow_stream_is_not_lost_between_its_poses_but_when_it_ends(rate: int) -> None:
     findings, _ = watched(from_second(3.0, "a", lambda pose: None), 5.0, rate=rate)
     started = 0 if rate > 3 else 3  # at 3 Hz nobody can tell before three poses have come
-    [lost] = [f for f in findings if f.subject == "a" and f.time > 2 * NS]
-    assert lost.event == LOST
+    [lost] = [f.event for f in findings if f.body == "a" and f.time > 2 * NS]
+    assert isinstance(lost, BodyLost)
     assert lost.bound == pytest.approx(3.0 / rate, abs=0.02)
-    assert len([f for f in findings if f.event == LOST and f.time < NS]) <= started
+    assert len([f for f in findings if isinstance(f.event, BodyLost) and f.time < NS]) <= started
 
 
 def test_due_is_when_a_body_is_lost() -> None:
@@ -154,7 +165,7 @@ def test_due_is_when_a_body_is_lost() -> None:
     due = bodies.due("a")
     assert due == 99 * NS // 100 + NS // 4
     assert bodies.judge("a", [], due)[1] == []
-    assert [f.event for f in bodies.judge("a", [], due + 1)[1]] == [LOST]
+    assert [type(event) for event in bodies.judge("a", [], due + 1)[1]] == [BodyLost]
 
 
 def test_a_frozen_body_whose_stream_ends_is_stale() -> None:
@@ -164,7 +175,7 @@ def test_a_frozen_body_whose_stream_ends_is_stale() -> None:
         return flight("a", NS)._replace(time=pose.time) if pose.time < 2 * NS else None
 
     findings, _ = watched(change, 3.0)
-    assert [f.event for f in findings] == [FROZE, LOST]
+    assert [type(f.event) for f in findings] == [BodyFroze, BodyLost]
 
 
 def test_frames_that_a_server_sends_twice_are_no_finding_and_pass_once() -> None:
@@ -187,9 +198,10 @@ def test_frames_that_a_server_sends_twice_are_no_finding_and_pass_once() -> None
 def test_a_body_that_jumps_and_goes_on_from_there(by: Vec3) -> None:
     findings, passed = watched(from_second(1.0, "a", moved(by)), 2.0)
     (jump,) = findings
-    assert (jump.event, jump.subject, jump.other) == (JUMPED, "a", "")
-    assert jump.time == pytest.approx(NS, abs=NS // 120)
-    assert jump.value > jump.bound
+    assert isinstance(jump.event, BodyJumped)
+    assert jump.body == "a"
+    assert jump.time == pytest.approx(NS, abs=CONFIRMED * NS // 120)
+    assert jump.event.value > jump.event.bound
     assert len(passed["a"]) == len(passed["b"])
 
 
@@ -203,7 +215,7 @@ def test_a_body_that_comes_back_where_a_flight_can_have_brought_it_has_not_jumpe
         return None if pose.time < (1.0 + unseen) * NS else moved((1.65, 0.0, 0.0))(pose)
 
     findings, passed = watched(change, unseen + 2.0, ("a",))
-    assert [f.event for f in findings] == [LOST, RECOVERED]
+    assert [type(f.event) for f in findings] == [BodyLost, BodyRecovered]
     assert passed["a"][-1].time > (unseen + 1.9) * NS
 
 
@@ -215,7 +227,7 @@ def believing(at: dict[str, Vec3]) -> Bodies:
     return bodies
 
 
-def come_back(bodies: Bodies, place: Vec3) -> tuple[int, list[Finding]]:
+def come_back(bodies: Bodies, place: Vec3) -> tuple[int, list[VehicleEvent]]:
     """How many poses pass of a body that was at zero and comes back at `place` two seconds later,
     and what is found of it."""
     times = (0, *range(2 * NS, 3 * NS, NS // 100))
@@ -230,10 +242,11 @@ def test_a_body_that_comes_back_where_another_vehicle_believes_to_be_is_that_one
     bodies = believing({"a": (0.3, 0.0, 0.0), "b": (1.2, 0.0, 0.0)})
     passed, [found] = come_back(bodies, (1.25, 0.0, 0.0))
     assert passed == 1
-    assert (found.event, found.subject, found.other) == (SWAPPED, "a", "b")
+    assert isinstance(found, BodySwapped)
+    assert found.other == "b"
     back = [Pose(3 * NS + i, (0.3 + 1e-6 * i, 0.0, 0.0), LEVEL) for i in range(1, 6)]
     again, findings = bodies.judge("a", back, 3 * NS + 6)
-    assert [f.event for f in findings] == [JUMPED]
+    assert [type(event) for event in findings] == [BodyJumped]
     assert again == back[2:]
 
 
@@ -245,7 +258,9 @@ def test_a_body_that_comes_back_to_its_own_vehicle_is_none_of_its_neighbours() -
 def test_a_body_that_is_turned_over_at_a_stroke_has_jumped() -> None:
     over = from_heading(2.0)
     findings, _ = watched(from_second(1.0, "a", lambda p: p._replace(attitude=over)), 1.2)
-    assert [(f.event, f.bound < f.value < 3.2) for f in findings] == [(JUMPED, True)]
+    [jump] = [f.event for f in findings]
+    assert isinstance(jump, BodyJumped)
+    assert jump.bound < jump.value < 3.2
 
 
 def test_a_single_reflection_is_no_finding() -> None:
@@ -270,13 +285,9 @@ def test_two_bodies_that_are_exchanged_and_exchanged_back(
         return pose
 
     findings, passed = watched(change, 3.0, names, seed=seed)
-    told = sorted((round(f.time / NS), f.subject, f.event, f.other) for f in findings)
-    assert told == [
-        (1, "a", SWAPPED, "b"),
-        (1, "b", SWAPPED, "a"),
-        (2, "a", SWAPPED, "b"),
-        (2, "b", SWAPPED, "a"),
-    ]
+    assert all(isinstance(f.event, BodySwapped) for f in findings)
+    told = sorted((round(f.time / NS), f.body, f.event.other) for f in findings)
+    assert told == [(1, "a", "b"), (1, "b", "a"), (2, "a", "b"), (2, "b", "a")]
     for name in swap:
         kept = [pose.time / NS for pose in passed[name]]
         assert not [time for time in kept if 1.03 < time < 2.0]
@@ -289,7 +300,9 @@ def test_a_body_that_is_taken_for_another_which_stays() -> None:
         return moved(away)(flight("b", pose.time)) if name == "a" and pose.time >= NS else pose
 
     findings, _ = watched(change, 2.0)
-    assert [(f.subject, f.event, f.other) for f in findings] == [("a", SWAPPED, "b")]
+    [swap] = findings
+    assert isinstance(swap.event, BodySwapped)
+    assert (swap.body, swap.event.other) == ("a", "b")
 
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 0.0)])
@@ -297,7 +310,7 @@ def test_what_is_no_pose_never_passes_and_is_as_if_none_came(attitude: tuple[flo
     findings, passed = watched(
         from_second(1.0, "a", lambda pose: pose._replace(attitude=attitude)), 2.0
     )
-    assert [(f.subject, f.event) for f in findings] == [("a", LOST)]
+    assert [(f.body, type(f.event)) for f in findings] == [("a", BodyLost)]
     assert max(pose.time for pose in passed["a"]) < NS
 
 

@@ -13,8 +13,8 @@ from kybflow.dsl.plan import EstimatorPlan, FaultPlan
 EVENTS = ("body_lost", "body_froze", "body_jumped", "body_swapped", "body_recovered")
 HEALTHY = Compare("<", Read("mocap", "estimate.age"), Quantity(0.1, DURATION))
 FALLBACK = (
-    EstimatorPlan(part("estimators", "mocap"), HEALTHY, 0.5, None),
-    EstimatorPlan(part("estimators", "inertial"), None, 1.0, 3.0),
+    EstimatorPlan(part("estimators", "mocap"), healthy=HEALTHY, recover_after=0.5),
+    EstimatorPlan(part("estimators", "inertial"), recover_after=1.0, for_at_most=3.0),
 )  # fmt: skip
 
 
@@ -23,7 +23,14 @@ def flier(name="a", **more):
 
 
 def fault(name, lasts, **params):
-    return FaultPlan(part("faults", name, **params), "a", 4.0, None, lasts, "m.yaml:9")
+    return FaultPlan(
+        part=part("faults", name, **params),
+        vehicle="a",
+        time=4.0,
+        when=None,
+        duration=lasts,
+        at="m.yaml:9",
+    )
 
 
 def bodies(told):

@@ -40,7 +40,7 @@ class Seeing(Estimator[NoParams]):
 
 def plan(estimator: PartPlan) -> Any:
     states = [state("wait", part("behaviors", "wait_on_ground"))]
-    estimators = (EstimatorPlan(estimator, None, 1.0, None),)
+    estimators = (EstimatorPlan(estimator, recover_after=1.0),)
     return vehicle("a", states, estimators=estimators, cameras=CAMERAS)
 
 

@@ -8,9 +8,11 @@ from typing import Any
 import numpy
 import pytest
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.signals import NS, Frame, Time
+from kybflow.parts.events import CameraFroze, CameraLostEvent, CameraRecovered
 from kybflow.runtime.monitoring.cameras import CameraStreams
-from kybflow.runtime.monitoring.findings import CONFIRMED, Finding
+from kybflow.runtime.monitoring.findings import CONFIRMED
 from kybflow.world.cameras import Camera, Lens
 
 LENS = Lens(320, 240, 200.0, 200.0, 159.5, 119.5)
@@ -31,10 +33,10 @@ def noise(seed: int) -> Any:
 
 def flown(
     judge: CameraStreams, images: list[Any], begin: int = 0, in_air: bool = True
-) -> list[Finding]:
+) -> list[VehicleEvent]:
     """What is found in frames that come one after another; None where one doesn't."""
 
-    def found() -> Iterator[Finding]:
+    def found() -> Iterator[VehicleEvent]:
         for k, image in enumerate(images, begin):
             frames = [] if image is None else [Frame(k * STEP - 40 * MS, "down", image)]
             yield from judge.judge(frames, k * STEP, in_air)
@@ -61,7 +63,7 @@ def test_it_is_lost_when_it_is_silent_for_longer_than_its_rate_explains(
     assert judge.due == round(bound * NS)
     assert judge.judge([], judge.due, True) == []
     (found,) = judge.judge([], judge.due + 4 * MS, True)
-    assert found == Finding("camera_lost", "down", pytest.approx(bound + 0.004), bound)
+    assert found == CameraLostEvent(camera="down", value=pytest.approx(bound + 0.004), bound=bound)
     assert judge.judge([], 10 * NS, True) == [], "once"
     assert judge.due > 10 * NS
 
@@ -69,9 +71,9 @@ def test_it_is_lost_when_it_is_silent_for_longer_than_its_rate_explains(
 def test_it_recovers_after_a_few_frames() -> None:
     judge = cameras()
     flown(judge, [noise(0), *[None] * 10])
-    assert judge.wrong == {"down": "camera_lost"}
+    assert {camera: event.name for camera, event in judge.wrong.items()} == {"down": "camera_lost"}
     assert flown(judge, [noise(k) for k in range(1, CONFIRMED)], 11) == []
-    assert flown(judge, [noise(CONFIRMED)], 10 + CONFIRMED) == [Finding("camera_recovered", "down")]
+    assert flown(judge, [noise(CONFIRMED)], 10 + CONFIRMED) == [CameraRecovered(camera="down")]
     assert judge.wrong == {}
 
 
@@ -79,9 +81,9 @@ def test_it_froze_when_images_are_the_same_in_the_air() -> None:
     judge = cameras()
     kept = noise(9)
     (found,) = flown(judge, [noise(0), *[kept] * 20])
-    assert found == Finding("camera_froze", "down", pytest.approx(3 / RATE), 0.1)
+    assert found == CameraFroze(camera="down", value=pytest.approx(3 / RATE), bound=0.1)
     assert flown(judge, [kept, *(noise(k) for k in range(CONFIRMED))], 21) == [
-        Finding("camera_recovered", "down")
+        CameraRecovered(camera="down")
     ]
 
 
@@ -94,14 +96,14 @@ def test_nor_is_a_still_image_on_the_ground() -> None:
     assert flown(judge, [noise(0)] * 20, in_air=False) == []
     assert flown(judge, [noise(0)] * 2, 20) == [], "its time counts from the take-off"
     (found,) = flown(judge, [noise(0)], 22)
-    assert found.event == "camera_froze"
+    assert found.name == "camera_froze"
 
 
 def test_nor_is_an_image_in_which_nothing_is_to_be_seen() -> None:
     dark = numpy.zeros((240, 320), numpy.uint8)
     assert flown(cameras(), [dark] * 20) == []
     (found,) = flown(cameras(), [numpy.where(noise(1) > 100, 1, dark)] * 20)
-    assert found.event == "camera_froze", "noise and nothing else must change too"
+    assert found.name == "camera_froze", "noise and nothing else must change too"
 
 
 def test_an_image_that_is_written_over_is_compared_with_what_it_was() -> None:
@@ -114,7 +116,7 @@ def test_an_image_that_is_written_over_is_compared_with_what_it_was() -> None:
 def test_one_that_freezes_and_then_falls_silent_is_told_twice() -> None:
     judge = cameras()
     found = flown(judge, [noise(0)] * 6 + [None] * 10)
-    assert [f.event for f in found] == ["camera_froze", "camera_lost"]
+    assert [f.name for f in found] == ["camera_froze", "camera_lost"]
 
 
 def test_cameras_are_judged_each_for_itself() -> None:
@@ -126,4 +128,4 @@ def test_cameras_are_judged_each_for_itself() -> None:
         yield Frame(time, "front", noise(k))
 
     found = [f for k in range(20) for f in judge.judge(list(frames(k)), k * STEP, True)]
-    assert [(f.event, f.subject) for f in found] == [("camera_froze", "down")]
+    assert [(f.name, f.camera) for f in found] == [("camera_froze", "down")]

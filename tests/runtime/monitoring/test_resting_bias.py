@@ -57,11 +57,11 @@ def test_a_flight_learns_it_before_take_off_and_anew_after_each_landing(run) -> 
         )
 
     inertial = tuple(
-        EstimatorPlan(part("estimators", name), None, 1.0, None) for name in ("mocap", "inertial")
+        EstimatorPlan(part("estimators", name), recover_after=1.0) for name in ("mocap", "inertial")
     )
     landing = state("down", part("behaviors", "land"), then("wait"))
     waiting = part("behaviors", "wait_on_ground")
-    wait = state("wait", waiting, TransitionPlan("next", "landed", after=0.5))
+    wait = state("wait", waiting, TransitionPlan(target="landed", after=0.5))
     states = [up("hold"), hold(1.0, "down"), landing, wait]
     _, told = run(vehicle("a", states, estimators=inertial), observers=(look,))
     started = next(e for e in told if e.name == "behavior_started")

@@ -9,11 +9,13 @@ from typing import Any
 import numpy
 import pytest
 
+from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import LEVEL, Vec3
 from kybflow.core.signals import NS, Estimate, Frame, Time
+from kybflow.parts.events import CameraJumped, TagsFound, TagsLost
 from kybflow.runtime.monitoring.cameras import Sightings
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.findings import CONFIRMED, Finding
+from kybflow.runtime.monitoring.findings import CONFIRMED
 from kybflow.world.cameras import Camera, Lens
 
 CAMERA = Camera("down", Lens(4, 4, 4.0, 4.0, 2.0, 2.0), (0.0, 0.0, 0.0), rate=20.0)
@@ -56,7 +58,7 @@ class Flight:
 
     def fly(
         self, seen: Place, believed: Place = at, steps: Iterable[int] = range(20), air: bool = True
-    ) -> list[tuple[int, Finding]]:
+    ) -> list[tuple[int, VehicleEvent]]:
         found = []
         for k in steps:
             where = believed(k)
@@ -76,14 +78,16 @@ def test_poses_elsewhere_that_go_on_from_there_are_a_jump() -> None:
     ((step, found),) = flight.fly(lambda k: shifted(k, 5))
     assert step == 5 + CONFIRMED - 1
     bound = 0.2 + 4.0 * (SPREAD + 1e-3)
-    assert found == Finding("camera_jumped", "down", pytest.approx(1.0), pytest.approx(bound))
+    assert found == CameraJumped(
+        camera="down", value=pytest.approx(1.0), bound=pytest.approx(bound)
+    )
     assert flight.sights.wrong == {"down": found}
 
 
 def test_one_that_goes_back_to_where_the_vehicle_is_recovers() -> None:
     flight = Flight()
     found = flight.fly(lambda k: shifted(k, 5, 12))
-    assert [(k, f.event, f.subject) for k, f in found] == [
+    assert [(k, f.name, f.camera) for k, f in found] == [
         (7, "camera_jumped", "down"), (14, "camera_recovered", "down"),
     ]  # fmt: skip
     assert flight.sights.wrong == {}
@@ -92,7 +96,7 @@ def test_one_that_goes_back_to_where_the_vehicle_is_recovers() -> None:
 def test_so_does_one_that_is_there_again_after_no_pose_was_found() -> None:
     """It goes back while nothing is seen, and so long that it could have flown there."""
     found = Flight().fly(lambda k: None if 9 <= k < 14 else shifted(k, 5, 12))
-    assert [(k, f.event) for k, f in found] == [
+    assert [(k, f.name) for k, f in found] == [
         (7, "camera_jumped"), (12, "tags_lost"), (14, "tags_found"), (16, "camera_recovered"),
     ]  # fmt: skip
 
@@ -108,7 +112,7 @@ def test_nor_are_poses_that_are_elsewhere_each_time() -> None:
 def test_an_estimator_that_follows_it_makes_nothing_well() -> None:
     """It takes the first frame that jumped, which is late; from then on it believes it."""
     found = Flight().fly(lambda k: shifted(k, 5), lambda k: shifted(k, 6))
-    assert [(k, f.event) for k, f in found] == [(7, "camera_jumped")]
+    assert [(k, f.name) for k, f in found] == [(7, "camera_jumped")]
 
 
 def test_where_another_vehicle_is_it_is_its_camera() -> None:
@@ -117,7 +121,7 @@ def test_where_another_vehicle_is_it_is_its_camera() -> None:
         believe(flight.fleet, "b", shifted(k, 0), k * STEP)
         believe(flight.fleet, "c", (5.0, 5.0, 1.0), k * STEP)
     ((_, found),) = flight.fly(lambda k: shifted(k, 5))
-    assert (found.event, found.subject, found.other) == ("camera_swapped", "down", "b")
+    assert (found.name, found.camera, found.other) == ("camera_swapped", "down", "b")
 
 
 def test_on_the_ground_it_may_be_carried_about() -> None:
@@ -134,8 +138,8 @@ def test_frames_without_a_pose_in_the_air_are_told_and_their_end() -> None:
     flight = Flight()
     found = flight.fly(lambda k: None if 5 <= k < 12 else at(k))
     lost, back = found
-    assert lost == (8, Finding("tags_lost", "", pytest.approx(0.2), 0.15))
-    assert back == (12, Finding("tags_found"))
+    assert lost == (8, TagsLost(value=pytest.approx(0.2), bound=0.15))
+    assert back == (12, TagsFound())
 
 
 def test_the_bound_is_that_of_the_fastest_camera() -> None:
@@ -144,7 +148,7 @@ def test_the_bound_is_that_of_the_fastest_camera() -> None:
     sights.judge(sighting(0, at(0)), True)
     found = [sights.judge(sighting(k * NS // 2, None), True) for k in range(1, 5)]
     assert found[:2] == [[], []]
-    assert found[2] == [Finding("tags_lost", "", 1.5, 1.25)]
+    assert found[2] == [TagsLost(value=1.5, bound=1.25)]
     assert found[3] == []
 
 
@@ -165,7 +169,7 @@ def test_two_cameras_are_judged_each_for_itself() -> None:
         believe(fleet, "a", at(k), k * STEP)
         found += sights.judge(sighting(k * STEP, shifted(k, 5), "down"), True)
         found += sights.judge(sighting(k * STEP, at(k), "rear"), True)
-    assert [(f.event, f.subject) for f in found] == [("camera_jumped", "down")]
+    assert [(f.name, f.camera) for f in found] == [("camera_jumped", "down")]
 
 
 def test_what_was_believed_is_known_for_a_moment() -> None:
@@ -187,5 +191,5 @@ def test_a_camera_that_jumped_recovers_with_another_one() -> None:
     for k in range(14, 20):
         believe(flight.fleet, "a", at(k), k * STEP)
         found += flight.sights.judge(sighting(k * STEP, at(k), "down, front"), True)
-    assert [(f.event, f.subject) for f in found] == [("camera_recovered", "down")]
+    assert [(f.name, f.camera) for f in found] == [("camera_recovered", "down")]
     assert flight.sights.wrong == {}

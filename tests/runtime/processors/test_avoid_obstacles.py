@@ -7,8 +7,9 @@ from math import cos, pi, sin
 import pytest
 from part_bench import AIRFRAME, FENCE, at_rest, estimate
 
+from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
-from kybflow.core.signals import NS, Estimate, Setpoint, SetpointKind, Tick, Told
+from kybflow.core.signals import NS, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.flight.motion import Straight
 from kybflow.runtime.processors.avoid_obstacles import AvoidObstacles, AvoidObstaclesParams
 from kybflow.world.shapes import Cylinder
@@ -65,8 +66,8 @@ class Crossing:
         for i, name in enumerate(self.names):
             asked = self.legs[i].at(now).setpoint(0.0)
             given = self.parts[i](asked, tick(now, fleet[name], self.last[i] or asked, fleet))
-            if isinstance(given, Told):
-                self.told.append(given.event)
+            if isinstance(given, Emitting):
+                self.told.append(given.event.name)
                 given = given.output
             self.last[i] = given
             self.move(i, given)

@@ -3,8 +3,9 @@
 import pytest
 from part_bench import DT, SITE, at_rest, estimate, tick
 
+from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale
-from kybflow.core.signals import Setpoint, SetpointKind, Told
+from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.runtime.processors.obstacle_guard import ObstacleGuard, ObstacleGuardParams
 from kybflow.world.point_cloud import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane
@@ -30,7 +31,7 @@ def pushed(context, kind: SetpointKind, velocity: Vec3, seconds: float = 6.0) ->
         if kind is SetpointKind.ACCELERATION:
             setpoint = Setpoint(kind, acceleration=velocity, heading=0.0)
         given = guard(setpoint, tick(i * DT, estimate(place, speed), last))
-        last = given.output if isinstance(given, Told) else given
+        last = given.output if isinstance(given, Emitting) else given
         if kind is SetpointKind.ACCELERATION:
             speed = add(speed, scale(last.acceleration or ZERO, DT))
         else:
@@ -131,8 +132,8 @@ def test_between_what_closes_in_it_brakes_and_says_so_once() -> None:
         (0.0, 0.0, 1.0),
     )
     answers = [guard(at_rest(place), tick(i * DT, estimate(place))) for i in range(100)]
-    told = [a for a in answers if isinstance(a, Told)]
-    assert [t.event for t in told] == ["avoidance_blocked"]
+    told = [a for a in answers if isinstance(a, Emitting)]
+    assert [emitting.event.name for emitting in told] == ["avoidance_blocked"]
     assert all(
         distance(a.position or ZERO, place) < 1e-9 for a in answers if isinstance(a, Setpoint)
     )

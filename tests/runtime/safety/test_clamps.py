@@ -59,7 +59,7 @@ class RiseAndReturn(Rise, flight=AIR >> AIR, emits=SetpointKind.POSITION):
 
 def flown(behavior: type[Rise], out: Path, *more: PartPlan):
     lab = PartPlan("rise", behavior, NoParams(), "rise", "lab.yaml:9")
-    failed = TransitionPlan("failed", "auto_land", implied=True)
+    failed = TransitionPlan(target="auto_land", cause="failed", implied=True)
     states = [
         state("up", part("behaviors", "take_off", height=1.0), then("rise")),
         state("rise", lab, then("down"), failed),

@@ -72,7 +72,14 @@ def test_on_the_ground_without_an_estimate_and_without_a_setpoint_it_is_silent()
 
 def test_a_vehicle_that_gets_too_heavy_is_landed_and_the_run_has_failed(tmp_path: Path):
     """Its rotors lift 2.3 times its weight at most."""
-    heavy = FaultPlan(part("faults", "mass_change", factor=2.45), "a", 6.0, None, 60.0, "m.yaml:9")
+    heavy = FaultPlan(
+        part=part("faults", "mass_change", factor=2.45),
+        vehicle="a",
+        time=6.0,
+        when=None,
+        duration=60.0,
+        at="m.yaml:9",
+    )
     flier = vehicle("a", [up("hold"), hold(30.0, "down"), down()])
     told: list[Event] = []
     flown = fly(plan(flier, faults=(heavy,)), RunRequest(out=tmp_path), (told.append,))

@@ -93,6 +93,38 @@ def test_the_law_is_feed_forward_and_gains_times_errors(error, speed, feed):
     assert asked(command) == pytest.approx(expected, abs=1e-6)
 
 
+STIFF = ((4.0, 1.0, 0.0), (1.0, 16.0, 0.0), (0.0, 0.0, 2.0))
+ALIKE = ((9.0, 0.0, 0.0), (0.0, 9.0, 0.0), (0.0, 0.0, 9.0))
+
+
+@given(st.tuples(*[st.floats(-0.05, 0.05)] * 3))
+def test_a_matrix_of_gains_stands_in_place_of_the_proportional(error):
+    ex, ey, ez = error
+    trackers = [
+        cascade(position_gain=STIFF, proportional=1.0, integral=0.0, trim=0.0),
+        cascade(proportional=2.0, integral=0.0, trim=0.0),
+    ]
+    command, upwards = (t.update(at(), tick((-ex, -ey, 1.0 - ez))) for t in trackers)
+    ax, ay, az = 4.0 * ex + ey, ex + 16.0 * ey, GRAVITY + 2.0 * ez
+    x, y, z = body_z(command.attitude)
+    assert (x / z, y / z) == pytest.approx((ax / az, ay / az), abs=1e-6)
+    assert command.thrust == pytest.approx(upwards.thrust)
+
+
+@given(st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.tuples(*[st.floats(-0.5, 0.5)] * 3))
+def test_a_matrix_that_is_alike_in_every_direction_changes_nothing(position, velocity):
+    alike, plain = cascade(position_gain=ALIKE), cascade()
+    for _ in range(3):
+        here = tick(position, velocity)
+        assert alike.update(at(), here) == plain.update(at(), here)
+
+
+def test_a_velocity_setpoint_has_no_matrix_either():
+    moving = Setpoint(SetpointKind.VELOCITY, None, (0.2, 0.0, 0.0), heading=0.0)
+    commands = [cascade(**of).update(moving, tick()) for of in ({}, {"position_gain": STIFF})]
+    assert commands[0] == commands[1]
+
+
 def test_the_rotors_drag_is_given_back():
     tracker = cascade(replace(FRAME, drag=0.5), integral=0.0, trim=0.0)
     command = tracker.update(at(velocity=(1.0, 0.0, 0.0)), tick(velocity=(1.0, 0.0, 0.0)))

@@ -34,7 +34,7 @@ def goer():
     return vehicle("a", [up("hold"), hold(60.0, "down"), goto, down()])
 
 
-THEN_HOLD = TransitionPlan("then", "hold")
+THEN_HOLD = TransitionPlan(target="hold", cause="then")
 
 
 def flown(run, *asked: tuple[float, str], watch=lambda engine: None, **facts):
@@ -125,6 +125,13 @@ def test_a_path_is_judged_from_where_it_begins() -> None:
     assert refusal("position=[1.5, -1, 1]", at=(0.0, -1.0, 1.0)).startswith(
         "`goto` (fly_to) flies into `pole`"
     )
+
+
+def test_that_a_flow_asks_for_a_state_too_changes_nothing() -> None:
+    outside, params = (-2.5, 0.0, 1.0), goer().states["up"].behavior.params
+    asked = replace(goer(), requested=frozenset({"up"}), requested_first=frozenset({"up"}))
+    for judge in (JUDGE, PlanEntryJudge(plan(asked, obstacles=POLE))):
+        assert judge.objection("a", "up", params, [outside]) is None
 
 
 def test_a_built_in_state_takes_no_values() -> None:

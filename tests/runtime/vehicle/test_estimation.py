@@ -55,7 +55,7 @@ class Scripted(Estimator[Named]):
 def candidate(name: str, recover: float = 1.0, at_most: float | None = None) -> EstimatorPlan:
     part = PartPlan(name, Scripted, Named(name), f"estimators.{name}")
     fresh = Compare("<", Read(None, "estimate.age"), Quantity(0.3, DURATION))
-    return EstimatorPlan(part, fresh, recover, at_most)
+    return EstimatorPlan(part, healthy=fresh, recover_after=recover, for_at_most=at_most)
 
 
 @pytest.fixture

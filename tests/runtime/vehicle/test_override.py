@@ -157,7 +157,7 @@ def test_a_vehicle_that_will_not_arm_stays_down_and_its_words_are_told(run):
 def test_the_mission_may_say_what_follows_a_refusal(run):
     own, _ = driver("refuses")
     climb = up("hold")
-    failed = TransitionPlan("failed", "ground")
+    failed = TransitionPlan(target="ground", cause="failed")
     climb = replace(climb, transitions=(*climb.transitions, failed))
     wait = state("ground", part("behaviors", "wait_on_ground"))
     flown, told = run(vehicle("a", [climb, hold(1.0, "down"), down(), wait], driver=own))

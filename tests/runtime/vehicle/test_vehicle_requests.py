@@ -82,7 +82,7 @@ def test_an_arrow_hears_the_refusal(run):
     listening = state(
         "hold",
         part("behaviors", "hover"),
-        TransitionPlan("next", "down", event="switch_refused"),
+        TransitionPlan(target="down", event="switch_refused"),
     )
     ask = orders((5.0, lambda v: v.requests.switch("up", Requester.FLOW)))
     _, told = run(vehicle("a", [up("hold"), listening, down()]), observers=(ask,))

@@ -17,8 +17,8 @@ from kybflow.sensors.vrpn.codec import (
     SENDER,
     TYPE,
     CodecError,
-    Decoder,
     Message,
+    MessageDecoder,
     PoseReport,
     check_cookie,
     decode_datagram,
@@ -119,7 +119,7 @@ def test_a_text_is_read(severity: int, text: str) -> None:
 @given(st.lists(messages, max_size=6), st.lists(st.integers(1, 60), max_size=40))
 def test_a_stream_may_be_cut_anywhere(sent: list[Message], cuts: list[int]) -> None:
     stream = COOKIE + b"".join(encode(message, i) for i, message in enumerate(sent))
-    decoder, came, at = Decoder(), [], 0
+    decoder, came, at = MessageDecoder(), [], 0
     for length in (*cuts, len(stream)):
         came += decoder.feed(stream[at : at + length])
         at += length
@@ -138,9 +138,9 @@ def test_a_datagram_holds_whole_messages(sent: list[Message]) -> None:
 @pytest.mark.parametrize(
     ("call", "reason"),
     [
-        (lambda: Decoder().feed(b"HTTP/1.1"), "no VRPN: the peer began with b'HTTP/1.1'"),
+        (lambda: MessageDecoder().feed(b"HTTP/1.1"), "no VRPN: the peer began with b'HTTP/1.1'"),
         (lambda: check_cookie(b"vrpn: ver. 06.04  0".ljust(24, b"\0")), "07.38 is spoken here"),
-        (lambda: Decoder().feed(COOKIE + bytes(24)), "a message of 0 bytes"),
+        (lambda: MessageDecoder().feed(COOKIE + bytes(24)), "a message of 0 bytes"),
         (lambda: decode_datagram(REAL[:-8]), "ends within a message, 80 bytes"),
         (lambda: decode_pose(bytes(63)), "63 bytes of a pose, which should be 64"),
         (lambda: decode_text(bytes(5)), "5 bytes of a text, which should be 8"),
@@ -166,8 +166,8 @@ def test_a_refusal_says_what_was_found(call: Callable[[], Any], reason: str) -> 
 
 
 DECODERS: list[Callable[[bytes], Any]] = [
-    lambda data: Decoder().feed(data),
-    lambda data: Decoder().feed(COOKIE + data),
+    lambda data: MessageDecoder().feed(data),
+    lambda data: MessageDecoder().feed(COOKIE + data),
     check_cookie,
     decode_datagram,
     decode_pose,
@@ -186,7 +186,7 @@ def test_garbage_raises_nothing_else(decode: Callable[[bytes], Any], data: bytes
 
 
 def test_garbage_is_not_kept() -> None:
-    decoder = Decoder()
+    decoder = MessageDecoder()
     decoder.feed(COOKIE)
     with pytest.raises(CodecError):
         decoder.feed(b"\xff" * 24)

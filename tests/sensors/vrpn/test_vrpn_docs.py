@@ -7,9 +7,9 @@ import re
 import shlex
 from pathlib import Path
 
-import click
 import pytest
-from click.testing import CliRunner
+from command_lines import command
+from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
@@ -51,6 +51,4 @@ def test_its_commands_exist() -> None:
     assert len(lines) == 3
     for line in lines:
         name, *arguments = shlex.split(line)
-        server = app.get_command(click.Context(app), name)
-        assert server is not None
-        server.make_context(name, arguments, resilient_parsing=False)
+        command(name).make_context(name, arguments, resilient_parsing=False)

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from plans import in_still_air
+from typer.testing import CliRunner
 from waiting import free_port, until
 
 from kybflow.api.flight import RunRequest, fly

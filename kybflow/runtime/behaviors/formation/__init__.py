@@ -10,7 +10,7 @@ round those in its way (`kybflow.flight.formation.ways`), and goes on along the 
 that they fly to; one that goes over to a behavior with the same formation keeps its place.
 
 The formation slows down for a member that lags behind its point, and stops for one that is `doubt`
-away, has no estimate, or is silent for longer than `freshness`: `neighbour_lost` tells who and why.
+away, has no estimate, or is silent for longer than `freshness`: `neighbour_lost` says who and why.
 Who runs ahead of the others, as one does whom nobody hears, slows down likewise.
 A member that has left isn't waited for; like any other vehicle it is kept clear of.
 
@@ -23,13 +23,14 @@ from __future__ import annotations
 
 import zlib
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import pi
 from typing import ClassVar, Literal, NamedTuple
 
 from kybflow.core.errors import Refused
+from kybflow.core.events import BehaviorEvent, Emitting
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, wrap
-from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick, Time, Told
+from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick, Time
 from kybflow.core.units import (
     Acceleration,
     Angle,
@@ -63,7 +64,16 @@ from kybflow.runtime.behaviors.formation.drives import (
     Still,
 )
 from kybflow.runtime.behaviors.formation.meeting import Assigned, Meeting, Rest
-from kybflow.runtime.behaviors.formation.members import WAITING, InFormation, Members, Team
+from kybflow.runtime.behaviors.formation.members import (
+    WAITING,
+    InFormation,
+    Members,
+    NeighbourJoined,
+    NeighbourLeft,
+    NeighbourLost,
+    NeighbourRecovered,
+    Team,
+)
 from kybflow.runtime.behaviors.formation.room import (
     FormationRoom,
     FormationRoomParams,
@@ -79,7 +89,7 @@ _RETRACTED = 2.0
 """How many tolerances a formation may be off that was settled."""
 _ROOM = "room: a place is at the fence, the ground or something in its way"
 _STANDS, _PATIENT = 0.01, NS
-"""The speed (m/s) up to which a frame that is to move stands, and how long until that is told."""
+"""The speed (m/s) up to which a frame that is to move stands, and how long until it says so."""
 
 
 @params
@@ -161,16 +171,22 @@ class _Placed(NamedTuple):
     turn: float
 
 
+class FormationSettled(BehaviorEvent):
+    """All have settled since one came or was lost; `error` is how far off the distances are."""
+
+    error: Length
+
+
 class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     axes: ClassVar[tuple[str, ...]] = AXES
     hears = True
-    tells: ClassVar[Mapping[str, tuple[str, ...]]] = {
-        "formation_settled": ("error",),
-        "neighbour_joined": ("neighbour",),
-        "neighbour_left": ("neighbour",),
-        "neighbour_lost": ("neighbour", "reason"),
-        "neighbour_recovered": ("neighbour",),
-    }
+    own_events = (
+        FormationSettled,
+        NeighbourJoined,
+        NeighbourLeft,
+        NeighbourLost,
+        NeighbourRecovered,
+    )
 
     def __init__(self, params: FormationParams, entry: Entry) -> None:
         super().__init__(params, entry)
@@ -187,7 +203,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             is_led=params.leader is not None,
         )  # fmt: skip
         self._drive = _drive(params, entry)
-        self._untold: deque[tuple[str, dict[str, str | float | bool | None]]] = deque()
+        self._unemitted: deque[BehaviorEvent] = deque()
         self._last, self._is_new = entry.now, True
         self._frame, self._turned = MovingFrame(entry.position), 0.0
         self._moved = entry.now
@@ -198,21 +214,20 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         """Come to rest, and wait for the others there."""
         self._rest, self._heading = Rest.after(motion, heading, now), heading
         self._placed: _Placed | None = None
-        self._settled = self._is_complete = self._has_told = False
+        self._settled = self._is_complete = self._has_emitted = False
         self._point: Vec3 | None = None
 
-    def update(self, tick: Tick) -> Setpoint | Told | Done | Failed:
+    def update(self, tick: Tick) -> Setpoint | Emitting | Done | Failed:
         p = self.params
         if was_held(self._last, tick):
             self._wait(_motion_of(tick), self._heading, tick.now)
         self._last = tick.now
         team = self._members.heard(tick, self._delay, p.freshness, p.doubt)
-        for event, neighbour, reason in self._members.changes(team, p.doubt):
-            if event in ("neighbour_joined", "neighbour_lost"):
-                self._has_told = False
-            if event != "neighbour_joined" or self._is_complete:
-                why = {"reason": reason} if reason else {}
-                self._untold.append((event, {"neighbour": neighbour, **why}))
+        for event in self._members.changes(team, p.doubt):
+            if isinstance(event, (NeighbourJoined, NeighbourLost)):
+                self._has_emitted = False
+            if self._is_complete or not isinstance(event, NeighbourJoined):
+                self._unemitted.append(event)
         if self._is_new:
             self._is_new = False
             self._go_on(team, tick)
@@ -226,8 +241,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
                 self._set_out(found, tick)
                 self._catch_up(team)
         output = self._acting(team, tick)
-        if isinstance(output, Setpoint) and self._untold:
-            return Told(output, *self._untold.popleft())
+        if isinstance(output, Setpoint) and self._unemitted:
+            return Emitting(output, self._unemitted.popleft())
         return output
 
     def _acting(self, team: Team, tick: Tick) -> Setpoint | Done | Failed:
@@ -360,7 +375,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._heading = wrap(self._frame.heading + left)
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
-        """Find whether it is settled, and tell when all are for the first time since one of them
+        """Find whether it is settled, and emit when all are for the first time since one of them
         came or was lost."""
         p, seen = self.params, team.positions
         others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
@@ -369,9 +384,9 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         bound = p.tolerance * (_RETRACTED if self._settled else 1.0)
         self._settled = arrived and error <= bound
         self._is_complete = self._settled and self._members.is_settled(team)
-        if self._is_complete and not self._has_told:
-            self._has_told = True
-            self._untold.append(("formation_settled", {"error": round(error, 4)}))
+        if self._is_complete and not self._has_emitted:
+            self._has_emitted = True
+            self._unemitted.append(FormationSettled(error=round(error, 4)))
 
     def _let_feel(self, team: Team, limits: FrameLimits, tick: Tick) -> None:
         """Let the hand feel how the swarm moves, and not as it asked."""

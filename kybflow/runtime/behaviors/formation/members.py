@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from kybflow.core.events import BehaviorEvent
 from kybflow.core.geometry import Vec3, add, distance, scale
 from kybflow.core.signals import NS, Estimate, Heard, Stamp, Tick, Time
 from kybflow.flight.formation.frame import MovingFrame, mean_frame
@@ -24,6 +25,31 @@ WAITING = -1
 _NEAR_AGAIN = 0.9
 """The share of `doubt` within which a member is no longer lost: one that something holds up stays
 as far away as makes the others stop, give or take a breath of wind."""
+
+
+class NeighbourJoined(BehaviorEvent):
+    """Another member took a place."""
+
+    neighbour: str
+
+
+class NeighbourLeft(BehaviorEvent):
+    """Another member is in the formation no more."""
+
+    neighbour: str
+
+
+class NeighbourLost(BehaviorEvent):
+    """Another member is in trouble: the others stop and wait for it."""
+
+    neighbour: str
+    reason: str
+
+
+class NeighbourRecovered(BehaviorEvent):
+    """A member that was lost is well again."""
+
+    neighbour: str
 
 
 class InFormation(NamedTuple):
@@ -161,8 +187,8 @@ class Members:
         age = (tick.now - news.said.time) / NS
         return Member(self._own, news.said, age, news.estimate, 0.0, "") if age < 0.1 else None
 
-    def changes(self, team: Team, doubt: float) -> Iterator[tuple[str, str, str]]:
-        """Yield each change of others since the last call: the event, the neighbour, the reason."""
+    def changes(self, team: Team, doubt: float) -> Iterator[BehaviorEvent]:
+        """Yield each change of others since the last call."""
         troubled, placed, before = team.troubled, team.placed, self.lost
         if not (troubled or before) and placed == self._placed:
             return
@@ -170,13 +196,13 @@ class Members:
         held_up = {n for n in before if n in here and here[n].lag > _NEAR_AGAIN * doubt}
         self.lost = lost = frozenset(held_up.union(troubled))
         for name in sorted(self._placed - here.keys() - own):
-            yield "neighbour_left", name, ""
+            yield NeighbourLeft(neighbour=name)
         for name in sorted(placed - self._placed - own):
-            yield "neighbour_joined", name, ""
+            yield NeighbourJoined(neighbour=name)
         for name in sorted(lost - before - own):
-            yield "neighbour_lost", name, troubled[name]
+            yield NeighbourLost(neighbour=name, reason=troubled[name])
         for name in sorted((before - lost - own) & here.keys()):
-            yield "neighbour_recovered", name, ""
+            yield NeighbourRecovered(neighbour=name)
         self._placed = placed
 
 

@@ -1,0 +1,181 @@
+"""What stands in for something that is not there, for any client of it, in the wall's time:
+autopilots and drones on simulated vehicles, and motion capture that sees bodies at rest."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+
+from kybflow.api.opening import context_of
+from kybflow.core.geometry import Vec3
+from kybflow.core.signals import Time
+from kybflow.drivers import firmware_names
+from kybflow.drivers.emulation.breaking import Break
+from kybflow.drivers.emulation.fleet import Fleet
+from kybflow.dsl.compiler import compile_mission
+from kybflow.dsl.plan import Plan
+from kybflow.parts import Seat
+from kybflow.parts.catalog import load_catalog
+from kybflow.runtime.clock import SimulatedClock, WallClock
+
+if TYPE_CHECKING:
+    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
+    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+    from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
+    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.sensors.vrpn.server import Server
+
+RATE, STILL_RATE = 250, 120
+APART = 2.0
+"""Metres between vehicles that no mission places."""
+MISSION = """kybflow: 1
+mission: emulated
+import: {std: kybflow/airframes}
+vehicles:
+"""
+VEHICLE = """  v{number}:
+    like: std.{airframe}
+    start: {{at: [0, {y}, 0]}}
+    behaviors:
+      up: {{do: take_off, height: 1 m, then: down}}
+      down: {{do: land}}
+"""
+
+
+def plan_of(airframe: str, count: int) -> Plan | None:
+    """The plan of `count` vehicles beside each other; None where the standard library has no such
+    airframe."""
+    vehicles = (
+        VEHICLE.format(number=number + 1, airframe=airframe, y=APART * number)
+        for number in range(count)
+    )
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "emulated.yaml"
+        path.write_text(MISSION + "".join(vehicles), encoding="utf-8")
+        return compile_mission(path, catalog=load_catalog()).plan
+
+
+def seats_of(plan: Plan, driver: str) -> list[Seat]:
+    """The seats of the plan's vehicles in a driver, as its parameters are by default."""
+    params = load_catalog().get("drivers", driver).params()
+    return [Seat(context_of(plan, vehicle), params) for vehicle in plan.vehicles]
+
+
+class Wires(NamedTuple):
+    """Where emulated autopilots speak. addresses: of the first, as people write them; none for
+    those of the firmware's own simulator. system: the system id of the first. secret: of signed
+    messages."""
+
+    addresses: Sequence[str] = ()
+    system: int = 1
+    secret: bytes | None = None
+
+
+@contextmanager
+def autopilots(
+    seats: Sequence[Seat],
+    setup: SetupPlan,
+    wires: Wires,
+    seed: int,
+    tell: Callable[[str, int, list[str]], None],
+) -> Iterator[Fleet[MavlinkEndpoint]]:
+    """Autopilots of one firmware, each on its wires. tell: is called with the name of each, its
+    system id and its addresses. Raises DriverError."""
+    from kybflow.drivers.emulated_autopilot.firmware import check_names, emulated_firmware
+    from kybflow.drivers.mavlink.transport import open_wire
+
+    own = (_own_address(setup.firmware), *emulated_firmware(setup.firmware).stations)
+    check_names(setup.firmware, setup.changes)
+    driver = load_catalog().get("drivers", "emulated_autopilot").cls
+    with ExitStack() as stack:
+        setups = [setup] * len(seats)
+        fleet: Fleet[MavlinkEndpoint] = driver.fleet(
+            seats, setups, random.Random(seed), wires.system
+        )
+        stack.callback(fleet.close)
+        for number, (seat, member) in enumerate(zip(seats, fleet.members, strict=True)):
+            said = []
+            for address in wires.addresses or own:
+                wire = stack.enter_context(closing(open_wire(_shifted(address, number))))
+                member.onboard.connect(wire, wires.secret)
+                said.append(wire.address)
+            tell(seat.context.vehicle, wires.system + number, said)
+        yield fleet
+
+
+def _own_address(firmware: str, number: int = 0) -> str:
+    """Where the firmware's own simulator speaks to a driver. number: of several, from 0."""
+    from kybflow.drivers.mavlink.firmware import profile_of
+    from kybflow.drivers.mavlink.transport.address import read_address
+
+    theirs = read_address(profile_of(firmware).default_address(1 + number))
+    return str(theirs._replace(kind={"udpin": "udpout", "tcp": "tcpin"}[theirs.kind]))
+
+
+def _shifted(place: str, number: int) -> str:
+    """The address of one of several vehicles: at the driver's port of a firmware's own simulator
+    that one's next, where we listen one of its own; all ground stations share one."""
+    from kybflow.drivers.mavlink.transport.address import LISTENING, read_address
+
+    for firmware in firmware_names("emulated_autopilot"):
+        if place == _own_address(firmware):
+            return _own_address(firmware, number)
+    address = read_address(place)
+    step = 10 if address.kind in LISTENING else 0
+    return str(address._replace(number=address.number + step * number))
+
+
+@contextmanager
+def drones(
+    seats: Sequence[Seat],
+    radio: Radio,
+    host: str,
+    seed: int,
+    tell: Callable[[str, str], None],
+    *,
+    video: bool = False,
+) -> Iterator[Fleet[DroneEndpoint]]:
+    """AR.Drones, the first at the loopback address `host` and each at the next. video: whether each
+    sends what its camera sees. tell: is called with the name of each and its address. Raises
+    DriverError."""
+    from kybflow.drivers.emulated_ardrone import EmulatedArdrone
+    from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
+    from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+
+    hosts = [host_of(number, host) for number in range(len(seats))]
+    with ExitStack() as stack:
+        fleet = EmulatedArdrone.fleet(seats, radio, random.Random(seed))
+        stack.callback(fleet.close)
+        for seat, where, member in zip(seats, hosts, fleet.members, strict=True):
+            endpoint, look = member.onboard, member.vehicle.truth
+            endpoint.connect(stack.enter_context(closing(SocketPorts(where))))
+            if video:
+                configuration = endpoint.drone.configuration
+                endpoint.video = DroneVideo(seat.context, look, configuration, seed)
+            tell(seat.context.vehicle, where)
+        yield fleet
+
+
+def serve(
+    fleet: Fleet[Any], breaks: Sequence[Break], speed: float, tell: Callable[[Break, Time], None]
+) -> None:
+    """Go on in the wall's time until somebody interrupts. tell: is called with a failure as it
+    begins."""
+    clock = SimulatedClock(RATE, speed)
+    fleet.serve(iter(clock.step, None), breaks, tell)
+
+
+def stand_still(places: dict[str, Vec3], server: Server, seed: int) -> NoReturn:
+    """Publish bodies at rest, as noisy as the simulator's motion capture is by default, until
+    somebody interrupts. Raises CodecError for names that VRPN can't have."""
+    from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
+
+    sim = load_catalog().get("drivers", "sim").params()
+    noise = PoseNoise(sim.mocap_position_noise, sim.mocap_attitude_noise)
+    publish, clock = still(places, to(server), noise, random.Random(seed)), WallClock(STILL_RATE)
+    while True:
+        publish(clock.step())

@@ -1,0 +1,3 @@
+"""Prepare an AR.Drone."""
+
+COMMANDS = ("join",)

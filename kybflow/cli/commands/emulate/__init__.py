@@ -1,0 +1,3 @@
+"""Stand in for something that isn't there."""
+
+COMMANDS = ("ardrone", "autopilot")

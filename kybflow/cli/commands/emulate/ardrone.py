@@ -1,0 +1,80 @@
+"""`kybflow emulate ardrone`: AR.Drones on simulated vehicles, for any client."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from typing import Annotated
+
+from typer import Option
+
+from kybflow.cli.arguments import Seed, failing
+from kybflow.cli.commands.emulate.serving import (
+    Count,
+    Mission,
+    Pace,
+    breaks_of,
+    fails,
+    seats_for,
+    served,
+)
+from kybflow.cli.output import echo
+from kybflow.core.exit_codes import DRIVER_FAILED
+
+
+def command(
+    *,
+    mission: Mission = None,
+    count: Count = 1,
+    host: Annotated[str, Option(help="The loopback address of the first.")] = "127.0.0.2",
+    latency: Annotated[float, Option(min=0.0, max=1.0, help="Of a datagram, seconds.")] = 0.0,
+    jitter: Annotated[float, Option(min=0.0, max=1.0, help="How much it differs at most.")] = 0.0,
+    loss: Annotated[float, Option(min=0.0, max=0.9, help="The share that is lost.")] = 0.0,
+    video: Annotated[bool, Option("--video", help="Send what their cameras see.")] = False,
+    fail: Annotated[
+        list[str],
+        fails("silent, deaf, drop, battery, cutout, heal"),
+    ],
+    speed: Pace = 1.0,
+    seed: Seed = 0,
+) -> None:
+    """Emulate AR.Drones 2.0 on simulated vehicles until Ctrl-C.
+
+    Commands at UDP 5556, navigation data at UDP 5554, the configuration at TCP 5559, video at TCP
+    5555, each drone on a loopback address of its own, the next after that of the one before: any
+    client flies them that can be given an address. With --video each sends what its airframe's
+    camera `front` or `down` sees, to who connects for it.
+
+    \b
+    Examples:
+      kybflow emulate ardrone
+      kybflow emulate ardrone --count 3 --loss 0.05 --jitter 0.02
+      kybflow emulate ardrone --fail battery=0.15@30
+    """
+    from kybflow.api.emulation import drones
+    from kybflow.core.errors import DriverError
+    from kybflow.drivers.emulated_ardrone.onboard.drone import DroneFailures
+    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+
+    def told(name: str, where: str) -> None:
+        echo(f"{name} (AR.Drone) speaks at {where}; Ctrl-C ends it")
+
+    def told_phase(name: str, seconds: float, phase: str) -> None:
+        echo(f"{seconds:.1f} s: {name} is {phase}")
+        sys.stdout.flush()
+
+    breaks = breaks_of(fail, DroneFailures)
+    seats = seats_for(mission, "emulated_ardrone", "ardrone", count)
+    radio = Radio(latency, jitter, loss)
+    with (
+        failing(DRIVER_FAILED, DriverError),
+        drones(seats, radio, host, seed, told, video=video) as fleet,
+    ):
+        names = [seat.context.vehicle for seat in seats]
+        for name, member in zip(names, fleet.members, strict=True):
+            member.onboard.on_phase = partial(told_phase, name)
+        served(fleet, breaks, speed)
+        for name, member in zip(names, fleet.members, strict=True):
+            if ignored := member.onboard.drone.ignored:
+                reasons = ", ".join(f"{count} {reason}" for reason, count in ignored.most_common())
+                echo(f"{name} ignored {reasons}")

@@ -1,0 +1,114 @@
+"""`kybflow emulate autopilot`: autopilots on simulated vehicles, for any client of theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+
+from typer import BadParameter, Option
+
+from kybflow.cli.arguments import Seed, failing, refusing, repeated
+from kybflow.cli.commands.emulate.serving import (
+    Count,
+    Mission,
+    Pace,
+    breaks_of,
+    fails,
+    seats_for,
+    served,
+)
+from kybflow.cli.output import echo
+from kybflow.core.exit_codes import DRIVER_FAILED
+from kybflow.drivers import firmware_names
+
+if TYPE_CHECKING:
+    Firmware = str
+else:
+    Firmware = Literal[firmware_names("emulated_autopilot")]
+
+
+class AutopilotParameter(NamedTuple):
+    """A parameter of the autopilot."""
+
+    name: str
+    value: float
+
+
+def setting(text: str) -> AutopilotParameter:
+    """The parameter of `NAME=VALUE`."""
+    name, _, value = text.partition("=")
+    try:
+        return AutopilotParameter(name.strip(), float(value))
+    except ValueError:
+        raise BadParameter(f"`{text}` is not NAME=VALUE, with a number") from None
+
+
+def command(
+    *,
+    vehicle: Annotated[Firmware, Option(help="Whose firmware is emulated.")],
+    mission: Mission = None,
+    airframe: Annotated[
+        str, Option(help="An airframe of the standard library, where there is no mission.")
+    ] = "mk_quadro",
+    count: Count = 1,
+    address: Annotated[list[str], repeated("--address", help="Where it speaks; can be repeated.")],
+    system: Annotated[int, Option(min=1, max=200, help="System id of the first.")] = 1,
+    gps: Annotated[bool, Option(help="Whether it has GPS and is as the firmware comes.")] = True,
+    param: Annotated[
+        list[AutopilotParameter],
+        repeated(
+            "--param", parser=setting, metavar="NAME=VALUE", help="A parameter of the autopilot."
+        ),
+    ],
+    own_system: Annotated[
+        int, Option(min=1, max=255, help="System id of the client, with --no-gps.")
+    ] = 245,
+    key: Annotated[Path | None, Option(help="File with the secret of signed messages.")] = None,
+    fail: Annotated[
+        list[str],
+        fails("silent, deaf, blind, battery, refuse, bar, drop, tilt, pilot, heal"),
+    ],
+    speed: Pace = 1.0,
+    seed: Seed = 0,
+) -> None:
+    """Emulate autopilots on simulated vehicles until Ctrl-C.
+
+    MAVLink 2 on the addresses at which the firmware's own simulator is found: any client can arm,
+    take off, fly by set-points, land. It is made for tests and dry runs; only the firmware itself
+    shows what the firmware does.
+
+    An address is `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`; by default it speaks
+    as the firmware's own simulator does. Of several vehicles each listens 10 ports above the one
+    before. With --no-gps it is set up for flight indoors, and its position comes from the client,
+    as `kybflow run --target px4` wants it.
+
+    \b
+    Examples:
+      kybflow emulate autopilot --vehicle px4
+      kybflow emulate autopilot --vehicle px4 --count 2 --no-gps
+      kybflow emulate autopilot --vehicle ardupilot --mission missions/courier.yaml --no-gps
+      kybflow emulate autopilot --vehicle px4 --address udpin:127.0.0.1:14600 --fail blind@20
+    """
+    from kybflow.api.emulation import Wires, autopilots
+    from kybflow.core.errors import DriverError
+    from kybflow.drivers.emulated_autopilot.state import AutopilotFailures
+    from kybflow.drivers.mavlink.protocol.signing import read_key
+    from kybflow.drivers.mavlink.transport.address import read_address
+
+    def told(name: str, number: int, places: list[str]) -> None:
+        where = ", ".join(places)
+        echo(f"{name} ({vehicle}, system {number}) speaks at {where}; Ctrl-C ends it")
+
+    breaks = breaks_of(fail, AutopilotFailures)
+    with refusing("--key", DriverError):
+        secret = None if key is None else read_key(key)
+    seats = seats_for(mission, "emulated_autopilot", airframe, count)
+    with refusing("--address", DriverError):
+        for place in address:
+            read_address(place)
+    with failing(DRIVER_FAILED, DriverError):
+        from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
+
+        setup = SetupPlan(vehicle, not gps, not gps, own_system, dict(param))
+        with autopilots(seats, setup, Wires(address, system, secret), seed, told) as fleet:
+            served(fleet, breaks, speed)

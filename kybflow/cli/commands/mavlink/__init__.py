@@ -1,0 +1,3 @@
+"""Meet an autopilot: hear it, and set its parameters."""
+
+COMMANDS = ("listen", "setup")

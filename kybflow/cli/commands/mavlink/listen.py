@@ -1,0 +1,59 @@
+"""`kybflow mavlink listen`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from kybflow.cli.arguments import quantity, wrong
+from kybflow.cli.commands.mavlink import meeting
+from kybflow.cli.output import echo
+from kybflow.core.units import DURATION
+
+if TYPE_CHECKING:
+    from kybflow.core.signals import Time
+    from kybflow.drivers.mavlink.discovery import Discovery
+
+LONGEST = 3600
+SHOWN = 3
+"""Of what an autopilot said, the newest."""
+
+
+def command(
+    address: Annotated[str, Option(help="Where to listen, such as udpin:127.0.0.1:14540.")],
+    lasts: Annotated[str, Option("--for", metavar="TIME", help="How long.")] = "5s",
+    own_system: meeting.OwnSystem = 245,
+    key: meeting.Key = None,
+) -> None:
+    """Say which autopilots are heard at an address.
+
+    \b
+    Exit codes:
+    0: at least one is heard.
+    2: the command line is invalid.
+    3: none is.
+
+    \b
+    Examples:
+      kybflow mavlink listen --address udpin:127.0.0.1:14540
+      kybflow mavlink listen --address serial:/dev/ttyUSB0:57600 --for 20s
+    """
+    from kybflow.core.signals import NS
+
+    seconds = quantity(lasts, DURATION, "--for")
+    if not 0.0 < seconds <= LONGEST:
+        raise wrong("--for", f"`{lasts}` is not within 0 s to {LONGEST} s")
+    with meeting.meeting(address, None, own_system, key) as discovery:
+        listen_to(discovery, meeting.ticks(), round(seconds * NS))
+
+
+def listen_to(discovery: Discovery, steps: Iterator[Time], patience: Time) -> None:
+    """Print a line for each autopilot that is heard. Raises DriverError where none is."""
+    discovery.watch(steps, patience)
+    for system in discovery.found():
+        status = discovery.statuses[system]
+        echo(f"system {system}: {meeting.described(status)}")
+        for said in list(status.texts)[-SHOWN:]:
+            echo(f"    it says: {said.text}")

@@ -1,1 +1,0 @@
-"""What the commands of `kybflow emulate` share, and those beside `autopilot`."""

@@ -1,0 +1,281 @@
+"""The plan as written to the plan as flown: the same records with their names resolved. Conditions
+are parsed, groups become their vehicles, built-in states and implied transitions are added, files
+are recorded. Finds nothing: a plan gets here without errors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from kybflow.core.files import File
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.expanding.entry_values import values_for
+from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles
+from kybflow.dsl.expressions import Expression, Scope, parse
+from kybflow.dsl.expressions.tree import Unparsed
+from kybflow.dsl.language.source import Record
+from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
+from kybflow.dsl.names.option_names import option_values
+from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.plan import (
+    ActionKeys,
+    ActionPlan,
+    Call,
+    CallbackPlan,
+    Emit,
+    Enable,
+    EnterPhase,
+    ExpectationPlan,
+    FlowPlan,
+    LogText,
+    PartPlan,
+    Perform,
+    PhasePlan,
+    Plan,
+    Request,
+    SensorPlan,
+    SetOption,
+    SourceFile,
+    StatePlan,
+    Stop,
+    Switch,
+    TransitionPlan,
+    VehiclePlan,
+)
+from kybflow.world.cameras import Camera
+from kybflow.world.tags import TagMap
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+_ORDER = ("next", "then", "failed", "within")
+
+
+def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved: str) -> Plan:
+    """The plan, ready to fly."""
+    scopes = Scopes(plan)
+    built_in = _built_in(plan.hover_limit, catalog)
+    return plan.but(
+        vehicles=tuple(_vehicle(v, scopes, built_in, plan.hover_limit) for v in plan.vehicles),
+        expectations=tuple(
+            ExpectationPlan(text.as_written, _parsed(text, scopes.expectation()), text.span.at)
+            for text in plan.texts_of("expect")
+        ),
+        sources=(*sources, *attachments_of(plan)),
+        resolved=resolved,
+        watching=dict(_watching(plan)),
+        tags=TagMap(tag for entry in plan.world.tags for tag in entry.tags),
+        flows=tuple(_flow(flow, plan, scopes.flow(), catalog) for flow in plan.flows),
+        callbacks=tuple(_callback(one, plan, scopes.flow(), catalog) for one in plan.callbacks),
+        faults=tuple(
+            fault.but(when=_when(fault.when, scopes.condition(fault.vehicle)))
+            for fault in plan.faults
+        ),
+        inputs=tuple(use.but(part=use.part.but(label=f"inputs.{use.name}")) for use in plan.inputs),
+        files=tuple(dict.fromkeys(file for file, _ in _named(plan))),
+    )
+
+
+def _parsed(text: Text, scope: Scope) -> Expression:
+    expression, found = parse(text, scope)
+    if expression is None:
+        raise ValueError(f"{text.text!r} passed the checks: {found}")
+    return expression
+
+
+def _when(condition: Any, scope: Scope) -> Expression | None:
+    return _parsed(condition.text, scope) if isinstance(condition, Unparsed) else condition
+
+
+def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
+    """The first sensor that can tell where a moving obstacle is, and its vehicle."""
+    for name in plan.moving:
+        seen = plan.tracked_by(name)
+        if seen is not None:
+            vehicle, part, params = seen
+            yield name, (vehicle.name, part.but(params=params, label=f"obstacles.{name}"))
+
+
+def _vehicle(
+    vehicle: VehiclePlan, scopes: Scopes, built_in: dict[str, StatePlan], hover_limit: float
+) -> VehiclePlan:
+    scope, health = scopes.condition(vehicle.name), scopes.health(vehicle.name)
+    own = {name: _state(state, scope) for name, state in vehicle.states.items()}
+    return vehicle.but(
+        estimators=tuple(e.but(healthy=_when(e.healthy, health)) for e in vehicle.estimators),
+        states={**own, **built_in},
+        hover_limit=hover_limit,
+        cameras=_cameras(vehicle),
+        sensors=tuple(_sensors(vehicle)),
+    )
+
+
+def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
+    """The airframe's, as the sensors on this target have them."""
+    cameras: Mapping[str, Camera] = vehicle.own_cameras
+    for use in vehicle.sensors:
+        cameras = use.part.cls.seen_by(use.part.params, cameras)
+    return dict(cameras)
+
+
+def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
+    """Each sensor once, however many estimators it is named for."""
+    named: dict[tuple[str, Any], tuple[SensorPlan, list[str]]] = {}
+    for use in vehicle.sensors:
+        _, names = named.setdefault((use.part.name, use.part.params), (use, []))
+        names += use.estimators
+    for first, names in named.values():
+        part = first.part.but(label=f"sensors.{first.label}")
+        yield first.but(part=part, estimators=tuple(names))
+
+
+def _state(state: StatePlan, scope: Scope) -> StatePlan:
+    transitions = [_transition(transition, scope) for transition in state.transitions]
+    causes = {transition.cause for transition in transitions}
+    for cause, target in (("then", end_of(state.legs)), ("failed", failure_of(state.legs))):
+        if cause not in causes:
+            transitions.append(_implied(cause, target, state.at))
+    transitions.sort(key=lambda transition: _ORDER.index(transition.cause))
+    return state.but(transitions=tuple(transitions))
+
+
+def _transition(transition: TransitionPlan, scope: Scope) -> TransitionPlan:
+    return transition.but(when=_when(transition.when, scope))
+
+
+def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
+    return TransitionPlan(target=target, cause=cause, implied=True, at=at)
+
+
+def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
+    late = TransitionPlan(target="auto_land", after=hover_limit, implied=True)
+    ways = {
+        "brake": (_implied("then", "hover"), _implied("failed", "hover")),
+        "hover": (late, _implied("then", "auto_land"), _implied("failed", "auto_land")),
+        "auto_home": (_implied("then", "auto_land"), _implied("failed", "auto_land")),
+        "auto_land": (_implied("then", "landed"), _implied("failed", "land_blind")),
+        "land_blind": (_implied("then", "fault"), _implied("failed", "fault")),
+    }
+    states = {}
+    for name, part in BUILT_IN.items():
+        spec = catalog.get("behaviors", part)
+        behavior = PartPlan(part, spec.cls, spec.params(), f"behaviors.{name}")
+        states[name] = StatePlan(
+            name=name, behavior=behavior, legs=spec.cls.flight, transitions=ways.get(name, ()),
+            built_in=True,
+        )  # fmt: skip
+    return states
+
+
+def _flow(flow: FlowPlan, plan: Plan, scope: Scope, catalog: Catalog) -> FlowPlan:
+    own = own_vehicles(plan, flow)
+    phases = {name: _phase(phase, plan, scope, catalog) for name, phase in flow.phases.items()}
+    waits = not own and bool(given_vehicles(plan, flow))
+    return flow.but(vehicles=own, phases=phases, waits=waits)
+
+
+def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> PhasePlan:
+    return phase.but(
+        run={
+            name: _request(plan.fleet[name], request)
+            for who, request in phase.run.items()
+            for name in plan.members(who)
+        },
+        give={name: goal for who, goal in phase.give.items() for name in plan.members(who)},
+        options=tuple(
+            SetOption(option.name, value)
+            for target in phase.pairs("set")
+            for option, value in option_values(*target, plan, catalog, Findings())
+        ),
+        transitions=tuple(_transition(transition, scope) for transition in phase.transitions),
+        ends=all(bool(transition.since) for transition in phase.transitions),
+    )
+
+
+def _request(vehicle: VehiclePlan, request: Request) -> Request:
+    """A request as one vehicle understands it."""
+    state = vehicle.goal(request.state)
+    chain = request.state if state != request.state else ""
+    return request.but(state=state, values=values_for(vehicle, request), chain=chain)
+
+
+def _callback(callback: CallbackPlan, plan: Plan, scope: Scope, catalog: Catalog) -> CallbackPlan:
+    event, vehicles = _awaited(callback.event, plan)
+    actions = (own for action in callback.do for own in _actions(action, plan, catalog))
+    when = _when(callback.when, scope)
+    return callback.but(event=event, vehicles=vehicles, actions=tuple(actions), when=when)
+
+
+def _awaited(event: str, plan: Plan) -> tuple[str, tuple[str, ...]]:
+    """(the event's own name, whose it is): a vehicle's, any one's, a group's, or the run's."""
+    if not event:
+        return "", ()
+    first, dot, name = event.partition(".")
+    vehicles = tuple(plan.fleet) if first == "any" else plan.members(first)
+    return (name, vehicles) if dot and vehicles else (event, ("",))
+
+
+def _actions(action: ActionKeys, plan: Plan, catalog: Catalog) -> Iterator[ActionPlan]:
+    name, target, value = action.name, action.target, action.value
+    if action.part is not None:
+        yield Call(action.part)
+    elif name == "switch" and target is not None:
+        for vehicle in plan.members(target):
+            request = _request(plan.fleet[vehicle], value)
+            yield Switch(vehicle, request.state, request.values)
+    elif name == "perform" and target is not None:
+        yield from (Perform(vehicle, value) for vehicle in plan.members(target))
+    elif name == "set":
+        name_and_node = (action.target_text, action.value_node)
+        for option, decoded in option_values(*name_and_node, plan, catalog, Findings()):
+            yield SetOption(option.name, decoded)
+    elif name in ("enable", "disable"):
+        who, _, label = value.partition(".")
+        yield from (Enable(vehicle, label, name == "enable") for vehicle in plan.members(who))
+    elif name == "phase":
+        flow = target or next(flow.name for flow in plan.flows if value in flow.phases)
+        yield EnterPhase(flow, value)
+    else:
+        texts: dict[str, type[Emit] | type[LogText] | type[Stop]]
+        texts = {"emit": Emit, "log": LogText, "stop": Stop}
+        yield texts[name](value)
+
+
+def attachments_of(plan: Plan) -> tuple[SourceFile, ...]:
+    """Every file that a parameter of the mission names, once."""
+    found: dict[str, SourceFile] = {}
+    for file, beside in _named(plan):
+        path = os.path.normpath(os.path.join(beside, file.name))
+        found[path] = SourceFile(path, file.sha256)
+    return tuple(found.values())
+
+
+def _named(plan: Plan) -> Iterator[tuple[File, str]]:
+    """Each file that a parameter names, and the folder beside which it does."""
+    for use in parts_in(plan):
+        for field in use.fields:
+            file = getattr(use.params, field.name)
+            if isinstance(file, File):
+                yield file, os.path.dirname(use.span_of(field.key).file)
+    yield from (
+        (tags.file, os.path.dirname(tags.span.file)) for tags in plan.world.tags if tags.file
+    )
+    for obstacle in plan.world.obstacles:
+        scan: Record | None = obstacle.point_cloud or obstacle.occupancy
+        beside = "" if scan is None else os.path.dirname(scan.span_of("file").file)
+        yield from ((file, beside) for file in obstacle.files)
+    for camera in (camera for vehicle in plan.vehicles for camera in vehicle.body.cameras):
+        if camera.calibration is not None:
+            yield camera.calibration, os.path.dirname(camera.span_of("calibration").file)
+
+
+def parts_in(plan: Plan) -> Iterator[PartPlan]:
+    """Every part of a plan as written, but for those of faults and actions."""
+    for vehicle in plan.vehicles:
+        yield from (s.part for s in vehicle.sensors)
+        yield from (e.part for e in vehicle.estimators)
+        yield from (*vehicle.processors, vehicle.tracker, *vehicle.supervisors, vehicle.driver)
+        yield from (state.behavior for state in vehicle.states.values())
+    yield from (use.part for use in plan.inputs)

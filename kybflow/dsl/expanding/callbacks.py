@@ -1,0 +1,176 @@
+"""`on:` and `faults:`: when a callback is answered and when a fault begins, and the actions of a
+callback, one for each target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from kybflow.core.params import fields_of
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.expanding.world import report_point
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.plan import ActionKeys, CallbackPlan, FaultPlan, PartPlan
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    describe,
+    entries_of,
+    head_of,
+    is_null,
+    items_of,
+)
+from kybflow.parts.action import BUILT_IN
+
+CODES = {
+    "KYB170": "An action that neither the language nor an installed package has.",
+    "KYB171": "A callback that does nothing, or an action that is not one key with a value.",
+    "KYB461": "A callback that says neither an event nor a condition, or what needs the other one.",
+    "KYB180": "A fault that does not say when, or says it twice.",
+}
+_CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
+
+
+def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:
+    """The callbacks of `on:`; one whose event is no name is left out."""
+    callbacks = (_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
+    return tuple(callback for callback in callbacks if callback is not None)
+
+
+def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
+    event, items, found = node.get("event"), items_of(node.get("do")), decoder.found
+    _judge_occasion(node, found)
+    if not items:
+        told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
+        found.report("KYB171", f"nothing is done {told}", head_of(node), help="write `do: [...]`")
+    fields = tuple(_fields(node, found))
+    actions = tuple(action for item in items for action in _actions(item, decoder))
+    own: dict[str, Any] = {"event": ""} if event is None else {}
+    callback: CallbackPlan | None = decoder.record(
+        CallbackPlan, node, node.span, fields=fields, do=actions, vehicles=(), actions=(), **own
+    )
+    return callback
+
+
+def _fields(node: Mapping, found: Findings) -> Iterator[tuple[str, str]]:
+    """The fields that the event must have, each with its value."""
+    for key, entry in node.entries.items():
+        if key in _CALLBACK_KEYS or is_null(entry.value):
+            continue
+        if isinstance(entry.value, Scalar):
+            yield key, entry.value.text
+        else:
+            report_point(entry, found)
+
+
+def _judge_occasion(node: Mapping, found: Findings) -> None:
+    """Report what is wrong with when a callback is answered."""
+    if node.get("event") is not None:
+        if node.get("for") is not None:
+            message, span = "an event has no duration", node.entries["for"].key.span
+            hint = "`for` belongs to a `when` without an `event`"
+            found.report("KYB461", message, span, help=hint)
+        return
+    if node.get("when") is None:
+        hint = "write `event: NAME`, `when: CONDITION`, or both"
+        found.report("KYB461", "nothing says when this is done", head_of(node), help=hint)
+    for key, entry in node.entries.items():
+        if key not in _CALLBACK_KEYS and not is_null(entry.value):
+            message = f"`{key}` asks for a field of an event, and there is none"
+            hint = "add `event: NAME`, or ask for it in the `when`"
+            found.report("KYB461", message, entry.key.span, help=hint)
+
+
+def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
+    """The actions of one item: `switch`, `set` and `perform` may name several things."""
+    found = decoder.found
+    if not isinstance(node, Mapping) or len(node.entries) != 1:
+        hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"
+        found.report("KYB171", "an action is one key with its value", head_of(node), help=hint)
+        return
+    [entry] = node.entries.values()
+    name, value = entry.key.text, entry.value
+    source = Source(entry.key.span, node)
+    if name not in BUILT_IN:
+        part = _part(entry, decoder)
+        if part is not None:
+            yield ActionKeys(name=name, part=part, source=source)
+    elif isinstance(value, Mapping):
+        for target, said in named_values(entry, decoder):
+            at = Source(target.key.span, Mapping({target.key.text: target}, target.key.span))
+            yield ActionKeys(name=name, target=target.key.text, value=said, source=at)
+    elif isinstance(value, Scalar) and not value.is_null:
+        yield ActionKeys(name=name, value=value.text, source=source)
+    elif isinstance(value, Sequence):
+        report_point(entry, found)
+    else:
+        found.report("KYB171", f"`{name}` says nothing", entry.key.span)
+
+
+def named_values(entry: MappingEntry, decoder: Decoder) -> Iterator[tuple[MappingEntry, Any]]:
+    """(target, its value) of each of `{set: {NAME: VALUE, ...}}`."""
+    for target in entries_of(entry.value).values():
+        if is_null(target.value):
+            message = f"`{target.key.text}` has no value"
+            decoder.found.report("KYB171", message, target.key.span)
+            continue
+        value: Any = target.value
+        if entry.key.text == "switch":
+            value = decoder.request(target)
+            if value is None:
+                continue
+        elif entry.key.text != "set":
+            if not isinstance(value, Scalar):
+                report_point(target, decoder.found)
+                continue
+            value = value.text
+        yield target, value
+
+
+def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:
+    """An action of a package; its value is its parameters."""
+    name, known, found = entry.key, decoder.catalog.names("actions"), decoder.found
+    if name.text not in known:
+        hint = did_you_mean(name.text, (*BUILT_IN, *known))
+        found.report("KYB170", f"no action is called `{name.text}`", name.span, help=hint)
+        return None
+    if not isinstance(entry.value, Mapping) and not is_null(entry.value):
+        message = f"`{name.text}` must be a mapping, but this is {describe(entry.value)}"
+        hint = f"write its parameters: `{{{name.text}: {{...}}}}`"
+        found.report("KYB103", message, entry.value.span, help=hint)
+        return None
+    spec = decoder.spec("actions", name)
+    body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, name.span)
+    params = spec and decoder.parameters(spec.params, body, spec.name, name.span)
+    if spec is None or params is None:
+        return None
+    source = Source(name.span, body)
+    label = f"actions.{name.text}"
+    return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
+
+
+def faults_of(node: Node | None, decoder: Decoder) -> tuple[FaultPlan, ...]:
+    """The faults of `faults:`; one with errors is left out."""
+    faults = (_fault(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
+    return tuple(fault for fault in faults if fault is not None)
+
+
+def _fault(node: Mapping, decoder: Decoder) -> FaultPlan | None:
+    at, when, name = node.get("at"), node.get("when"), node.get("inject")
+    if (at is None) is (when is None):
+        both = when is not None
+        what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
+        message = f"{what} says twice when" if both else f"nothing says when {what} is injected"
+        span = node.entries["when"].key.span if both else head_of(node)
+        hint = "write one: `at: 20 s` or `when: CONDITION`"
+        decoder.found.report("KYB180", message, span, help=hint)
+    fault: FaultPlan | None = decoder.record(FaultPlan, node, node.span)
+    if fault is None:
+        return None
+    span = fault.part.span
+    return fault.but(at=span.at, source=fault.source._replace(span=span))

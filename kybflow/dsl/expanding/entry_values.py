@@ -1,0 +1,89 @@
+"""The values that a state is entered with in place of its own: `run: {a: {goto: {position: [1, 0,
+1]}}}` in a phase, `switch: {a: {goto: {...}}}` in a callback. Only parameters change: the state
+keeps its transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.plan import PartPlan, Plan, Request, StatePlan, Values, VehiclePlan
+from kybflow.dsl.reading.nodes import Mapping, entries_of, is_null
+from kybflow.dsl.reading.values import decode
+
+_FILES = frozenset({"file", "file path"})
+
+
+class ValuedRequest(NamedTuple):
+    """A request in a phase or a callback that brings values with it; `who` is a vehicle or a
+    group."""
+
+    who: str
+    request: Request
+
+
+def valued_requests(plan: Plan) -> Iterator[ValuedRequest]:
+    """Every request of the mission that brings values with it."""
+    for flow in plan.flows:
+        for phase in flow.phases.values():
+            yield from (ValuedRequest(who, r) for who, r in phase.run.items() if written(r))
+    for callback in plan.callbacks:
+        for action in callback.do:
+            if action.name == "switch" and action.target is not None and written(action.value):
+                yield ValuedRequest(action.target, action.value)
+
+
+def written(request: Request) -> bool:
+    """Whether values stand beside the state that is asked for."""
+    return bool(entries_of(request.source.node))
+
+
+def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
+    """The values (SI) that stand at `source` for the parameters of a state's part; empty where they
+    have errors."""
+    fields = {field.key: field for field in part.fields}
+    values: list[tuple[str, Any]] = []
+    before = len(found.all)
+    for name, entry in entries_of(source.node).items():
+        field = fields.get(name)
+        if field is None:
+            message = f"`{name}` is no parameter of `{part.name}`"
+            found.report("KYB107", message, entry.key.span, help=did_you_mean(name, fields))
+        elif field.shape in _FILES:
+            message = f"`{name}` is a file, which is read before the flight"
+            hint = "give the other file a state of its own"
+            found.report("KYB244", message, entry.value.span, help=hint)
+        else:
+            is_none = is_null(entry.value) and field.optional
+            values.append((name, None if is_none else decode(entry.value, field, found)))
+    return () if len(found.all) > before else tuple(values)
+
+
+def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
+    """The state as it is entered with other values."""
+    part = state.behavior
+    entries = {**entries_of(part.source.node), **entries_of(source.node)}
+    place = part.source._replace(node=Mapping(entries, part.source.node.span))
+    part = part.but(params=replace(part.params, **dict(values)), source=place)
+    return state.but(behavior=part)
+
+
+def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:
+    """(vehicle, its state as it is entered) of each vehicle that is asked; nothing for values with
+    errors."""
+    for name in plan.members(asked.who):
+        vehicle = plan.fleet[name]
+        state = vehicle.states.get(vehicle.goal(asked.request.state))
+        values = values_for(vehicle, asked.request)
+        if state is not None and values:
+            yield name, with_values(state, asked.request.source, values)
+
+
+def values_for(vehicle: VehiclePlan, request: Request) -> Values:
+    """The values of a request for one of its vehicles; none where they have errors."""
+    entered = vehicle.states.get(vehicle.goal(request.state))
+    return () if entered is None else entry_values(request.source, entered.behavior, Findings())

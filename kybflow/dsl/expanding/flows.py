@@ -1,0 +1,195 @@
+"""Flows and the vehicles that they drive: ways out that every phase has, and which states flows and
+callbacks may ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.expanding.states import next_transition
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan, Ways
+from kybflow.dsl.reading.nodes import Mapping, Node, entries_of
+from kybflow.parts import GROUND
+
+CODES = {
+    "KYB462": "A way out of every phase of a flow that counts time.",
+    "KYB192": "A phase with `within` and no `otherwise`, or the reverse.",
+}
+GROUNDED = "landed"
+"""The state that a vehicle waits in for its flow."""
+
+
+def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
+    """The flows as written, each phase with the ways out that all of its flow have."""
+    flows = []
+    for name, entry in entries_of(node).items():
+        body = entry.value
+        if not isinstance(body, Mapping):
+            continue  # null: not written
+        phases = body.entries.get("phases")
+        if phases is not None and phases.inherited:
+            inner = {n: e._replace(inherited=True) for n, e in entries_of(phases.value).items()}
+            whole = phases._replace(value=Mapping(inner, phases.value.span))
+            body = Mapping({**body.entries, "phases": whole}, body.span)
+        named = entries_of(phases and phases.value).items()
+        written = [name for name, phase in named if isinstance(phase.value, Mapping)]
+        if not written:
+            message = f"the flow `{name}` needs `phases`"
+            hint = "write `phases: {...}`, or start from a flow that has some"
+            decoder.found.report("KYB102", message, entry.key.span, help=hint)
+            continue
+        first: dict[str, Any] = {} if body.get("begin") is not None else {"begin": written[0]}
+        flow = decoder.record(FlowPlan, body, entry.key.span, name=name, vehicles=(), **first)
+        if flow is not None:
+            flows.append(_with_ways(flow, decoder.found))
+    return tuple(flows)
+
+
+def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
+    """The flow, each of whose phases has its transitions."""
+    shared = []
+    for way in flow.next:
+        if way.after is not None:
+            hint = "write it in each phase that it bounds"
+            found.report(
+                "KYB462", "a flow's `next` has no `after`", way.key_span("after"), help=hint
+            )
+        shared.append(replace(next_transition(way, found), since=flow.name))
+    phases = {}
+    for name, phase in flow.phases.items():
+        own = tuple(next_transition(way, found) for way in phase.next)
+        of_all = (way for way in shared if way.target != name)
+        phases[name] = phase.but(transitions=(*of_all, *own, *_limit(phase, found)))
+    return flow.but(phases=phases)
+
+
+def _limit(phase: PhasePlan, found: Findings) -> Ways:
+    """The transition of `within` and `otherwise`; none where one of them is missing."""
+    limit, goal = phase.entry("within"), phase.entry("otherwise")
+    if limit is not None and goal is not None:
+        if phase.otherwise is None:
+            return ()  # told already: it is no name
+        span = limit.value.span
+        source = Source(span, Mapping({"go": goal}, span))
+        return (
+            TransitionPlan(
+                target=phase.otherwise,
+                cause="within",
+                after=phase.within,
+                at=span.at,
+                source=source,
+            ),
+        )
+    if limit is not None:
+        message = "nothing says where the phase goes after `within`"
+        found.report("KYB192", message, limit.value.span, help="add `otherwise: PHASE`")
+    elif goal is not None:
+        message = "nothing says when the phase goes to `otherwise`"
+        found.report("KYB192", message, goal.value.span, help="add `within: 20 s`")
+    return ()
+
+
+def with_waiting(plan: Plan) -> Plan:
+    """The plan, whose vehicles wait on the ground for the flow that drives them, unless they say
+    how they `begin`, or their topmost behavior stays on the ground."""
+    driven = {name for flow in plan.flows for name in named_vehicles(plan, flow)}
+    vehicles = tuple(
+        _waiting(vehicle) if vehicle.name in driven and not vehicle.is_written("begin") else vehicle
+        for vehicle in plan.vehicles
+    )
+    return plan.but(vehicles=vehicles) if driven else plan
+
+
+def _waiting(vehicle: VehiclePlan) -> VehiclePlan:
+    first = vehicle.states.get(vehicle.begin)
+    if first is not None and all(leg.start is leg.end is GROUND for leg in first.legs):
+        return vehicle
+    return vehicle.but(begin=GROUNDED)
+
+
+def named_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
+    """The vehicles that a flow asks something of, or gives away."""
+    names = [who for phase in flow.phases.values() for who in (*phase.run, *phase.give)]
+    return tuple(dict.fromkeys(v for name in names for v in plan.members(name)))
+
+
+def given_vehicles(plan: Plan, flow: FlowPlan) -> frozenset[str]:
+    """The vehicles that other flows give to this one."""
+    return frozenset(
+        vehicle
+        for other in plan.flows
+        for phase in other.phases.values()
+        for who, goal in phase.give.items()
+        if goal == flow.name
+        for vehicle in plan.members(who)
+    )
+
+
+def own_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
+    """The vehicles that a flow drives from the start: those it names and that nobody gives it."""
+    given = given_vehicles(plan, flow)
+    return tuple(name for name in named_vehicles(plan, flow) if name not in given)
+
+
+def with_requests(plan: Plan) -> Plan:
+    """The plan, whose vehicles know which of their states callbacks and flows may request."""
+    asked = set(_requests(plan))
+    if not asked:
+        return plan
+    first = set(_first_requests(plan))
+    vehicles = tuple(
+        vehicle.but(
+            requested=frozenset(state for who, state in asked if who == vehicle.name),
+            requested_first=frozenset(state for who, state in first if who == vehicle.name),
+        )
+        for vehicle in plan.vehicles
+    )
+    return plan.but(vehicles=vehicles)
+
+
+def _requests(plan: Plan) -> Iterator[tuple[str, str]]:
+    """(vehicle, state) of each request; unknown names are left out."""
+    for callback in plan.callbacks:
+        for action in callback.do:
+            if action.name == "switch" and action.target is not None:
+                yield from _goals(plan, action.target, action.value.state)
+    for flow in plan.flows:
+        for phase in flow.phases.values():
+            for who, request in phase.run.items():
+                yield from _goals(plan, who, request.state)
+
+
+def _goals(plan: Plan, who: str, state: str) -> Iterator[tuple[str, str]]:
+    for name in plan.members(who):
+        goal = plan.fleet[name].goal(state)
+        if goal in plan.fleet[name].states:
+            yield name, goal
+
+
+def _first_requests(plan: Plan) -> Iterator[tuple[str, str]]:
+    """(vehicle, state) of the first requests that a flow makes to a vehicle which waits for it."""
+    for flow in plan.flows:
+        for vehicle in own_vehicles(plan, flow):
+            if plan.fleet[vehicle].begin == GROUNDED:
+                yield from _first_of(plan, flow, vehicle)
+
+
+def _first_of(plan: Plan, flow: FlowPlan, vehicle: str) -> Iterator[tuple[str, str]]:
+    """Follow the transitions from the first phase until a phase requests something of the vehicle
+    or gives it away."""
+    waiting, seen = [flow.begin], {flow.begin}
+    while waiting:
+        phase = flow.phases.get(waiting.pop())
+        if phase is None:
+            continue
+        for who, request in phase.run.items():
+            yield from (goal for goal in _goals(plan, who, request.state) if goal[0] == vehicle)
+        if any(vehicle in plan.members(who) for who in (*phase.run, *phase.give)):
+            continue
+        fresh = {way.target for way in phase.transitions} - seen
+        seen |= fresh
+        waiting += fresh

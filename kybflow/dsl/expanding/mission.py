@@ -1,0 +1,99 @@
+"""The resolved tree to the plan as written: every value in SI, every part with its parameters, what
+the language adds in its place. Names are still names. Judges each value alone; what two of them
+mean together is a check."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kybflow.core.params import fields_of
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.expanding.callbacks import callbacks_of, faults_of
+from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
+from kybflow.dsl.expanding.inputs import inputs_of
+from kybflow.dsl.expanding.targets import Target, needed_rate
+from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
+from kybflow.dsl.expanding.world import with_coordinates, with_points, world_of
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.plan import Body, Plan
+from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
+from kybflow.dsl.reading.values import decode
+from kybflow.dsl.resolving.resolve import Resolved
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+CODES = {
+    "KYB152": "A control rate that is no whole number of Hz, or one that nothing flies with.",
+}
+LEAST_CONTROL, MOST_CONTROL = 25, 1000
+_LACKING = frozenset({"KYB108", "KYB385"})
+
+
+def mission_of(
+    resolved: Resolved, catalog: Catalog, target: str | None, found: Findings
+) -> Plan | None:
+    """The mission as written; None where it has errors."""
+    root, decoder = resolved.root, Decoder(catalog, found, resolved.chains)
+    world = world_of(root.get("world"), decoder)
+    if resolved.names_points:
+        root = with_points(root, world.points, found)
+    chosen = Target(root, target, decoder)
+    drivers = chosen.drivers()
+    chosen.judge_others()
+    entries = entries_of(root.get("vehicles")).items()
+    written = [vehicle_of(entry, drivers.get(name), decoder) for name, entry in entries]
+    whole = [vehicle for vehicle in written if vehicle is not None]
+    vehicles = tuple(chosen.equipped(whole))
+    plan: Plan | None = decoder.record(
+        Plan, root, root.span, imports={}, parameters={}, chains={}, stacks={},
+        airframes=airframes_of(root, decoder), world=world, vehicles=vehicles,
+        inputs=inputs_of(root, chosen.name.text, decoder),
+        flows=flows_of(root.get("flows"), decoder),
+        callbacks=callbacks_of(root.get("on"), decoder),
+        faults=faults_of(root.get("faults"), decoder), targets={}, target=chosen.name.text,
+        simulated=all(vehicle.driver.cls.simulated for vehicle in vehicles),
+        control_rate=_control(root, needed_rate(v.driver for v in vehicles), decoder),
+        fence=world.box, expectations=(), sources=(), resolved="",
+        obstacles={o.name: o.shape for o in world.obstacles if o.shape is not None},
+        moving={o.name: o.moving for o in world.obstacles if o.moving is not None},
+        touchable=frozenset(o.name for o in world.obstacles if o.may_touch),
+        points=world.points, target_text=chosen.name,
+        values=with_coordinates(resolved.parameters, world.points),
+    )  # fmt: skip
+    if plan is None or found.has_errors:
+        return None
+    return with_requests(with_waiting(plan))
+
+
+def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
+    """The control rate, Hz: the one written, else the one that is needed."""
+    node = root.get("control")
+    if not isinstance(node, Scalar):
+        return needed
+    field = next(f for f in fields_of(Plan) if f.name == "control")
+    rate = decode(node, field, Findings())
+    if rate is None:
+        return needed
+    if not rate.is_integer():
+        message = f"`control` must be a whole number of Hz, but this is {rate:g} Hz"
+        decoder.found.report("KYB152", message, node.span)
+    elif not LEAST_CONTROL <= rate <= MOST_CONTROL:
+        message = f"`control` can't be {rate:g} Hz"
+        hint = f"fly with {LEAST_CONTROL} to {MOST_CONTROL} Hz: below, no tracker holds a vehicle"
+        decoder.found.report("KYB152", message, node.span, help=hint)
+    return int(rate)
+
+
+def airframes_of(root: Mapping, decoder: Decoder) -> tuple[Body, ...]:
+    """The airframes that the file itself describes. An incomplete one is no mistake: others may
+    start from it."""
+    airframes: list[Body] = []
+    for name, entry in entries_of(root.get("airframes")).items():
+        assert isinstance(entry.value, Mapping)
+        found = Findings()
+        own = body_of(name, entry.key.span, entry.value, Decoder(decoder.catalog, found))
+        decoder.found.add(finding for finding in found.all if finding.code not in _LACKING)
+        if own is not None:
+            airframes.append(own)
+    return tuple(airframes)

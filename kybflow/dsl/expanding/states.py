@@ -1,0 +1,166 @@
+"""A vehicle's `behaviors` to its states.
+
+States called `NAME.INNER` are those of a chain, and an entry `NAME` without `do` has the
+transitions of the chain as a whole: each state inside has them too, its own first but for `next`;
+their times count from the entry of the chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from kybflow.core.params import fields_of
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.names.built_in import failure_of
+from kybflow.dsl.plan import Cause, ChainPlan, PartPlan, StatePlan, TransitionPlan, Ways
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, is_null
+from kybflow.parts.observables import chains_of
+
+CODES = {
+    "KYB143": "A transition that says nothing of when, or how long of nothing.",
+}
+OF_CHAINS = frozenset(field.key for field in fields_of(ChainPlan))
+
+
+class States(NamedTuple):
+    """The states and chains of one vehicle, both as they are written, in order."""
+
+    states: dict[str, StatePlan]
+    chains: dict[str, ChainPlan]
+    written: dict[str, StatePlan | ChainPlan]
+
+
+def states_of(behaviors: Mapping, decoder: Decoder) -> States:
+    """The states and chains that `behaviors` says; a state with errors is left out."""
+    entries = {name: e for name, e in behaviors.entries.items() if not is_null(e.value)}
+    names = [name for name, entry in entries.items() if not _is_chain(entry.value)]
+    first: dict[str, str] = {}
+    for name in names:
+        for chain in chains_of(name):
+            first.setdefault(chain, name)
+    first = {chain: name for chain, name in first.items() if chain not in names}
+    chains = {n: _chain(e, first, decoder) for n, e in entries.items() if n in first}
+    states: dict[str, StatePlan] = {}
+    written: dict[str, StatePlan | ChainPlan] = {}
+    for name, entry in entries.items():
+        if name in chains:
+            written[name] = chains[name]
+            continue
+        state = _state(entry, first, chains, decoder)
+        if state is not None:
+            written[name] = states[name] = state
+    return States(states, chains, written)
+
+
+def _is_chain(node: Node) -> bool:
+    return isinstance(node, Mapping) and "do" not in node.entries
+
+
+def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> ChainPlan:
+    name, body = entry.key.text, entry.value
+    assert isinstance(body, Mapping)
+    for key, inner in body.entries.items():
+        if key not in OF_CHAINS:
+            message, hint = (
+                f"`{key}` is no key of a chain's own entry",
+                did_you_mean(key, OF_CHAINS),
+            )
+            decoder.found.report("KYB101", message, inner.key.span, help=hint)
+    chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)
+    own = _written(chain, first, decoder.found)
+    return chain.but(transitions=tuple(way.but(since=name) for way in own))
+
+
+def _state(
+    entry: MappingEntry, first: dict[str, str], chains: dict[str, ChainPlan], decoder: Decoder
+) -> StatePlan | None:
+    name = entry.key.text
+    values = decoder.values(
+        StatePlan, entry.value, entry.key.span, entry.inherited, name=name, legs=(), transitions=()
+    )
+    if values is None:
+        return None
+    part: PartPlan = values["behavior"]
+    label = f"behaviors.{name}"
+    behavior = PartPlan(part.name, part.cls, part.params, label, part.at, source=part.source)
+    state = StatePlan(**{**values, "behavior": behavior, "legs": part.cls.flight})
+    around = [chains[c].transitions for c in chains_of(name) if c in chains]
+    ways = _joined(_written(state, first, decoder.found), around, failure_of(state.legs))
+    return state.but(transitions=ways)
+
+
+def _written(
+    entry: StatePlan | ChainPlan, first: dict[str, str], found: Findings
+) -> list[TransitionPlan]:
+    """The transitions of one entry; the goal of `within` is that of its `failed`, else empty. A
+    chain as a goal means its first state."""
+    ways = [next_transition(way, found) for way in entry.next]
+    causes: tuple[tuple[Cause, str | None], ...] = (("then", entry.then), ("failed", entry.failed))
+    for cause, target in causes:
+        if target is not None:
+            ways.append(_following(entry, cause, target))
+    if entry.within is not None:
+        ways.append(_following(entry, "within", "", entry.within))
+    return [
+        way.but(target=first[way.target], enters=way.target) if way.target in first else way
+        for way in ways
+    ]
+
+
+def _following(
+    entry: StatePlan | ChainPlan, cause: Cause, target: str, after: float | None = None
+) -> TransitionPlan:
+    span = entry.span_of(cause)
+    node = entry.source.node
+    goal = node.entries[cause] if isinstance(node, Mapping) else None
+    body = {} if goal is None or cause == "within" else {"go": goal}
+    return TransitionPlan(
+        cause=cause,
+        target=target,
+        after=after,
+        at=span.at,
+        source=Source(span, Mapping(body, span)),
+    )
+
+
+def _joined(own: list[TransitionPlan], around: list[Ways], implied: str) -> Ways:
+    """The transitions of a state: `next` of the chains around it from the outermost, and its own;
+    `then` and `failed` of itself, else of the nearest chain; every `within`, its own first."""
+    inward: list[Iterable[TransitionPlan]] = [own, *reversed(around)]
+    transitions = [way for level in (*around, own) for way in level if way.cause == "next"]
+    for cause in ("then", "failed"):
+        nearest = _first_of(cause, inward)
+        if nearest is not None:
+            transitions.append(nearest)
+    for depth, level in enumerate(inward):
+        failed = _first_of("failed", inward[depth:])
+        for way in level:
+            if way.cause != "within":
+                continue
+            if failed is None:
+                transitions.append(way.but(target=implied))
+            else:
+                place = way.source._replace(node=failed.source.node)
+                target = {"target": failed.target, "enters": failed.enters, "source": place}
+                transitions.append(way.but(**target))
+    return tuple(transitions)
+
+
+def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> TransitionPlan | None:
+    return next((way for level in levels for way in level if way.cause == cause), None)
+
+
+def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
+    """The transition that an item of `next` is, judged alone."""
+    if all(way.entry(key) is None for key in ("when", "event", "after")):
+        message = f"nothing says when to go to `{way.target}`"
+        hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"
+        found.report("KYB143", message, way.span_of("go"), help=hint)
+    elif way.entry("when") is None and way.entry("for") is not None:
+        message = f"nothing says what must hold before it goes to `{way.target}`"
+        found.report("KYB143", message, way.key_span("for"), help="`for` belongs to a `when`")
+    return way

@@ -1,0 +1,261 @@
+"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, and
+the control rate that the drivers need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from kybflow.core.errors import KybflowError
+from kybflow.core.params import fields_of
+from kybflow.core.signals import MeasurementKind
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
+from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.expanding.inputs import inputs_in
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    entries_of,
+    is_null,
+    items_of,
+)
+
+if TYPE_CHECKING:
+    from kybflow.parts.catalog import Catalog
+
+CODES = {
+    "KYB150": "A target that the mission doesn't have.",
+    "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
+    "KYB390": "A sensor under a name that no estimator of the vehicle has.",
+}
+_NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
+FILE = "--target"
+"""The name of the file that the span of an unknown target points into."""
+Entries = dict[str, MappingEntry]
+_OWN = frozenset(field.key for field in fields_of(TargetKeys))
+"""The keys of a target that are no vehicles."""
+
+
+class Target:
+    """The chosen target of a mission: its name, and its entries as they are written."""
+
+    def __init__(self, root: Mapping, target: str | None, decoder: Decoder) -> None:
+        """`sim` unless another is asked for."""
+        self._decoder, self._found, catalog = decoder, decoder.found, decoder.catalog
+        self._vehicles = entries_of(root.get("vehicles"))
+        self._targets = entries_of(root.get("targets"))
+        name = target or "sim"
+        self.is_written = name in self._targets
+        self._entries = entries_of(self._targets[name].value) if self.is_written else {}
+        self._places = self._decoded(self._entries, decoder)
+        self.name = Text(name, root.entries["mission"].key.span, verbatim=False)
+        if self.is_written:
+            self.name = self._targets[name].key.as_text
+        elif name != "sim" and name not in (implied := implied_targets(catalog)):
+            known = {*self._targets, *implied, "sim"}
+            message = f"the mission has no target `{name}`"
+            asked = Span(FILE, 1, 1, 1, len(name) + 1)
+            self._found.report("KYB150", message, asked, help=did_you_mean(name, known))
+
+    def drivers(self) -> dict[str, PartPlan]:
+        """The driver of each vehicle: its own entry, else that of `all`, else the one that the
+        target's name implies."""
+        written = {n: p.driver for n, p in self._places.items() if p.entry("driver") is not None}
+        if "all" not in written and not self._vehicles.keys() <= written.keys():
+            implied = self._implied()
+            if implied is not None:
+                written["all"] = implied
+        drivers: dict[str, PartPlan] = {}
+        for name in self._vehicles:
+            driver = written.get(name, written.get("all"))
+            if driver is not None:
+                drivers[name] = driver
+            elif self.is_written and name not in written and "all" not in written:
+                message = f"`{name}` has no driver on the target `{self.name.text}`"
+                self._found.report("KYB151", message, self.name.span)
+        return drivers
+
+    def _implied(self) -> PartPlan | None:
+        """The driver that stands behind the name of the target; None where none does."""
+        name, span = self.name.text, self.name.span
+        if name == "sim":
+            return self._decoder.part("drivers", Scalar("sim", span))
+        if name not in (implied := implied_targets(self._decoder.catalog)):
+            return None
+        driver, values = implied[name]
+        return self._decoder.part("drivers", _node({"use": driver, **values}, span))
+
+    def _decoded(self, entries: Entries, decoder: Decoder) -> dict[str, Place]:
+        """How `all` and each vehicle are reached on a target."""
+        places: dict[str, Place] = {}
+        for name, entry in entries.items():
+            if name in _OWN:
+                continue
+            if name == "all":
+                known = [label for e in self._vehicles.values() for label in _estimators(e.value)]
+            elif name in self._vehicles:
+                known = list(_estimators(self._vehicles[name].value))
+            else:
+                hint = did_you_mean(name, [*self._vehicles, "all"])
+                message = f"no vehicle is called `{name}`"
+                decoder.found.report("KYB151", message, entry.key.span, help=hint)
+                continue
+            place: Place = decoder.record(Place, entry.value, entry.key.span)
+            places[name] = place
+            for label, _ in place.pairs("sensors"):
+                if label.text in place.sensors and label.text not in known:
+                    whose = "no vehicle has an" if name == "all" else f"`{name}` has no"
+                    message = f"{whose} estimator `{label.text}`"
+                    hint = did_you_mean(label.text, known)
+                    hint = hint or "name one under `estimators` of the vehicle"
+                    decoder.found.report("KYB390", message, label.span, help=hint)
+        return places
+
+    def judge_others(self) -> None:
+        """Report what is wrong with the targets that are not flown on; what is not installed here,
+        and a file that is not there, is only a warning then."""
+        for name, entry in self._targets.items():
+            if name == self.name.text:
+                continue
+            found, entries = Findings(), entries_of(entry.value)
+            decoder = Decoder(self._decoder.catalog, found)
+            self._decoded(entries, decoder)
+            for own in inputs_in(entry.value).values():
+                if not is_null(own.value):
+                    decoder.record(InputPlan, own.value, own.key.span, name="", button_names={})
+            self._found.add(
+                replace(d, severity=Severity.WARNING) if d.code in _NOT_HERE else d
+                for d in found.all
+            )
+
+    def equipped(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
+        """The vehicles with their sensors and trackers.
+
+        Sensors are for each estimator the vehicle's own, else that of `all`; then those that the
+        driver brings. The tracker is that of the vehicle's own entry, else that of `all`, else the
+        one that the driver asks for, else the mission's.
+        """
+        everybody = self._places.get("all", Place())
+        for vehicle in vehicles:
+            own = self._places.get(vehicle.name, Place())
+            labels = set(_estimators(self._vehicles[vehicle.name].value))
+            named = {k: v for k, v in _sensors(everybody).items() if k in labels}
+            lists = {**named, **_sensors(own)}.values()
+            sensors = [use for several in lists for use in several]
+            sensors += self._brought(vehicle, sensors)
+            tracker = own.tracker or everybody.tracker or self._asked_for(vehicle.driver)
+            yield vehicle.but(
+                sensors=tuple(sensors),
+                tracker=tracker or vehicle.tracker,
+                own_tracker=None if tracker is None else vehicle.tracker,
+                reached=_over(everybody, own),
+            )
+
+    def _asked_for(self, driver: PartPlan) -> PartPlan | None:
+        """The tracker that a driver asks for."""
+        asked = driver.cls.tracker(driver.params)
+        return None if asked is None else self._decoder.part("trackers", _node(asked, driver.span))
+
+    def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
+        """The sensors that the driver brings for what nothing else gives an estimator; they stand
+        where the first of those does."""
+        given, driver = _provided(vehicle.driver, own), vehicle.driver
+        shows = driver.cls.shows(driver.params)
+        parts = [use.part for use in vehicle.estimators]
+        lacking = [(p, kinds) for p in parts if (kinds := p.cls.uses(p.params) - given)]
+        brought: list[SensorPlan] = []
+        for name in driver.cls.brings if lacking else ():
+            part = self._decoder.part("sensors", Scalar(name, lacking[0][0].span))
+            if part is None or part.cls.simulated > shows:
+                continue
+            if part.cls.provides & {k for _, kinds in lacking for k in kinds}:
+                lacking = [(p, kinds - part.cls.provides) for p, kinds in lacking]
+                brought.append(SensorPlan(part))
+        return brought
+
+
+def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
+    """The targets that every mission has beside `sim`, each with its driver and that one's
+    parameters as they would be written. Imports every driver."""
+    found: dict[str, tuple[str, dict[str, str]]] = {}
+    for name in catalog.names("drivers"):
+        try:
+            targets = catalog.get("drivers", name).cls.targets
+        except (KybflowError, ImportError):  # told where it is used
+            continue
+        for target, values in targets.items():
+            written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}
+            found.setdefault(target, (name, written))
+    return found
+
+
+def _node(values: dict[str, str], span: Span) -> Mapping:
+    """The mapping as an author would write it there."""
+    entries = {k: MappingEntry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
+    return Mapping(entries, span)
+
+
+def _sensors(place: Place) -> dict[str, list[SensorPlan]]:
+    """The sensors of an entry of a target, by estimator."""
+    return {
+        label.text: [
+            SensorPlan(part, (label.text,), index, source=Source(label.span))
+            for index, part in enumerate(place.sensors.get(label.text, ()))
+            if part is not None
+        ]
+        for label, _ in place.pairs("sensors")
+    }
+
+
+def _over(everybody: Place, own: Place) -> Place:
+    """How a vehicle is reached: as its own entry says, else as that of `all`."""
+    own_keys = {field.name for field in fields_of(Place) if own.is_written(field.key)}
+    values = {field.name: getattr(everybody, field.name) for field in fields_of(Place)}
+    return own.but(**{name: value for name, value in values.items() if name not in own_keys})
+
+
+def _estimators(vehicle: Node) -> Iterator[str]:
+    """The names of a vehicle's estimators, whether or not they can be decoded."""
+    for item in items_of(vehicle.get("estimators") if isinstance(vehicle, Mapping) else None):
+        name: Node | None = item
+        if isinstance(item, Mapping):
+            name = item.get("as") or item.get("use")
+        if isinstance(name, Scalar):
+            yield name.text
+
+
+def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
+    """The kinds of measurement that the vehicle's driver and sensors provide."""
+    return _provided(vehicle.driver, vehicle.sensors)
+
+
+def _provided(driver: PartPlan, sensors: Iterable[SensorPlan]) -> frozenset[MeasurementKind]:
+    sources = (driver, *(use.part for use in sensors))
+    return frozenset(kind for part in sources for kind in part.cls.provides)
+
+
+CONTROL_RATE = 250
+"""Hz."""
+
+
+def needed_rate(drivers: Iterable[PartPlan]) -> int:
+    """The lowest (Hz) that all drivers are content with; where it does not fall on the steps of
+    each of them, the usual one that does. Where that doesn't either, KYB303 tells so."""
+    used = [(use.cls, use.params) for use in drivers]
+    needed = max((driver.control_rate(params) for driver, params in used), default=CONTROL_RATE)
+    steps = [rate for driver, params in used if (rate := driver.step_rate(params)) is not None]
+    fitting = (r for r in (needed, CONTROL_RATE) if all(divides(r, step) for step in steps))
+    return next(fitting, needed)
+
+
+def divides(control: int, steps: float) -> bool:
+    """Whether every tick at `control` falls on a step, of `steps` a second."""
+    each = round(steps / control)
+    return each >= 1 and abs(steps / control - each) < 1e-9

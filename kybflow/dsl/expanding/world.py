@@ -1,0 +1,254 @@
+"""`world:` and its obstacles to solids, and coordinates in the place of `world.points.NAME`."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping as MappingOf
+from math import sqrt
+from typing import Any
+
+from kybflow.core.files import File
+from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.params import RecordOf, fields_of
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.expanding.tags import tags_of_entry
+from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.plan import Parameter
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+    is_null,
+)
+from kybflow.dsl.reading.values import decode, origin
+from kybflow.dsl.world import (
+    Corners,
+    MapImage,
+    Obstacle,
+    OccupancyParams,
+    PlaneParams,
+    PointCloudParams,
+    World,
+)
+from kybflow.world.columns import Columns
+from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.occupancy_map import occupied_places, read_image, read_info
+from kybflow.world.point_cloud import FARTHEST, METRES, MOST, PointCloud, placed, thinned
+from kybflow.world.point_cloud_file import read_points
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+
+CODES = {
+    "KYB153": "A fence whose corners are in the wrong order.",
+    "KYB154": "`world.points.NAME` where the world has no such point.",
+    "KYB155": "An obstacle that is no solid, or several.",
+    "KYB156": "An obstacle with no inside: a box with its corners in the wrong order, a plane that "
+    "faces nowhere.",
+    "KYB545": "Something scanned of which nothing is left, or more than can be kept away from.",
+}
+_ORDER = "each number of `from` must be below that of `to`"
+_KINDS = tuple(f.key for f in fields_of(Obstacle) if isinstance(f.type, RecordOf))
+
+
+def world_of(node: Node | None, decoder: Decoder) -> World:
+    """The world of a mission; what is wrong with it is left out."""
+    entries = entries_of(node)
+    obstacles = _values(entries.get("obstacles"))
+    tags = _values(entries.get("tags"))
+    body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
+    made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
+    printed = tuple(t for e in tags if (t := tags_of_entry(e, decoder)) is not None)
+    world = decoder.record(World, body, body.span, obstacles=made, tags=printed)
+    if world is None:
+        return World(obstacles=made, tags=printed)
+    points = entries_of(body.get("points"))
+    lost = {n: ZERO for n, e in points.items() if n not in world.points and not is_null(e.value)}
+    box = None if world.fence is None else _box(world.fence)
+    if box is not None and not _has_inside(box):
+        decoder.found.report("KYB153", "the fence has no inside", world.fence.span, help=_ORDER)
+    whole: World = world.but(box=box, points={**world.points, **lost})
+    return whole
+
+
+def _values(entry: MappingEntry | None) -> list[MappingEntry]:
+    return [] if entry is None else list(entries_of(entry.value).values())
+
+
+def _box(corners: Corners) -> Box:
+    return Box(corners.low, corners.high)
+
+
+def _has_inside(box: Box) -> bool:
+    return all(a < b for a, b in zip(box.low, box.high, strict=True))
+
+
+def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
+    """The obstacle with its shape; None, and a finding, where something is wrong with it."""
+    name, found = entry.key, decoder.found
+    entries = entries_of(entry.value)
+    solids = [kind for kind, own in entries.items() if kind in _KINDS and not is_null(own.value)]
+    if len(solids) != 1:
+        what = " and ".join(f"a {kind}" for kind in solids) or "nothing solid"
+        hint = f"write one of {', '.join(f'`{kind}`' for kind in _KINDS[:-1])} and `{_KINDS[-1]}`"
+        message = f"the obstacle `{name.text}` is {what}"
+        found.report("KYB155", message, name.span, help=hint)
+        return None
+    obstacle: Obstacle | None = decoder.record(Obstacle, entry.value, name.span, name=name.text)
+    if obstacle is None or getattr(obstacle, solids[0]) is None:
+        return None
+    if (ball := obstacle.moving_sphere) is not None:
+        return obstacle.but(moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body))
+    if (scan := obstacle.point_cloud) is not None:
+        cloud = _cloud(scan, found)
+        return None if cloud is None else obstacle.but(shape=cloud, files=(scan.file,))
+    if (chart := obstacle.occupancy) is not None:
+        image = _image(chart, found)
+        columns = None if image is None else _columns(chart, image, found)
+        files = (chart.file, image)
+        return None if columns is None else obstacle.but(shape=columns, files=files)
+    shape = _solid(obstacle, found)
+    return None if shape is None else obstacle.but(shape=shape)
+
+
+def _solid(obstacle: Obstacle, found: Findings) -> Shape | None:
+    if obstacle.box is not None:
+        box = _box(obstacle.box)
+        if _has_inside(box):
+            return box
+        span = obstacle.box.source.node.span
+        found.report("KYB156", "the box has no inside", span, help=_ORDER)
+    elif (tube := obstacle.cylinder) is not None:
+        return Cylinder(tube.at, tube.radius, tube.height)
+    elif (ball := obstacle.sphere) is not None:
+        return Sphere(ball.at, ball.radius)
+    elif obstacle.plane is not None:
+        return _plane(obstacle.plane, found)
+    return None
+
+
+def _plane(plane: PlaneParams, found: Findings) -> Plane | None:
+    x, y, z = plane.facing
+    norm = sqrt(x * x + y * y + z * z)
+    if norm == 0.0:
+        hint = "`facing` is a direction, like `[1, 0, 0]`"
+        found.report("KYB156", "the plane faces nowhere", plane.span_of("facing"), help=hint)
+        return None
+    return Plane(plane.at, (x / norm, y / norm, z / norm))
+
+
+def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
+    points = placed(read_points(scan.file), METRES[scan.units], scan.at, scan.heading, scan.above)
+    wrong, hint = "", ""
+    if not len(points):
+        wrong, hint = "no point is higher than `above`", "lower `above`"
+    elif abs(points).max() > FARTHEST:
+        wrong = f"a point is more than {FARTHEST / 1000:g} km away"
+        hint = "is it in millimetres? Then add `units: mm`"
+    elif len(points := thinned(points, scan.radius)) > MOST:
+        wrong = f"{len(points)} points are left of it, and {MOST} can be kept away from"
+        hint = "cut it to where the vehicles fly, or choose a larger `radius`"
+    if wrong:
+        found.report("KYB545", f"`{scan.file}`: {wrong}", scan.span_of("file"), help=hint)
+        return None
+    return PointCloud.of(points, scan.radius)
+
+
+def _image(chart: OccupancyParams, found: Findings) -> File | None:
+    """The picture of a map, beside its file."""
+    beside = os.path.join(os.path.dirname(chart.file.name), read_info(chart.file).image)
+    node = Scalar(beside, chart.span_of("file"))
+    image: File | None = decode(node, fields_of(MapImage)[0], found)
+    return image
+
+
+def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | None:
+    info = read_info(chart.file)
+    places = occupied_places(info, read_image(image))
+    if 0 < len(places) <= MOST:
+        return Columns.over(places, info.resolution, chart.foot, chart.foot + chart.height)
+    wrong = f"{len(places)} of its cells are occupied, and {MOST} can be kept away from"
+    hint = "cut it to where the vehicles fly, or make its cells larger"
+    if not len(places):
+        wrong, hint = "none of its cells is occupied", "look at `occupied_thresh` and `negate`"
+    found.report("KYB545", f"`{chart.file}`: {wrong}", chart.span_of("file"), help=hint)
+    return None
+
+
+_NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
+
+
+def unknown_point(name: str, points: MappingOf[str, Any]) -> tuple[str, str]:
+    """(what is wrong with `world.points.NAME`, the way out)."""
+    hint = did_you_mean(name, points) or "name it under `points` of `world`"
+    return f"the world has no point `{name}`", hint
+
+
+class Points:
+    """Puts coordinates in the place of `world.points.NAME`. A node without any stays the same
+    object, and an aliased one is replaced once."""
+
+    def __init__(self, points: MappingOf[str, Vec3], found: Findings) -> None:
+        self._points = points
+        self._found = found
+        self._done: dict[int, tuple[Node, Node]] = {}
+
+    def apply(self, node: Node) -> Node:
+        """`node` with every name of a point replaced that is a value of its own."""
+        if isinstance(node, Scalar):
+            return self._scalar(node) if node.text.startswith(PREFIX) else node
+        if id(node) not in self._done:
+            self._done[id(node)] = (node, self._replaced(node))
+        return self._done[id(node)][1]
+
+    def _replaced(self, node: Mapping | Sequence) -> Node:
+        if isinstance(node, Sequence):
+            items = [self.apply(item) for item in node.items]
+            same = all(a is b for a, b in zip(items, node.items, strict=True))
+            return node if same else Sequence(tuple(items), node.span)
+        entries = {k: e._replace(value=self.apply(e.value)) for k, e in node.entries.items()}
+        same = all(entries[key].value is e.value for key, e in node.entries.items())
+        return node if same else Mapping(entries, node.span)
+
+    def _scalar(self, node: Scalar) -> Node:
+        match = _NAMED.match(node.text)
+        if match is None:
+            return node
+        point = self._points.get(match[1])
+        if point is None:
+            message, hint = unknown_point(match[1], self._points)
+            self._found.report("KYB154", message, node.span, notes=origin(node), help=hint)
+        numbers = (Scalar(repr(number), node.span) for number in point or ZERO)
+        return Sequence(tuple(numbers), node.span)
+
+
+def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) -> Mapping:
+    """The mission with coordinates in the place of `world.points.NAME`, but for the world's own."""
+    pasting = Points(points, found)
+    entries = {
+        key: entry if key == "world" else entry._replace(value=pasting.apply(entry.value))
+        for key, entry in root.entries.items()
+    }
+    return Mapping(entries, root.span)
+
+
+def report_point(entry: MappingEntry, found: Findings) -> None:
+    """KYB103 for a point where a name is needed: a parameter or the world brought it there after
+    the shape of the file was judged."""
+    message = f"`{entry.key.text}` must be a name, but this is a point"
+    found.report("KYB103", message, entry.value.span)
+
+
+def with_coordinates(
+    parameters: MappingOf[str, Parameter], points: MappingOf[str, Vec3]
+) -> dict[str, Parameter]:
+    """The parameters, those that name a point with its coordinates."""
+    return {
+        name: p if p.type != "position" or not isinstance(p.value, str)
+        else p._replace(value=points.get(p.value.removeprefix(PREFIX), ZERO))
+        for name, p in parameters.items()
+    }  # fmt: skip

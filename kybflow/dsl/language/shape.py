@@ -1,0 +1,274 @@
+"""Whether a file has the shape that the records declare, before anything in it is resolved: a
+`$name` may stand for a value, `like` may bring what is missing, no part is looked up. Says yes or
+no; what is wrong says `jsonschema` by the schema of the same records (ADR 22)."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from kybflow.core.errors import UnitError
+from kybflow.core.params import (
+    BOOLEAN,
+    FILE,
+    FILE_PATH,
+    INTEGER,
+    TEXT,
+    Choice,
+    Field,
+    ListOf,
+    MappingOf,
+    Numbers,
+    RecordOf,
+    ValueType,
+    fields_of,
+    is_needed,
+)
+from kybflow.core.units import parse_quantity
+from kybflow.dsl.language.schema import NAMES, PARAMETER, PLACE, TITLE_LENGTH, event_fields
+from kybflow.dsl.language.types import (
+    CONDITION,
+    EVENT,
+    EVENT_FIELD,
+    PHASE,
+    REQUEST,
+    SENSORS,
+    STATE,
+    TITLE,
+    VERSION,
+    AnyOf,
+    PartOf,
+    UsesOf,
+)
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, is_null, to_json
+
+_JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
+
+
+class _Shape(NamedTuple):
+    """What a mapping may hold: its keys, with those of a record that stands flat in it; the keys
+    that it needs; the part that it names; the texts that may stand beside, and the type of what
+    stands under any other name."""
+
+    keys: dict[str, Field]
+    needed: tuple[str, ...]
+    part: PartOf | None
+    texts: frozenset[str]
+    others: ValueType | None
+    least: int
+
+
+@functools.cache
+def _shape_of(cls: Any) -> _Shape:
+    keys: dict[str, Field] = {}
+    part, texts = None, {"like"} if getattr(cls, "like", "") else set[str]()
+    for field in fields_of(cls):
+        kind = field.type
+        if isinstance(kind, RecordOf) and kind.flat:
+            keys |= {own.key: own for own in fields_of(kind.cls)}
+        elif isinstance(kind, PartOf) and kind.word == field.key:
+            part = kind
+            texts |= {"as", "stack"} if kind.word == "use" else set()
+        else:
+            keys[field.key] = field
+    needed = (f.key for f in fields_of(cls) if f.key in keys and is_needed(cls, f))
+    others, least = getattr(cls, "others", None), getattr(cls, "least", 0)
+    return _Shape(keys, tuple(needed), part, frozenset(texts), others, least)
+
+
+def has_shape(node: Node, cls: Any) -> bool:
+    """Whether a tree is the mapping of a record."""
+    shape = _shape_of(cls)
+    if shape.part is not None and not _names_part(node, shape.part):
+        return False
+    if not isinstance(node, Mapping):
+        return shape.part is not None and shape.part.word == "use"
+    entries = node.entries
+    if len(entries) < shape.least:
+        return False
+    if "like" not in entries or "like" not in shape.texts:
+        lacking = (key not in entries or is_null(entries[key].value) for key in shape.needed)
+        if any(lacking):
+            return False
+    return all(_stands(key, entry.value, shape) for key, entry in entries.items())
+
+
+def _stands(key: str, value: Node, shape: _Shape) -> bool:
+    """Whether a key of a mapping may stand there with its value."""
+    field = shape.keys.get(key)
+    if field is not None:
+        return is_null(value) or _fits(value, field.type, field)
+    if key in shape.texts:
+        return is_null(value) or _is_text(value)
+    return shape.part is not None or _may_stand(key, value, shape.others)
+
+
+def _may_stand(key: str, value: Node, others: ValueType | None) -> bool:
+    """Whether a record whose other keys are `others` may have a key of its author's."""
+    if others is None:
+        return False
+    if others is EVENT_FIELD and key not in event_fields():
+        return False
+    if isinstance(others, RecordOf) and not NAMES["name"].match(key):
+        return False
+    return is_null(value) or _fits(value, others, Field(type=others))
+
+
+def _fits(node: Node, kind: ValueType, field: Field) -> bool:
+    """Whether a value may be of a type, where `field` has its bounds."""
+    judge = _ALONE.get(kind) or _JUDGES[type(kind)]
+    return judge(node, kind, field)
+
+
+def _is_text(node: Node, *_: Any) -> bool:
+    return isinstance(node, Scalar) and isinstance(to_json(node), str)
+
+
+def _is_title(node: Node, *_: Any) -> bool:
+    if not isinstance(node, Scalar) or not _is_text(node):
+        return False
+    return len(node.text) <= TITLE_LENGTH and NAMES["name"].match(node.text) is not None
+
+
+def _is_version(node: Node, *_: Any) -> bool:
+    value = to_json(node)
+    return value == 1 and not isinstance(value, bool)
+
+
+def _names_part(node: Node, kind: PartOf) -> bool:
+    if not isinstance(node, Mapping):
+        return kind.word == "use" and _is_text(node)
+    named = node.entries.get(kind.word)
+    if named is None or is_null(named.value):
+        return not kind.is_needed
+    return _is_text(named.value)
+
+
+def _is_use(node: Node, kind: Any, _: Field) -> bool:
+    if not _names_part(node, kind):
+        return False
+    alias = node.entries.get("as") if isinstance(node, Mapping) else None
+    return alias is None or is_null(alias.value) or _is_text(alias.value)
+
+
+def _is_request(node: Node, *_: Any) -> bool:
+    return bool(node.entries) if isinstance(node, Mapping) else _is_text(node)
+
+
+def _is_phase(node: Node, *_: Any) -> bool:
+    if not isinstance(node, Mapping):
+        return _is_text(node)
+    inside = (entry.value for entry in node.entries.values())
+    return bool(node.entries) and all(is_null(value) or _is_text(value) for value in inside)
+
+
+def _is_any_of(node: Node, kind: Any, _: Field) -> bool:
+    if isinstance(node, Scalar):
+        return _JSON[type(to_json(node))] in kind.kinds
+    return ("object" if isinstance(node, Mapping) else "array") in kind.kinds
+
+
+def _is_record(node: Node, kind: Any, _: Field) -> bool:
+    if kind.or_name and not isinstance(node, Mapping):
+        return _is_text(node)
+    return has_shape(node, kind.cls)
+
+
+def _is_mapping(node: Node, kind: Any, field: Field) -> bool:
+    if not isinstance(node, Mapping) or len(node.entries) < field.least:
+        return False
+    pattern = NAMES[field.names_like]
+    return all(
+        pattern.match(name) and (is_null(entry.value) or _fits(entry.value, kind.item, field))
+        for name, entry in node.entries.items()
+    )
+
+
+def _is_list(node: Node, kind: Any, field: Field) -> bool:
+    if not isinstance(node, Sequence) or len(node.items) < field.least:
+        return False
+    return all(_fits(item, kind.item, field) for item in node.items)
+
+
+def _is_sensors(node: Node, kind: Any, field: Field) -> bool:
+    if isinstance(node, Sequence):
+        return bool(node.items) and _is_list(node, kind, field)
+    return _fits(node, kind.item, field)
+
+
+def _are_uses(node: Node, kind: Any, field: Field) -> bool:
+    """Whether each item is a use of a part, or a stack alone."""
+    if not isinstance(node, Sequence):
+        return False
+    for item in node.items:
+        if isinstance(item, Mapping) and "stack" in item.entries:
+            stack = item.entries["stack"].value
+            if len(item.entries) > 1 or not (is_null(stack) or _is_text(stack)):
+                return False
+        elif not _fits(item, kind.item, field):
+            return False
+    return True
+
+
+def _are_numbers(node: Node, kind: Any, field: Field) -> bool:
+    return _are_sized(node, kind, kind.size, field)
+
+
+def _are_sized(node: Node, kind: Numbers, size: tuple[int | None, ...], field: Field) -> bool:
+    if isinstance(node, Scalar):
+        is_place = size == (3,) and field.shape != "matrix"
+        if (PLACE if is_place else PARAMETER).match(node.text):
+            return True
+        return not size and _is_quantity(node, kind, field)
+    if not size or not isinstance(node, Sequence) or not node.items:
+        return False
+    if size[0] not in (None, len(node.items)):
+        return False
+    return all(_are_sized(item, kind, size[1:], field) for item in node.items)
+
+
+def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
+    """Whether it is a quantity; only a bare number is held against its bounds here."""
+    if is_null(node) or isinstance(value := to_json(node), bool):
+        return False
+    try:
+        number = parse_quantity(node.text, kind.dimension)
+    except UnitError:
+        return False
+    return isinstance(value, str) or field.outside(number) is None
+
+
+def _is_choice(node: Node, kind: Any, _: Field) -> bool:
+    if not isinstance(node, Scalar) or not _is_text(node):
+        return False
+    return node.text in kind.words or PARAMETER.match(node.text) is not None
+
+
+def _is_whole(node: Node, _: Any, field: Field) -> bool:
+    value = to_json(node) if isinstance(node, Scalar) else None
+    if isinstance(value, str):
+        return PARAMETER.match(value) is not None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return value == int(value) and field.outside(value) is None
+
+
+def _is_boolean(node: Node, *_: Any) -> bool:
+    value = to_json(node) if isinstance(node, Scalar) else None
+    return isinstance(value, bool) or (
+        isinstance(value, str) and PARAMETER.match(value) is not None
+    )
+
+
+_Judge = Callable[[Node, Any, Field], bool]
+_ALONE: dict[ValueType, _Judge] = {
+    TEXT: _is_text, CONDITION: _is_text, EVENT: _is_text, STATE: _is_text, FILE: _is_text,
+    FILE_PATH: _is_text, TITLE: _is_title, VERSION: _is_version, REQUEST: _is_request,
+    PHASE: _is_phase, SENSORS: _is_sensors, INTEGER: _is_whole, BOOLEAN: _is_boolean,
+}  # fmt: skip
+_JUDGES: dict[type[ValueType], _Judge] = {
+    Numbers: _are_numbers, Choice: _is_choice, ListOf: _is_list, MappingOf: _is_mapping,
+    RecordOf: _is_record, PartOf: _is_use, UsesOf: _are_uses, AnyOf: _is_any_of,
+}  # fmt: skip
+"""What judges a value, by its type."""

@@ -1,0 +1,123 @@
+"""The tables of keys in `docs/mission-language.md`: one for each record that the page asks for, and
+the check that it asks for each.
+
+A table stands between `<!-- keys: TITLE -->` and `<!-- end -->`, where TITLE is what reports call
+the record.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from kybflow.core.params import (
+    Choice,
+    Field,
+    ListOf,
+    MappingOf,
+    Numbers,
+    RecordOf,
+    ValueType,
+    fields_of,
+    is_needed,
+    type_of,
+)
+from kybflow.core.units import article
+from kybflow.dsl.language.types import AnyOf, PartOf
+from kybflow.dsl.plan import Library, Plan
+from kybflow.dsl.reading.values import bounds_of, shown_value
+
+_PLACE = re.compile(r"(<!-- keys: (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+_HEAD = "| key | what it is | value | default |\n|---|---|---|---|"
+
+
+def records() -> dict[str, Any]:
+    """Every record of the language, by its title, from the file down."""
+    found: dict[str, Any] = {}
+    waiting: list[Any] = [Plan, Library]
+    while waiting:
+        cls = waiting.pop(0)
+        if found.setdefault(cls.title, cls) is cls:
+            kinds = [field.type for field in fields_of(cls)]
+            others = getattr(cls, "others", None)
+            inside = (_innermost(kind) for kind in (*kinds, *([others] if others else [])))
+            waiting += [k.cls for k in inside if isinstance(k, RecordOf) and not k.flat]
+    return found
+
+
+def _innermost(kind: ValueType) -> ValueType:
+    return _innermost(kind.item) if isinstance(kind, ListOf | MappingOf) else kind
+
+
+def with_tables(page: Path) -> str:
+    """The text of a page with its tables as the records declare them. Raises KeyError for a table
+    of what is no record."""
+    known = records()
+
+    def table(match: re.Match[str]) -> str:
+        return "\n".join((f"{match[1]}{_HEAD}", *_rows(known[match[2]]), match[3]))
+
+    return _PLACE.sub(table, page.read_text(encoding="utf-8"))
+
+
+def missing_tables(page: str) -> list[str]:
+    """The titles of the records that a page has no table of."""
+    there = {match[2] for match in _PLACE.finditer(page)}
+    return [title for title, cls in records().items() if title not in there and fields_of(cls)]
+
+
+def _rows(cls: Any) -> Iterator[str]:
+    if getattr(cls, "like", ""):
+        yield _row("`like`", cls.like, "name", "")
+    for field in fields_of(cls):
+        if isinstance(field.type, RecordOf) and field.type.flat:
+            title = field.type.cls.__name__.lower()
+            place = f"[parts](parts.md#{title}s)"
+            yield _row("`...`", f"The numbers of the {title}, as in {place}.", "", "")
+            continue
+        is_shown = not field.required and field.default not in (None, (), {}, "")
+        is_plain = is_shown and isinstance(field.default, str | int | float | tuple)
+        default = f"`{shown_value(field.default, field)}`" if is_plain else ""
+        bounds = bounds_of(field)
+        value = f"{_words(field.type, field)}, {bounds}" if bounds else _words(field.type, field)
+        yield _row(
+            f"`{field.key}`", field.help, value, "needed" if _is_needed(cls, field) else default
+        )
+
+
+def _is_needed(cls: Any, field: Field) -> bool:
+    """Whether a key must be written, in the file itself or in what it is `like`."""
+    return is_needed(cls, field) or (field.required and field.needed is None)
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def _words(kind: ValueType, field: Field) -> str:
+    """What may stand there, in words."""
+    if isinstance(kind, Numbers | Choice):
+        return type_of(replace(field, type=kind))
+    if isinstance(kind, PartOf):
+        return f"{article(kind.kind[:-1])} with its parameters"
+    if isinstance(kind, ListOf):
+        return f"a list of {_several(kind.item, field)}"
+    if isinstance(kind, MappingOf):
+        return f"names, each with {_words(kind.item, field)}"
+    if isinstance(kind, RecordOf):
+        name = article(kind.cls.title)
+        return f"{name}, or the name of one" if kind.or_name else name
+    return " or ".join(kind.kinds) if isinstance(kind, AnyOf) else kind.shape
+
+
+def _several(kind: ValueType, field: Field) -> str:
+    """What may stand there several times, in words."""
+    if isinstance(kind, PartOf):
+        return f"{kind.kind} with their parameters"
+    if isinstance(kind, RecordOf):
+        return f"{kind.cls.title}s"
+    words = _words(kind, field)
+    return words if isinstance(kind, Numbers | Choice) else f"{words}s"

@@ -1,1 +1,0 @@
-"""The document back to YAML, as `kybflow show --resolved` prints it. Only the compiler calls it."""
