@@ -63,26 +63,14 @@ class Findings:
         notes: tuple[str, ...] = (),
         help: str = "",
         related: tuple[Related, ...] = (),
+        severity: Severity = Severity.ERROR,
     ) -> None:
         """Report an error."""
-        self.all.append(
-            Diagnostic(code, message, span, label, notes, help, Severity.ERROR, related)
-        )
+        self.all.append(Diagnostic(code, message, span, label, notes, help, severity, related))
 
-    def warn(
-        self,
-        code: str,
-        message: str,
-        span: Span,
-        label: str = "",
-        notes: tuple[str, ...] = (),
-        help: str = "",
-        related: tuple[Related, ...] = (),
-    ) -> None:
+    def warn(self, code: str, message: str, span: Span, help: str = "") -> None:
         """Report a warning."""
-        self.all.append(
-            Diagnostic(code, message, span, label, notes, help, Severity.WARNING, related)
-        )
+        self.report(code, message, span, help=help, severity=Severity.WARNING)
 
     def add(self, findings: Iterable[Diagnostic] | Diagnostic) -> None:
         """Report what was found elsewhere: by a check, in a file that was read before."""

@@ -9,7 +9,6 @@ from typing import Any
 from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.expanding.world import report_point
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import ActionKeys, CallbackPlan, FaultPlan, PartPlan
@@ -48,7 +47,7 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
     if not items:
         told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
         found.report("KYB171", f"nothing is done {told}", head_of(node), help="write `do: [...]`")
-    fields = tuple(_fields(node, found))
+    fields = tuple(_fields(node, decoder))
     actions = tuple(action for item in items for action in _actions(item, decoder))
     own: dict[str, Any] = {"event": ""} if event is None else {}
     callback: CallbackPlan | None = decoder.record(
@@ -57,7 +56,7 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
     return callback
 
 
-def _fields(node: Mapping, found: Findings) -> Iterator[tuple[str, str]]:
+def _fields(node: Mapping, decoder: Decoder) -> Iterator[tuple[str, str]]:
     """The fields that the event must have, each with its value."""
     for key, entry in node.entries.items():
         if key in _CALLBACK_KEYS or is_null(entry.value):
@@ -65,7 +64,7 @@ def _fields(node: Mapping, found: Findings) -> Iterator[tuple[str, str]]:
         if isinstance(entry.value, Scalar):
             yield key, entry.value.text
         else:
-            report_point(entry, found)
+            decoder.misplaced(entry.value, key)
 
 
 def _judge_occasion(node: Mapping, found: Findings) -> None:
@@ -107,7 +106,7 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
     elif isinstance(value, Scalar) and not value.is_null:
         yield ActionKeys(name=name, value=value.text, source=source)
     elif isinstance(value, Sequence):
-        report_point(entry, found)
+        decoder.misplaced(value, name)
     else:
         found.report("KYB171", f"`{name}` says nothing", entry.key.span)
 
@@ -126,7 +125,7 @@ def named_values(entry: MappingEntry, decoder: Decoder) -> Iterator[tuple[Mappin
                 continue
         elif entry.key.text != "set":
             if not isinstance(value, Scalar):
-                report_point(target, decoder.found)
+                decoder.misplaced(value, target.key.text)
                 continue
             value = value.text
         yield target, value

@@ -4,7 +4,6 @@ callbacks may ask for."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
@@ -58,7 +57,7 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
             found.report(
                 "KYB462", "a flow's `next` has no `after`", way.key_span("after"), help=hint
             )
-        shared.append(replace(next_transition(way, found), since=flow.name))
+        shared.append(next_transition(way, found).but(since=flow.name))
     phases = {}
     for name, phase in flow.phases.items():
         own = tuple(next_transition(way, found) for way in phase.next)

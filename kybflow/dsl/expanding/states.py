@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.decode import Decoder
@@ -18,12 +17,12 @@ from kybflow.dsl.language.source import Source
 from kybflow.dsl.names.built_in import failure_of
 from kybflow.dsl.plan import Cause, ChainPlan, PartPlan, StatePlan, TransitionPlan, Ways
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, is_null
+from kybflow.dsl.resolving.chains import OF_CHAINS
 from kybflow.parts.observables import chains_of
 
 CODES = {
     "KYB143": "A transition that says nothing of when, or how long of nothing.",
 }
-OF_CHAINS = frozenset(field.key for field in fields_of(ChainPlan))
 
 
 class States(NamedTuple):
@@ -65,10 +64,8 @@ def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> Chai
     assert isinstance(body, Mapping)
     for key, inner in body.entries.items():
         if key not in OF_CHAINS:
-            message, hint = (
-                f"`{key}` is no key of a chain's own entry",
-                did_you_mean(key, OF_CHAINS),
-            )
+            message = f"`{key}` is no key of a chain's own entry"
+            hint = did_you_mean(key, OF_CHAINS)
             decoder.found.report("KYB101", message, inner.key.span, help=hint)
     chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)
     own = _written(chain, first, decoder.found)
@@ -85,8 +82,7 @@ def _state(
     if values is None:
         return None
     part: PartPlan = values["behavior"]
-    label = f"behaviors.{name}"
-    behavior = PartPlan(part.name, part.cls, part.params, label, part.at, source=part.source)
+    behavior = part.but(label=f"behaviors.{name}")
     state = StatePlan(**{**values, "behavior": behavior, "legs": part.cls.flight})
     around = [chains[c].transitions for c in chains_of(name) if c in chains]
     ways = _joined(_written(state, first, decoder.found), around, failure_of(state.legs))
@@ -115,16 +111,9 @@ def _following(
     entry: StatePlan | ChainPlan, cause: Cause, target: str, after: float | None = None
 ) -> TransitionPlan:
     span = entry.span_of(cause)
-    node = entry.source.node
-    goal = node.entries[cause] if isinstance(node, Mapping) else None
-    body = {} if goal is None or cause == "within" else {"go": goal}
-    return TransitionPlan(
-        cause=cause,
-        target=target,
-        after=after,
-        at=span.at,
-        source=Source(span, Mapping(body, span)),
-    )
+    body = {} if cause == "within" else {"go": entry.source.node.entries[cause]}
+    source = Source(span, Mapping(body, span))
+    return TransitionPlan(cause=cause, target=target, after=after, at=span.at, source=source)
 
 
 def _joined(own: list[TransitionPlan], around: list[Ways], implied: str) -> Ways:

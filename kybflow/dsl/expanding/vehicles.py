@@ -9,7 +9,6 @@ from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multip
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expanding.states import States, states_of
-from kybflow.dsl.expanding.world import report_point
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Body, PartPlan, Start, VehiclePlan
 from kybflow.dsl.reading.calibration import read_calibration
@@ -52,7 +51,7 @@ def vehicle_of(
     airframe = body.entries.get("airframe")
     for written in (airframe, body.entries.get("begin")):
         if written is not None and isinstance(written.value, Sequence):
-            report_point(written, found)
+            decoder.misplaced(written.value, written.key.text)
             is_whole = False
     states = _states(name, body, decoder)
     begin = body.get("begin")

@@ -236,13 +236,6 @@ def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) ->
     return Mapping(entries, root.span)
 
 
-def report_point(entry: MappingEntry, found: Findings) -> None:
-    """KYB103 for a point where a name is needed: a parameter or the world brought it there after
-    the shape of the file was judged."""
-    message = f"`{entry.key.text}` must be a name, but this is a point"
-    found.report("KYB103", message, entry.value.span)
-
-
 def with_coordinates(
     parameters: MappingOf[str, Parameter], points: MappingOf[str, Vec3]
 ) -> dict[str, Parameter]:

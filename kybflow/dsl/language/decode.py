@@ -133,9 +133,9 @@ class Decoder:
         is_lacking = self._is_lacking(cls, given, body, span)
         if is_lacking or (len(self.found.all) > before and getattr(cls, "missing", "") == "KYB108"):
             return None
-        if layout.is_record and "source" not in given:
+        if layout.is_record:
             given["source"] = Source(span, body, inherited)
-        if layout.has_at and "at" not in given:
+        if layout.has_at:
             given["at"] = span.at
         return given
 
@@ -178,7 +178,7 @@ class Decoder:
         elif isinstance(kind, Choice) and isinstance(node, Sequence):
             points = (node,)
         for point in points:
-            self._misplaced(point, field.key)
+            self.misplaced(point, field.key)
         if points:
             return None
         return decode(node, field, self.found)
@@ -186,10 +186,10 @@ class Decoder:
     def _text(self, node: Node, kind: Any, field: Field, *_: Any) -> Any:
         if isinstance(node, Scalar):
             return Unparsed(node.as_text) if kind is CONDITION else node.text
-        self._misplaced(node, field.key)
+        self.misplaced(node, field.key)
         return None
 
-    def _misplaced(self, node: Node, key: str) -> None:
+    def misplaced(self, node: Node, key: str) -> None:
         """KYB103 for a point where a name is needed: a parameter or a point of the world brought it
         there after the shape of the file was judged."""
         if isinstance(node, Sequence):
@@ -220,7 +220,7 @@ class Decoder:
             if is_null(asked.value):
                 return Request(asked.key.text, source=Source(place))
         if isinstance(node, Sequence):
-            self._misplaced(node, field.key)
+            self.misplaced(node, field.key)
             return None
         message = f"`{field.key}` is asked for what is no state with its values"
         hint = f"write `{field.key}: STATE` or `{field.key}: {{STATE: {{...}}}}`"
@@ -317,7 +317,7 @@ class Decoder:
         if isinstance(node, Mapping):
             named = node.get(word)
             if isinstance(named, Sequence):
-                self._misplaced(named, word)
+                self.misplaced(named, word)
                 return None
             name = named if isinstance(named, Scalar) else node
             beside = own | ({word, "as"} if word == "use" else {word})
@@ -325,7 +325,7 @@ class Decoder:
             body = Mapping(entries, node.span)
             label = node.get("as") if word == "use" else None
         if isinstance(node, Sequence):
-            self._misplaced(node, kind.kind[:-1])
+            self.misplaced(node, kind.kind[:-1])
             return None
         if not isinstance(name, Scalar):
             message = f"a part is needed, but this is {describe(node)}"

@@ -30,8 +30,9 @@ CODES = {
     "KYB161": "A transition to `end` in a chain whose use does not say what follows.",
 }
 MAX_USES = 2000
-_TRANSITIONS = frozenset(field.key for field in fields_of(ChainPlan))
-_KEYS = _TRANSITIONS | {"do", "estimators"}
+OF_CHAINS = frozenset(field.key for field in fields_of(ChainPlan))
+"""The keys of a chain as a whole, where it is used."""
+_KEYS = OF_CHAINS | {"do", "estimators"}
 
 
 class ChainExpansion(NamedTuple):
@@ -128,7 +129,7 @@ class Chains:
         meant = use.exports.chain(use.do)
         if meant is None:
             return []
-        transitions = {k: e for k, e in use.body.entries.items() if k in _TRANSITIONS}
+        transitions = {k: e for k, e in use.body.entries.items() if k in OF_CHAINS}
         whole = MappingEntry(Scalar(use.state, use.do.span), Mapping(transitions, use.body.span))
         inside = self._inside(use, *meant)
         return [(use.state, whole), *inside] if transitions else inside
