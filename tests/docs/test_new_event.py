@@ -45,7 +45,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     page = copy / "kybflow" / "parts" / "events.py"
     text = page.read_text(encoding="utf-8")
     page.write_text(text.replace("ENGINE_EVENTS:", f"{CLASS}\n\nENGINE_EVENTS:"), encoding="utf-8")
-    emitter = copy / "kybflow" / "runtime" / "vehicle" / "activity.py"
+    emitter = copy / "kybflow" / "runtime" / "vehicle" / "behavior_runner.py"
     text = emitter.read_text(encoding="utf-8")
     after = "self._events.emit(began, self._name, state.at)\n"
     assert after in text

@@ -14,8 +14,8 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.core.signals import NS, Command, Reaction
 from kybflow.parts import Link
+from kybflow.runtime.vehicle.control import HANDED_OVER
 from kybflow.runtime.vehicle.link import LinkHealth, LinkOut
-from kybflow.runtime.vehicle.output import HANDED_OVER
 
 AT = 6.0
 """When the failsafe lands the vehicle, seconds."""
