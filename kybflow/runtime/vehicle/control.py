@@ -107,22 +107,24 @@ class Control:
         self.followed = None
 
     def follow(
-        self, asked: Setpoint | Command, tick: Tick, reports: ProcessorReports, *, off_ground: bool
+        self, asked: Setpoint | Command, tick: Tick, reports: ProcessorReports, off_ground: bool
     ) -> Commanded | None:
         """Return the command for what a behavior asks for, None if an alarm of a processor changed
         the state. Raises whatever a part raises, and ValueError for a setpoint or a command that is
         not finite or would stop the rotors in the air."""
-        command: Command | None
+        wanted = None
         if isinstance(asked, Command):
-            self.followed = wanted = None
+            self.followed = None
             command = checked_command(asked)
         elif asked.kind is _IDLE:
             command, wanted = RESTING, asked
         else:
-            wanted = asked
-            command = self._tracked(checked_setpoint(asked), tick, reports)
-            if command is None:
+            tracked = self._tracked(checked_setpoint(asked), tick, reports)
+            if tracked is None:
                 return None
+            if tracked.armed:
+                return tracked, asked
+            command, wanted = tracked, asked
         if off_ground and not command.armed:
             raise ValueError("the rotors can't rest in the air")
         if command is RESTING:

@@ -130,7 +130,7 @@ class Decision:
             if not runner.off_ground:
                 return RESTING, None
         asked = runner.update(tick)
-        return control.follow(asked, tick, self._reactions, off_ground=runner.flight is not GROUND)
+        return control.follow(asked, tick, self._reactions, runner.flight is not GROUND)
 
     def _resteered(self, tick: Tick) -> Commanded:
         """Steer after a change of state, and after every further one, until there is a command."""

@@ -59,16 +59,18 @@ class ManualOverride:
             self._refused = ""
             self._link.reclaim(now)
 
-    def update(self, tick: Tick, answer: Callable[[Time], None]) -> None:
-        """Follow who has control in this tick, and whether the vehicle falls. `answer` handles
-        requests while a pilot has control."""
+    def update(self, tick: Tick, answer: Callable[[Time], None]) -> bool:
+        """Follow who has control in this tick, and whether the vehicle falls; return whether a
+        pilot has control. `answer` handles requests meanwhile."""
         armed = self._link.armed
         if armed is not None and self._arming.update(tick, armed):
             self.away = False
-            return
+        elif self.away or self._link.override is not None:
+            self._follow(tick, answer)
+        return self.away
+
+    def _follow(self, tick: Tick, answer: Callable[[Time], None]) -> None:
         override = self._link.override
-        if override is None and not self.away:
-            return
         if override is None or not self._runner.off_ground:
             self._lost = None
             if self.away:

@@ -198,7 +198,8 @@ class Vehicle:
     def sense(self, now: Time) -> Estimate | None:
         """Read the link, and update and return the estimate."""
         self.now = now
-        estimate = self.knowledge.update(now, self._reactions.airborne)
+        airborne = self.runner.flight is not GROUND and self._output.sent.armed
+        estimate = self.knowledge.update(now, airborne)
         if self.link_out.tells_position:
             position = self._external_position.of(estimate)
             if position is not None:
@@ -207,22 +208,18 @@ class Vehicle:
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
-        knowledge, runner, control, output = (
-            self.knowledge, self.runner, self._control, self._output,
-        )  # fmt: skip
+        runner, output = self.runner, self._output
         tick = self._ticks.tick(now, dt, runner.entered, fleet)
-        self._override.update(tick, self._decision.answer)
-        if self._override.away:
+        if self._override.update(tick, self._decision.answer):
             command, wanted = output.hand_over(), None
         else:
             command, wanted = self._decision.command(tick)
             command = output.deliver(command, now)
         if runner.grip is not None:
             output.grip(now)
+        knowledge, followed = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
-        self._observer.tick(
-            now, estimate, wanted, control.followed, command, truth, knowledge.estimation
-        )
+        self._observer.tick(now, estimate, wanted, followed, command, truth, knowledge.estimation)
         self.wanted = self._errors.update(now, wanted, truth or estimate, runner.flight, runner.leg)
 
     @property
