@@ -9,7 +9,7 @@ from kybflow.core.params import INTEGER, Choice, Field, numbers
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import DIMENSIONS, article
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.language.schema import BOUNDS
+from kybflow.dsl.language.schema import BOUNDS, KINDS
 from kybflow.dsl.reading.nodes import (
     Mapping,
     Node,
@@ -31,14 +31,6 @@ CODES = {
 }
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
-_SHAPES = {
-    "object": "a mapping",
-    "array": "a list",
-    "string": "text",
-    "number": "a number",
-    "boolean": "`true` or `false`",
-    "integer": "a whole number",
-}
 
 
 class SchemaViolation(NamedTuple):
@@ -105,7 +97,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
     if len(types) > 1 and schema.get("pattern", "").startswith("^\\$"):
         types.remove("string")
-    wanted = " or ".join(dict.fromkeys(_SHAPES[t] for t in types)) or "another value"
+    wanted = " or ".join(dict.fromkeys(KINDS[t] for t in types)) or "another value"
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
     shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
     yield Diagnostic(

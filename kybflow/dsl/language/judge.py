@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.language.explain import SchemaViolation, explain
-from kybflow.dsl.language.schema import nullable, record_schema
+from kybflow.dsl.language.schema import record_schema
 from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Plan
 from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
@@ -27,7 +27,7 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
 def _validator(kind: Any) -> Validator:
     from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
 
-    return Draft202012Validator(nullable(record_schema(kind)))
+    return Draft202012Validator(record_schema(kind))
 
 
 def explained(root: Node, validator: Validator) -> list[Diagnostic]:
