@@ -70,13 +70,15 @@ class Layout(NamedTuple):
 
     keys: every key that may be written, with those of the record that stands flat in it, and with
     `like`, `as` and the name of its part, which are texts. own: those that have a field of their
-    own. needed: those that a file must have, unless it is `like` another. required: the fields
-    without a default. part: the part that it names. others: the type of what stands under any other
-    key; None where there is none. least: how many keys it has at least.
+    own. computed: the names of the fields that have no key. needed: the keys that a file must have,
+    unless it is `like` another. required: the fields without a default. part: the part that it
+    names, in the field `part_name`. others: the type of what stands under any other key; None where
+    there is none. least: how many keys it has at least.
     """
 
     keys: dict[str, Field]
     own: dict[str, Field]
+    computed: frozenset[str]
     needed: tuple[str, ...]
     required: tuple[Field, ...] = ()
     part: PartOf | None = None
@@ -118,7 +120,10 @@ def layout_of(cls: Any) -> Layout:
         needed = [key for key in needed if key != part.word]
     required = tuple(field for field in fields if field.required)
     least = getattr(cls, "least", 0)
-    return Layout(keys, own, tuple(needed), required, part, part_name, flat, others, least)
+    computed = frozenset(cls.__dataclass_fields__) - {field.name for field in fields}
+    return Layout(
+        keys, own, computed, tuple(needed), required, part, part_name, flat, others, least
+    )
 
 
 @functools.cache
@@ -127,4 +132,4 @@ def part_layout(kind: PartOf, help: str = "Name of the part.") -> Layout:
     keys = {kind.word: Field(help, key=kind.word)}
     if kind.word == "use":
         keys["as"] = _ALIAS
-    return Layout(keys, {}, (kind.word,) if kind.is_needed else (), part=kind)
+    return Layout(keys, {}, frozenset(), (kind.word,) if kind.is_needed else (), part=kind)
