@@ -95,9 +95,9 @@ class Decoder:
             given[layout.part_name] = self.part(layout.part, node, layout.own.keys())
         if layout.flat is not None:
             own = {key: entry for key, entry in body.entries.items() if key not in layout.own}
-            flat = layout.flat.type.cls
+            kind: Any = layout.flat.type
             given[layout.flat.name] = self.parameters(
-                flat, Mapping(own, body.span), flat.__name__.lower(), span
+                kind.cls, Mapping(own, body.span), kind.cls.__name__.lower(), span
             )
         for key, entry in body.entries.items():
             field = layout.own.get(key)
@@ -287,6 +287,10 @@ class Decoder:
     def _sensors(self, entry: MappingEntry, _: Field) -> Any:
         return tuple(self.part("sensors", item) for item in items_of(entry.value) or (entry.value,))
 
+    def _use(self, entry: MappingEntry, field: Field) -> Any:
+        kind: Any = field.type
+        return self.part(kind, entry.value)
+
     def _uses(self, entry: MappingEntry, field: Field) -> Any:
         """A list of parts, or of records of parts, whose names differ."""
         kind: Any = field.type
@@ -334,7 +338,7 @@ _ALONE: dict[ValueType, _Reader] = {
 _READERS: dict[type[ValueType], _Reader] = {
     UsesOf: Decoder._uses, MappingOf: Decoder._mapping, RecordOf: Decoder._nested,
     ListOf: Decoder._list,
-    PartOf: lambda decoder, entry, field: decoder.part(field.type, entry.value),
+    PartOf: Decoder._use,
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
 """What reads a value, by its type; `decode` reads all others."""

@@ -154,7 +154,7 @@ class Schemas:
 
     def _choice(self, kind: Any, field: Field) -> Schema:
         needed = {"errorMessage": f"One of {', '.join(f'`{w}`' for w in kind.words)} is needed."}
-        choices = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
+        choices: list[Schema] = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
         return {
             "description": _help(field),
             "defaultSnippets": snippets(kind.words),
@@ -176,7 +176,9 @@ class Schemas:
         item = replace(
             field, type=kind.item, help=about, required=True, examples=field.each_examples
         )  # fmt: skip
-        whole = {"description": _help(field), "type": "array", "items": self.value(item)}
+        whole: Schema = {
+            "description": _help(field), "type": "array", "items": self.value(item)
+        }  # fmt: skip
         if kind.item is INTEGER:
             whole["defaultSnippets"] = snippets((_example(field),))
         return {**whole, "minItems": field.least} if field.least else whole
