@@ -16,8 +16,8 @@ from kybflow.core.params import Field, Numbers
 from kybflow.core.units import ANGLE
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.language.editor import for_editors, parameter
-from kybflow.dsl.language.schema import field_schema
+from kybflow.dsl.language.published import Editor
+from kybflow.dsl.language.schema import Schemas
 from kybflow.dsl.plan import Plan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.values import decode
@@ -105,9 +105,10 @@ def test_kybflow_parts_shows_its_size() -> None:
     ],
 )
 def test_the_schema_judges_size_and_numbers(value: object, count: int) -> None:
-    for schema in (field_schema(GAIN), for_editors({"properties": {"k": parameter(GAIN)}})):
-        whole = {"k": value} if "properties" in schema else value
-        assert len(list(Draft202012Validator(schema).iter_errors(whole))) == count
+    editor = Editor(load_catalog())
+    published = {**editor.schemas.value(GAIN, may_lack=True), "$defs": editor.shared}
+    for schema in (Schemas().value(GAIN), published):
+        assert len(list(Draft202012Validator(schema).iter_errors(value))) == count
 
 
 @pytest.mark.parametrize(
@@ -118,8 +119,8 @@ def test_the_schema_judges_size_and_numbers(value: object, count: int) -> None:
     ],
 )
 def test_an_editor_inserts_a_right_one(field: Field, inserted: str) -> None:
-    schema = for_editors({"properties": {"k": parameter(field)}})
-    assert schema["properties"]["k"]["defaultSnippets"] == [{"label": inserted, "body": inserted}]
+    schema = Schemas().value(field)
+    assert schema["defaultSnippets"] == [{"label": inserted, "body": inserted}]
     found = Findings()
     node = compose(inserted, "editor", found)
     assert node is not None
@@ -128,14 +129,16 @@ def test_an_editor_inserts_a_right_one(field: Field, inserted: str) -> None:
 
 
 def test_an_editor_says_in_words_what_is_needed() -> None:
-    said = for_editors({"properties": {"gain": parameter(GAIN), "turn": parameter(TURN)}})["$defs"]
-    words = {name: schema["errorMessage"] for name, schema in said.items()}
-    assert words == {
-        "number": "A number, like `2`, is needed.",
-        "number_row": "A row of 3 is needed, `[...]`, each a number, like `2`.",
-        "number_matrix": "`[[...], ...]` is needed, 3 rows of 3, each a number, like `2`.",
-        "angle": "An angle, like `20 deg`, is needed; its units are deg, rad.",
-        "angle_row": "A row of 3 is needed, `[...]`, each an angle, like `20 deg`.",
-        "angle_matrix": "`[[...], ...]` is needed, 2 rows of 3, each an angle, like `20 deg`.",
-    }
-    assert "place" not in json.dumps(said)
+    gain, turn = Schemas().value(GAIN), Schemas().value(TURN)
+    words = [one["errorMessage"] for whole in (gain, turn) for one in (whole, whole["items"])]
+    assert words == [
+        "`[[...], ...]` is needed, 3 rows of 3, each a number, like `2`.",
+        "A row of 3 is needed, `[...]`, each a number, like `2`.",
+        "`[[...], ...]` is needed, 2 rows of 3, each an angle, like `20 deg`.",
+        "A row of 3 is needed, `[...]`, each an angle, like `20 deg`.",
+    ]
+    assert [one["items"]["items"]["errorMessage"] for one in (gain, turn)] == [
+        "A number, like `2`, is needed.",
+        "An angle, like `20 deg`, is needed; its units are deg, rad.",
+    ]
+    assert "world" not in json.dumps([gain["pattern"], gain["items"], turn["items"]])

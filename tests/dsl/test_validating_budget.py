@@ -41,7 +41,7 @@ BUDGET = {
         "expand": 77930,
         "expressions": 37588,
         "read": 29945,
-        "judge": 10174,
+        "judge": 9474,
         "compiler": 798,
     },
 }

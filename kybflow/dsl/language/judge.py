@@ -1,49 +1,49 @@
 """The shape of a file, judged before anything is resolved: by the records (`shape`), and what they
-don't take by `jsonschema`, which says what is wrong, in our words.
+don't take by `jsonschema`, which finds what is wrong; each of its errors is put into our words.
 """
 
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from kybflow.core.params import INTEGER, Choice, Field, numbers
+from kybflow.core.text import did_you_mean, nearest
+from kybflow.core.units import DIMENSIONS, article
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.language.explain import SchemaViolation, explain
-from kybflow.dsl.language.schema import nullable, record_schema
+from kybflow.dsl.language.schema import BOUNDS, KINDS, record_schema
 from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.reading.nodes import Mapping, Node, Sequence, describe, head_of, to_json
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, head_of, to_json
+from kybflow.dsl.reading.slips import CONDITIONS, missing_colon
+from kybflow.dsl.reading.values import TYPES, decode
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
-
-def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
-    """What is wrong with the shape of a whole file, a `Plan` or a `Library`."""
-    return [] if has_shape(root, kind) else explained(root, _validator(kind))
-
-
-@functools.cache
-def _validator(kind: Any) -> Validator:
-    from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
-
-    return Draft202012Validator(nullable(record_schema(kind)))
-
-
-def explained(root: Node, validator: Validator) -> list[Diagnostic]:
-    """What `validator` finds wrong with `root`, in our words."""
-    found: list[Diagnostic] = []
-    for error in validator.iter_errors(to_json(root)):
-        node, name = _locate(root, error.absolute_path)
-        schema = error.schema if isinstance(error.schema, dict) else {}
-        keyword, wanted = str(error.validator), error.validator_value
-        found += explain(SchemaViolation(keyword, wanted, error.instance, schema, node, name))
-    return found
+CODES = {
+    "KYB101": "A key that the language doesn't have there.",
+    "KYB102": "A key that is needed and missing.",
+    "KYB103": "A value of the wrong shape: a list where a mapping is needed, and so on.",
+    "KYB106": "Nothing where something is needed.",
+    "KYB110": "A name that can't be one.",
+    "KYB111": "A version of the language that this program doesn't read.",
+}
+_NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
+_MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
 
 
-def is_library(root: Node) -> bool:
-    """Whether the file offers things to missions instead of being one."""
-    return isinstance(root, Mapping) and "library" in root.entries and "mission" not in root.entries
+class SchemaViolation(NamedTuple):
+    """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
+    the node that it is about, and the name by which a person would call that."""
+
+    keyword: str
+    wanted: Any
+    instance: Any
+    schema: dict[str, Any]
+    node: Node
+    name: str
 
 
 def judge_mission(root: Node, found: Findings) -> Mapping:
@@ -57,6 +57,32 @@ def judge_mission(root: Node, found: Findings) -> Mapping:
     return Mapping({}, root.span)
 
 
+def is_library(root: Node) -> bool:
+    """Whether the file offers things to missions instead of being one."""
+    return isinstance(root, Mapping) and "library" in root.entries and "mission" not in root.entries
+
+
+def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
+    """What is wrong with the shape of a whole file, a `Plan` or a `Library`."""
+    if has_shape(root, kind):
+        return []
+    found: list[Diagnostic] = []
+    for error in _validator(kind).iter_errors(to_json(root)):
+        node, name = _locate(root, error.absolute_path)
+        schema = error.schema if isinstance(error.schema, dict) else {}
+        keyword, wanted = str(error.validator), error.validator_value
+        fault = SchemaViolation(keyword, wanted, error.instance, schema, node, name)
+        found += _EXPLAINERS.get(keyword, _explain_value)(fault)
+    return found
+
+
+@functools.cache
+def _validator(kind: Any) -> Validator:
+    from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
+
+    return Draft202012Validator(record_schema(kind))
+
+
 def _locate(root: Node, path: Any) -> tuple[Node, str]:
     """The node at `path` and the name by which a person would call it."""
     node, name = root, ""
@@ -66,3 +92,154 @@ def _locate(root: Node, path: Any) -> tuple[Node, str]:
         elif isinstance(node, Sequence):
             node, name = node.items[step], name if name.endswith("]") else f"{name}[{step}]"
     return node, name
+
+
+def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    known = fault.schema["properties"]
+    for key, entry in node.entries.items():
+        if key not in known:
+            what = fault.schema["title"]
+            hint = _NEVER.get((what, key)) or did_you_mean(key, known)
+            message = f"`{key}` is no key of {article(what)}"
+            yield Diagnostic("KYB101", message, entry.key.span, help=hint)
+
+
+def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
+    node = fault.node
+    assert isinstance(node, Mapping)
+    is_closed = fault.schema.get("additionalProperties") is False
+    unknown = [k for k in node.entries if is_closed and k not in fault.schema["properties"]]
+    for key in fault.wanted:
+        if node.get(key) is not None or nearest(key, unknown):
+            continue  # the misspelt key is reported already
+        what, hint = fault.schema["title"], _MISSING.get(key, "")
+        others = [k for k in node.entries if k not in fault.schema["properties"]]
+        near = [k for k in ("use", "stack") if nearest(k, others)]
+        if key == "use" and near and near[0] in fault.schema["properties"]:
+            hint = f"did you mean `{near[0]}`?"
+        yield Diagnostic("KYB102", f"{article(what)} needs `{key}`", head_of(node), help=hint)
+
+
+def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
+    node = fault.node
+    shown = node.text if isinstance(node, Scalar) else describe(node)
+    message = f"version `{shown}` of the language is not known here"
+    yield Diagnostic("KYB111", message, node.span, help="this program reads `kybflow: 1`")
+
+
+def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
+    if fault.wanted != 1:
+        yield from _explain_value(fault)
+        return
+    is_list = fault.keyword == "minItems"
+    hint = f"name one at least, or leave out `{fault.name}`" if is_list else ""
+    yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span, help=hint)
+
+
+def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
+    """A name of a mapping, or the title of a file; any other text is a value."""
+    most, name = fault.schema.get("maxLength"), str(fault.instance)
+    if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
+        span = fault.node.entries[name].key.span
+        hint = "a name has letters, digits and `_`, and begins with no digit"
+        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
+    elif most is not None:
+        message = f"`{repr(name[:most])[1:-1]}` can't be the name of a {fault.name}"
+        hint = f"a name has letters, digits and `_`, begins with no digit and has at most {most}"
+        yield Diagnostic("KYB110", message, fault.node.span, help=hint)
+    else:
+        yield from _explain_value(fault)
+
+
+def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
+    """A type, a pattern, a bound, a choice: our own decoder says it best where it can."""
+    node, name = fault.node, fault.name
+    schema = fault.schema
+    field = _field(name, schema)
+    found = Findings()
+    if field is not None:
+        decode(node, field, found)
+    if found.all:
+        yield from found.all
+        return
+    types = fault.wanted if fault.keyword == "type" else schema.get("type", ())
+    types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
+    if len(types) > 1 and schema.get("pattern", "").startswith("^\\$"):
+        types.remove("string")
+    wanted = " or ".join(dict.fromkeys(KINDS[t] for t in types)) or "another value"
+    place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
+    shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
+    yield Diagnostic(
+        "KYB103",
+        f"{place} must be {wanted}, but this is {describe(node)}{shown}",
+        node.span,
+        help=_way_out(fault, types) or _reshaped(node, types, name.rpartition("[")[0] or name),
+    )
+
+
+def _way_out(fault: SchemaViolation, types: list[str]) -> str:
+    """How a value of one of `types` is written in place of another; empty where it isn't known."""
+    node, name, schema = fault.node, fault.name, fault.schema
+    if name in CONDITIONS:
+        return "write a condition, like `state.altitude > 1 m`"
+    if name == "log" and isinstance(node, Mapping):
+        return "write a text that has braces in quotes"
+    if isinstance(node, Scalar):
+        if "object" in types and missing_colon(node.text):
+            return missing_colon(node.text)
+        if "array" in types and node.text.startswith("-"):
+            return "a list has a space after each `-`"
+        if list(dict.fromkeys(types)) == ["string"]:
+            return f'write "{node.text[:60]}" in quotes if you mean the text'
+    if schema.get("examples") and fault.keyword == "type":
+        own = name.rpartition("[")[0] or name
+        if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
+            return f"write `{own}: {{type: {node.text}}}`"
+        return f"write it like `{own}: {_flow(schema['examples'][0])}`"
+    return ""
+
+
+def _reshaped(node: Node, types: list[str], name: str) -> str:
+    """How a list, or a mapping, is written that is the other one or a bare text."""
+    if types == ["object"] and isinstance(node, Sequence):
+        return f"write it in braces: `{name}: {{...}}`" if name else ""
+    if types == ["array"] and isinstance(node, Mapping):
+        return f"write it in brackets: `{name}: [{{...}}]`" if name else ""
+    if types == ["array"] and isinstance(node, Scalar) and node.text:
+        return "write it as a list: each on a line of its own, behind `- `"
+    return ""
+
+
+def _field(name: str, schema: dict[str, Any]) -> Field | None:
+    """The field that a schema was made of, as far as its decoder asks; None where that is none."""
+    bounds: Any = {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
+    dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
+    if dimension is not None:
+        kind = numbers(dimension, "vector" if "items" in schema else "scalar")
+        return Field(name=name, type=kind, key=name, **bounds)
+    choices = tuple(schema.get("anyOf", [{}])[0].get("enum", ()))
+    if choices:
+        return Field(name=name, type=Choice("choice", False, choices), key=name)
+    if bounds and "integer" in schema.get("type", ()):
+        return Field(name=name, type=INTEGER, key=name, **bounds)
+    return None
+
+
+def _flow(value: Any) -> str:
+    """An example as YAML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
+    return "[" + ", ".join(map(_flow, value)) + "]" if isinstance(value, list) else str(value)
+
+
+_EXPLAINERS = {
+    "additionalProperties": _explain_unknown,
+    "required": _explain_missing,
+    "const": _explain_version,
+    "minProperties": _explain_few,
+    "minItems": _explain_few,
+    "pattern": _explain_name,
+    "maxLength": _explain_name,
+}

@@ -1,90 +1,37 @@
-"""The published schema: the skeleton, and behind each place where a part is named, every part's own
-schema."""
+"""The published schema, from which editors complete: every record of the language, and behind each
+place where a part is named, every part's own parameters.
+
+A language server offers `null` wherever a `type` allows it, and writes a list wherever it sees
+`items`. So what judges a value stands behind an `if`, where the server looks for what is wrong and
+not for what to insert. Null is right there: it removes what `like` brought.
+"""
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from kybflow.dsl.language.editor import for_editors, parameter
-from kybflow.dsl.language.schema import Schema, params_schema, record_schema
+from kybflow.core.params import Field, ListOf, Numbers, RecordOf
+from kybflow.core.units import DIMENSIONS
+from kybflow.dsl.language.schema import (
+    BOUNDS,
+    KINDS,
+    Schema,
+    Schemas,
+    numbers_schema,
+    snippets,
+)
+from kybflow.dsl.language.types import SENSORS, PartOf, layout_of
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import END, LISTS, Plan
+from kybflow.dsl.plan import END, ActionKeys, CallbackPlan, FlowPlan, PhasePlan, Plan, StatePlan
 from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
 
-
-def mission_schema(catalog: Catalog) -> Schema:
-    """The schema that editors complete from; a part's parameters follow from its name."""
-    root: Schema = json.loads(json.dumps(record_schema(Plan)))  # nothing in it is shared
-    vehicle = root["properties"]["vehicles"]["additionalProperties"]["properties"]
-    for kind in LISTS:
-        vehicle[kind]["items"] = _chosen(catalog, kind, vehicle[kind]["items"])
-    vehicle["tracker"] = _chosen(catalog, "trackers", vehicle["tracker"])
-    vehicle["behaviors"]["additionalProperties"] = _chosen(
-        catalog, "behaviors", vehicle["behaviors"]["additionalProperties"], "do"
-    )
-    target = root["properties"]["targets"]["additionalProperties"]["additionalProperties"]
-    target["properties"]["driver"] = _chosen(catalog, "drivers", target["properties"]["driver"])
-    sensors = target["properties"]["sensors"]
-    several = sensors["additionalProperties"]
-    root["$defs"] = {"sensor": _chosen(catalog, "sensors", several["items"])}
-    one = {"$ref": "#/$defs/sensor"}
-    sensors["additionalProperties"] = {
-        "description": several["description"], "type": several["type"], "items": one,
-        "minItems": 1, "if": {"type": ["array", "null"]}, "else": one,
-    }  # fmt: skip
-    inputs = root["properties"]["inputs"]
-    inputs["additionalProperties"] = _chosen(catalog, "inputs", inputs["additionalProperties"])
-    _suggest(catalog, root["properties"])
-    _reused(root["properties"])
-    faults = root["properties"]["faults"]
-    faults["items"] = _chosen(catalog, "faults", faults["items"], "inject")
-    actions = root["properties"]["on"]["items"]["properties"]["do"]
-    actions["items"] = _actions(catalog, actions["items"])
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **for_editors(root),
-    }
-
-
-def _suggest(catalog: Catalog, properties: Schema) -> None:
-    """Give the keys whose values are names or conditions some that every mission may have."""
-    events = sorted(VEHICLE_EVENTS | _emitted_by_parts(catalog))
-    states = [name for name in BUILT_IN if name != "fault"]
-    state = properties["vehicles"]["additionalProperties"]["properties"]["behaviors"]
-    _offer(state["additionalProperties"], {
-        "then": states, "failed": states, "within": ["10 s"], "go": states, "after": ["10 s"],
-        "when": ["battery.remaining < 30 %", "state.altitude > 1 m", "elapsed > 5 s"],
-        "event": ["operator.go", *events],
-    })  # fmt: skip
-    of_any = ["operator.go", *sorted(RUN_EVENTS), *(f"any.{name}" for name in events)]
-    flow = properties["flows"]["additionalProperties"]
-    in_a_phase = {
-        "when": ["all swarm in hover", "a in landed"], "event": of_any, "go": [END],
-        "after": ["10 s"], "within": ["20 s"], "otherwise": [END],
-    }  # fmt: skip
-    _offer(flow, in_a_phase)
-    _offer(flow["properties"]["phases"]["additionalProperties"], in_a_phase)
-    when = ["any swarm in fault", "a.battery.remaining < 30 %"]
-    _offer(properties["on"]["items"], {"event": of_any, "when": when})
-
-
-def _emitted_by_parts(catalog: Catalog) -> set[str]:
-    kinds = ("behaviors", "processors", "supervisors")
-    specs = (catalog.get(kind, name) for kind in kinds for name in catalog.names(kind))
-    return {event for spec in specs for event in spec.cls.events}
-
-
-def _offer(mapping: Schema, examples: dict[str, list[str]]) -> None:
-    """Give the keys of a mapping and of its `next` their examples."""
-    for key, value in mapping["properties"].items():
-        if key == "next":
-            _offer(value["items"], examples)
-        elif key in examples:
-            value["examples"] = examples[key]
+_SAID = ("title", "description", "examples", "defaultSnippets")
+_NOTHING: Schema = {"type": "null"}
+_ANY_NAME: Schema = {"defaultSnippets": [{"label": "NAME", "body": "\n  ${1:name}: "}]}
 
 
 def schema_text(catalog: Catalog) -> str:
@@ -92,68 +39,151 @@ def schema_text(catalog: Catalog) -> str:
     return json.dumps(mission_schema(catalog), indent=1, ensure_ascii=False) + "\n"
 
 
-def _reused(properties: Schema) -> None:
-    """Let chains, stacks and targets complete as vehicles do."""
-    vehicle = "#/properties/vehicles/additionalProperties/properties"
-    chain = properties["chains"]["additionalProperties"]["properties"]
-    chain["behaviors"]["additionalProperties"] = {
-        "$ref": f"{vehicle}/behaviors/additionalProperties"
-    }
-    stack = properties["stacks"]["additionalProperties"]["properties"]
-    for kind in LISTS:
-        stack[kind]["items"] = {"$ref": f"{vehicle}/{kind}/items"}
-    target = properties["targets"]["additionalProperties"]["additionalProperties"]
-    target["properties"]["tracker"] = {"$ref": f"{vehicle}/tracker"}
-    inputs = properties["targets"]["additionalProperties"]["properties"]["inputs"]
-    inputs["additionalProperties"] = {"$ref": "#/properties/inputs/additionalProperties"}
+def mission_schema(catalog: Catalog) -> Schema:
+    """The schema that editors complete from; a part's parameters follow from its name."""
+    editor = Editor(catalog)
+    root = editor.schemas.record(Plan)
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": draft, **root, "$defs": dict(sorted(editor.shared.items()))}
 
 
-def _actions(catalog: Catalog, action: Schema) -> Schema:
-    """`action`, with those of packages, and no other."""
-    specs = [catalog.get("actions", name) for name in catalog.names("actions")]
-    properties = {**action["properties"], **{s.name: _action(s) for s in specs}}
-    return {
-        **action, "properties": properties, "additionalProperties": False, "maxProperties": 1,
-    }  # fmt: skip
+class Editor:
+    """Finishes the schemas of records and values for editors. `shared` are the parts of each kind
+    and the quantities of each dimension, to which the schemas refer."""
 
+    def __init__(self, catalog: Catalog) -> None:
+        self.schemas = Schemas(self._finished)
+        self.shared: Schema = {}
+        self._catalog = catalog
+        kinds = ("behaviors", "processors", "supervisors")
+        specs = (catalog.get(kind, name) for kind in kinds for name in catalog.names(kind))
+        events = sorted(VEHICLE_EVENTS | {event for spec in specs for event in spec.cls.events})
+        states = [name for name in BUILT_IN if name != "fault"]
+        of_any = ["operator.go", *sorted(RUN_EVENTS), *(f"any.{name}" for name in events)]
+        in_a_phase = {
+            "when": ["all swarm in hover", "a in landed"], "event": of_any, "go": [END],
+            "after": ["10 s"], "within": ["20 s"], "otherwise": [END],
+        }  # fmt: skip
+        self._offered: dict[Any, dict[str, list[str]]] = {
+            StatePlan: {
+                "then": states, "failed": states, "within": ["10 s"], "go": states,
+                "after": ["10 s"], "event": ["operator.go", *events],
+                "when": ["battery.remaining < 30 %", "state.altitude > 1 m", "elapsed > 5 s"],
+            },
+            FlowPlan: in_a_phase,
+            PhasePlan: in_a_phase,
+            CallbackPlan: {
+                "event": of_any, "when": ["any swarm in fault", "a.battery.remaining < 30 %"]
+            },
+        }  # fmt: skip
+        """Values that every mission may have, for keys of records and of their `next`."""
 
-def _action(spec: PartSpec) -> Schema:
-    whole = params_schema(spec.fields, spec.name)
-    properties = {field.name: parameter(field) for field in spec.fields}
-    return {**whole, "description": spec.summary, "properties": properties}
+    def _finished(self, schema: Schema, field: Field, may_lack: bool) -> Schema:
+        """The schema as editors read it, with a part's parameters and values to insert."""
+        kind = field.type
+        cls = kind.cls if isinstance(kind, RecordOf) else None
+        part = kind if isinstance(kind, PartOf) else layout_of(cls).part if cls else None
+        if cls in self._offered:
+            _offer(schema["properties"], self._offered[cls])
+        if cls is ActionKeys:
+            schema = self._with_packages(schema)
+        if kind is SENSORS:
+            one = schema["items"]
+            kept = {key: schema[key] for key in ("description", "items", "minItems")}
+            return {**kept, "if": {"type": ["array", "null"]}, "else": one}
+        if "type" not in schema:
+            return schema
+        if part is None:
+            return self._apart(schema, field, may_lack)
+        whole = self._apart({**schema, **self._chosen(part, schema)}, field, may_lack)
+        about = whole.pop("description")
+        self.shared[part.kind] = whole
+        return {"description": about, "$ref": f"#/$defs/{part.kind}"}
 
+    def _apart(self, schema: Schema, field: Field, may_lack: bool) -> Schema:
+        """The schema with what judges the value behind what an editor shows and inserts."""
+        kind, types = field.type, schema["type"]
+        types = [types] if isinstance(types, str) else types
+        needed = " or ".join(KINDS[one] for one in types).capitalize() + " is needed."
+        right = {"type": schema["type"], "errorMessage": needed}
+        of_mappings = isinstance(kind, ListOf) and isinstance(kind.item, RecordOf | PartOf)
+        if "object" in types or of_mappings:
+            said = {key: one for key, one in schema.items() if key != "type"}
+            right = right if may_lack else {"type": schema["type"]}
+            if types == ["object"] and not said.keys() & {"properties", "examples"}:
+                said |= _ANY_NAME
+        else:
+            said = {key: one for key, one in schema.items() if key in _SAID}
+            right |= {key: one for key, one in schema.items() if key not in _SAID}
+            if isinstance(kind, Numbers):
+                right = self._shared(right)
+            if not said.keys() & {"examples", "defaultSnippets"}:
+                said["anyOf"] = [{}]  # a value of no type: the key is inserted, and none with it
+        return {**said, "if": _NOTHING, "else": right} if may_lack else {**said, **right}
 
-def _chosen(catalog: Catalog, kind: str, use: Schema, word: str = "use") -> Schema:
-    """`use`, with the part's parameters once its name is written."""
-    names = list(catalog.names(kind))
-    own = use["properties"]
-    choices = [_constant(catalog, kind, name) for name in names]
-    if word == "do":
-        choices.append({"pattern": r"^chain\.", "description": "A chain, with its parameters."})
-    named = {**own[word], "anyOf": choices}
-    cases: list[Schema] = [
-        {
-            "if": {"properties": {word: _written(name)}, "required": [word]},
-            "then": _case(catalog, kind, name, {**own, word: True}),
+    def _shared(self, numbers: Schema) -> Schema:
+        """The schema of numbers; of one number it refers to its dimension's."""
+        if "items" in numbers:
+            return {**numbers, "items": self._shared(numbers["items"])}
+        dimension = DIMENSIONS[numbers["x-dimension"]]
+        name = dimension.name.replace(" ", "_")
+        self.shared.setdefault(name, numbers_schema(dimension, (), Field()))
+        bounds = {key: numbers[key] for key in BOUNDS if key in numbers}
+        return {"$ref": f"#/$defs/{name}", **bounds}
+
+    def _chosen(self, part: PartOf, schema: Schema) -> Schema:
+        """What a part's name may be, and its parameters once the name is written."""
+        word, own = part.word, schema["properties"]
+        specs = {
+            name: self._catalog.get(part.kind, name) for name in self._catalog.names(part.kind)
         }
-        for name in names
-    ]
-    bare = {"anyOf": [{"enum": names}, {"not": {"type": "string"}}]}
-    more = bare if "string" in use["type"] else {}
-    return {**use, "properties": {**own, word: named}, **more, "allOf": cases}
+        choices: list[Schema] = [
+            {"const": name, "description": spec.summary} for name, spec in specs.items()
+        ]
+        if word == "do":
+            choices.append({"pattern": r"^chain\.", "description": "A chain, with its parameters."})
+        about = own[word]["description"]
+        named = {**own, word: {"description": about, "type": "string", "anyOf": choices}}
+        cases = [self._case(word, name, spec, own) for name, spec in specs.items()]
+        whole = {"properties": named, "allOf": [*schema.get("allOf", ()), *cases]}
+        bare = {"anyOf": [{"enum": list(specs)}, {"not": {"type": "string"}}]}
+        return {**whole, **bare} if "string" in schema["type"] else whole
+
+    def _case(self, word: str, name: str, spec: PartSpec, own: Schema) -> Schema:
+        """A part's parameters, where its name is written and no other. A server takes the beginning
+        of a constant for the whole while it completes, `follow` for `follow_path`; a pattern it
+        takes as it stands."""
+        written = {"properties": {word: {"const": name, "pattern": f"^{name}$"}}}
+        properties = {**dict.fromkeys(own, True), **self.schemas.properties(spec.fields)}
+        then = {
+            "description": spec.summary,
+            "properties": properties,
+            "additionalProperties": False,
+        }
+        return {"if": {**written, "required": [word]}, "then": then}
+
+    def _with_packages(self, action: Schema) -> Schema:
+        """The schema of one action, with those of packages, and no other."""
+        properties = action["properties"]
+        for name in self._catalog.names("actions"):
+            spec = self._catalog.get("actions", name)
+            needed = [field.key for field in spec.fields if field.required]
+            properties[name] = {
+                "title": name,
+                "description": spec.summary,
+                "type": "object",
+                "properties": self.schemas.properties(spec.fields, needed),
+                "required": needed,
+                "additionalProperties": False,
+            }
+        return {**action, "additionalProperties": False, "maxProperties": 1}
 
 
-def _written(name: str) -> Schema:
-    """The name and no other. A language server takes the beginning of a constant for the whole
-    while it completes, `follow` for `follow_path`; a pattern it takes as it stands."""
-    return {"const": name, "pattern": f"^{name}$"}
-
-
-def _constant(catalog: Catalog, kind: str, name: str) -> Schema:
-    return {"const": name, "description": catalog.get(kind, name).summary}
-
-
-def _case(catalog: Catalog, kind: str, name: str, own: Schema) -> Schema:
-    spec = catalog.get(kind, name)
-    properties = {**dict.fromkeys(own, True), **{f.name: parameter(f) for f in spec.fields}}
-    return {"description": spec.summary, "properties": properties, "additionalProperties": False}
+def _offer(properties: Schema, texts: dict[str, list[str]]) -> None:
+    """Offer values for the keys of a mapping and of its `next`."""
+    for key, value in properties.items():
+        if key == "next":
+            _offer(value["items"]["properties"], texts)
+        elif key in texts:
+            value.pop("anyOf", None)
+            value["defaultSnippets"] = snippets(texts[key])

@@ -1,12 +1,14 @@
-"""Declarations to JSON Schema: every record of the language, and the parameters of a part, alone.
+"""Declarations to JSON Schema: every record of the language, and the parameters of a part.
+
 `x-dimension` names the dimension of a quantity, so that a finding can say which was needed.
+`errorMessage` and `defaultSnippets` are keywords of the language servers of editors: what is wrong,
+and what to insert. Other validators leave them out.
 """
 
 from __future__ import annotations
 
-import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -20,12 +22,9 @@ from kybflow.core.params import (
     Numbers,
     RecordOf,
     ValueType,
-    fields_of,
-    is_needed,
 )
-from kybflow.core.units import Dimension, article
+from kybflow.core.units import Dimension, article, format_quantity, parse_quantity
 from kybflow.dsl.language.types import (
-    EVENT_FIELD,
     PHASE,
     REQUEST,
     SCALARS,
@@ -33,13 +32,17 @@ from kybflow.dsl.language.types import (
     TITLE,
     VERSION,
     AnyOf,
+    Layout,
     PartOf,
     UsesOf,
+    layout_of,
+    part_layout,
 )
-from kybflow.dsl.reading.values import bounds_of, shown_value
-from kybflow.parts.events import AWAITED_EVENTS
+from kybflow.dsl.reading.values import bounds_of, diagonal, shown_value
 
 Schema = dict[str, Any]
+Finish = Callable[[Schema, Field, bool], Schema]
+"""Completes the schema of a field's value; told whether its key may be left out."""
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 _PARAMETER = r"\$[A-Za-z_]\w*"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
@@ -57,273 +60,293 @@ BOUNDS = {
     "maximum": "at_most",
 }
 """The bounds of a schema, and what a field calls them."""
-_ALIAS = "A name of its own, when the same part is used twice."
-
-
-def record_schema(cls: Any, help: str = "") -> Schema:
-    """The schema of the mapping of a record; `help` is what it is where it stands."""
-    properties: Schema = {"like": text(cls.like)} if getattr(cls, "like", "") else {}
-    part: PartOf | None = None
-    for field in fields_of(cls):
-        kind = field.type
-        if isinstance(kind, RecordOf) and kind.flat:
-            properties |= params_schema(fields_of(kind.cls), "")["properties"]
-        elif isinstance(kind, PartOf) and kind.word == field.key:
-            part = kind
-            properties[field.key] = text(field.help)
-            properties |= {"as": text(_ALIAS)} if part.word == "use" else {}
-        else:
-            properties[field.key] = field_schema(field)
-    whole: Schema = {
-        "title": cls.title,
-        "description": help or " ".join(cls.__doc__.partition("\n\n")[0].split()),
-        "type": ["string", "object"] if part and part.word == "use" else "object",
-        "properties": properties,
-        **({"minProperties": cls.least} if getattr(cls, "least", 0) else {}),
-        **_others(getattr(cls, "others", None), properties, is_open=part is not None),
-    }
-    needed = [
-        field.key
-        for field in fields_of(cls)
-        if is_needed(cls, field) and not (field.type is part and part and not part.is_needed)
-    ]
-    if needed and "like" in properties:
-        alone = dict.fromkeys(properties, True)
-        either = {"title": cls.title, "properties": alone, "required": needed}
-        return {**whole, "if": {"required": ["like"]}, "else": either}
-    return {**whole, "required": needed} if needed else whole
-
-
-def _others(others: ValueType | None, properties: Schema, is_open: bool) -> Schema:
-    """What keys that are none of the record's own may be; those of events join `properties`."""
-    if others is EVENT_FIELD:
-        kinds = list(SCALARS)
-        for name in event_fields():
-            about = f"Only when the event's `{name}` is this."
-            properties.setdefault(name, {"description": about, "type": kinds})
-    elif others is not None:
-        names = {"propertyNames": {"pattern": NAME}} if isinstance(others, RecordOf) else {}
-        return {**names, "additionalProperties": field_schema(Field(type=others))}
-    return {} if is_open else {"additionalProperties": False}
-
-
-@functools.cache
-def event_fields() -> tuple[str, ...]:
-    """The names of the fields that an event may have."""
-    return tuple(sorted({name for event in AWAITED_EVENTS.values() for name in event.fields}))
-
-
-def params_schema(fields: tuple[Field, ...], title: str) -> Schema:
-    """The schema of the parameters of one part, alone."""
-    return {
-        "title": title,
-        "type": "object",
-        "properties": {field.key: field_schema(field) for field in fields},
-        "required": [field.key for field in fields if field.required],
-        "additionalProperties": False,
-    }
-
-
-def text(help: str) -> Schema:
-    return {"description": help, "type": "string"}
-
-
-def field_schema(field: Field) -> Schema:
-    """The schema of the value of one key."""
-    make = _ALONE.get(field.type) or _MAKERS.get(type(field.type), _text)
-    whole = make(field.type, field)
-    return {**whole, "examples": list(field.examples)} if field.examples else whole
-
-
-def _text(_: Any, field: Field) -> Schema:
-    return text(_help(field))
-
-
-def _scalar(kind: Any, field: Field) -> Schema:
-    """A whole number, or a boolean."""
-    either = {"type": [kind.shape, "string"], "pattern": f"^{_PARAMETER}$"}
-    return {"description": _help(field), **either, **_bounds(field)}
-
-
-def _choice(kind: Any, field: Field) -> Schema:
-    choices = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
-    return {"description": _help(field), "type": "string", "anyOf": choices}
-
-
-def _uses(kind: Any, field: Field) -> Schema:
-    return {"description": field.help, "type": "array", "items": _use_or_stack(kind.item)}
-
-
-def _sensors(_: Any, field: Field) -> Schema:
-    one = use_schema("sensors", field.help)
-    return {**one, "type": ["string", "object", "array"], "items": one, "minItems": 1}
-
-
-def _list(kind: Any, field: Field) -> Schema:
-    about = field.each or ("" if isinstance(kind.item, RecordOf) else "One of them.")
-    item = replace(
-        field, type=kind.item, help=about, required=True, examples=field.each_examples
-    )  # fmt: skip
-    least = {"minItems": field.least} if field.least else {}
-    return {"description": _help(field), "type": "array", "items": field_schema(item), **least}
-
-
-def _mapping(kind: Any, field: Field) -> Schema:
-    item = Field(field.each, name=field.name, type=kind.item, required=True,
-                 examples=field.each_examples)  # fmt: skip
-    whole: Schema = {"description": field.help, "type": "object"}
-    if field.names_like != "any":
-        whole["propertyNames"] = {"pattern": DOTTED if field.names_like == "dotted" else NAME}
-    whole["additionalProperties"] = field_schema(item)
-    return {**whole, "minProperties": field.least} if field.least else whole
-
-
-def _record(kind: Any, field: Field) -> Schema:
-    whole = record_schema(kind.cls, field.help)
-    return {**whole, "type": ["string", "object"]} if kind.or_name else whole
-
-
-def _use(kind: Any, field: Field) -> Schema:
-    whole = use_schema(kind.kind, field.help)
-    return whole if kind.is_needed else {**whole, "required": []}
-
-
-def _any_of(kind: Any, field: Field) -> Schema:
-    kinds = list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0]
-    return {**({"description": field.help} if field.help else {}), "type": kinds}
-
-
-def _either(about: str, inside: Schema) -> Schema:
-    """A name, or a mapping with one."""
-    return {"description": about, "type": ["string", "object"], "minProperties": 1,
-            "additionalProperties": inside}  # fmt: skip
-
-
-def _request(_: Any, field: Field) -> Schema:
-    about = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
-    values = "Values of its parameters in place of its own."
-    inside = {"description": values, "type": ["object", *SCALARS, "array"]}
-    return _either(about, inside)
-
-
-def _phase(_: Any, field: Field) -> Schema:
-    return _either(field.help, text(field.each))
-
-
-def _version(_: Any, field: Field) -> Schema:
-    return {"description": field.help, "const": 1}
-
-
-def _title(_: Any, field: Field) -> Schema:
-    return {**text(field.help), "pattern": NAME, "maxLength": TITLE_LENGTH}
-
-
-def use_schema(kind: str, help: str, more: Schema | None = None) -> Schema:
-    """A part by its bare name, or a mapping with `use` and its parameters."""
-    properties = {"use": text("Name of the part."), "as": text(_ALIAS), **(more or {})}
-    return {"title": kind[:-1], "description": help, "type": ["string", "object"],
-            "properties": properties, "required": ["use"]}  # fmt: skip
-
-
-def _use_or_stack(item: ValueType) -> Schema:
-    """A part, a record of one, or a stack of them."""
-    stack = text("A stack: its parts for this list stand here.")
-    part = (
-        use_schema(item.kind, "One of them.")
-        if isinstance(item, PartOf)
-        else record_schema(item.cls if isinstance(item, RecordOf) else None)
-    )
-    properties = {**part["properties"], "stack": stack}
-    alone = {"title": "stack's place", "description": "A stack.", "type": "object",
-             "properties": {"stack": stack}, "additionalProperties": False}  # fmt: skip
-    either = {"title": part["title"], "properties": properties, "required": part.pop("required")}
-    when = {"type": "object", "required": ["stack"]}
-    return {**part, "properties": properties, "if": when, "then": alone, "else": either}
-
-
-def _numbers(kind: Any, field: Field) -> Schema:
-    """A number with a unit, a bare number where the dimension allows it, or `$name`; lists of
-    them."""
-    return _sized(kind.dimension, kind.size, field, _help(field))
-
-
-def _sized(dimension: Dimension, size: tuple[int | None, ...], field: Field, about: str) -> Schema:
-    if not size:
-        units = "|".join(unit.replace("^", r"\^") for unit in dimension.units)
-        unit = rf"[ \t]*({units}){'?' if dimension.bare_allowed else ''}" if units else ""
-        return {
-            "description": _described(about, dimension),
-            "type": ["number", "string"] if dimension.bare_allowed else "string",
-            "pattern": rf"^[ \t]*{_NUMBER}{unit}[ \t]*$|^{_PARAMETER}$",
-            "x-dimension": dimension.name,
-            **_bounds(field),
-        }
-    is_row, least = len(size) == 1, size[0] or 1
-    return {
-        "description": _described(about, dimension) if is_row else about,
-        "type": ["array", "string"],
-        "pattern": _PLACE if size == (3,) and field.shape != "matrix" else f"^{_PARAMETER}$",
-        "items": _sized(dimension, size[1:], field, "One number." if is_row else about),
-        "minItems": least,
-        **({"maxItems": least} if size[0] else {}),
-        **({"x-dimension": dimension.name} if is_row else {}),
-    }
-
-
-def _described(help: str, dimension: Dimension) -> str:
-    si = f" [{dimension.si}]" if dimension.si else ""
-    what = article(dimension.name).capitalize()
-    return f"{help} {what}{si}, like `{dimension.example}`."
-
-
-def _bounds(field: Field) -> dict[str, float]:
-    bounds = (field.above, field.at_least, field.below, field.at_most)
-    return {key: bound for key, bound in zip(BOUNDS, bounds, strict=True) if bound is not None}
-
-
-def _help(field: Field) -> str:
-    """The description that an editor shows of a key: its help, default and bounds."""
-    is_plain = isinstance(field.type, Numbers | Choice) or field.type.shape in _PLAIN
-    has_default = is_plain and not field.required and field.default not in (None, (), "")
-    default = f" Default: {shown_value(field.default, field)}." if has_default else ""
-    bounds = bounds_of(field)
-    return f"{field.help}{default}" + (f" {bounds[0].upper()}{bounds[1:]}." if bounds else "")
-
-
+KINDS = {
+    "object": "a mapping",
+    "array": "a list",
+    "string": "text",
+    "number": "a number",
+    "boolean": "`true` or `false`",
+    "integer": "a whole number",
+    "null": "nothing",
+}
+"""The types of JSON in words."""
+_NAMED = "A name has letters, digits and `_`, and begins with no digit."
 _PLAIN = ("integer", "boolean", "text", "file", "file path", "integers", "names")
-_Maker = Callable[[Any, Field], Schema]
-_ALONE: dict[ValueType, _Maker] = {
-    INTEGER: _scalar, BOOLEAN: _scalar, SENSORS: _sensors, REQUEST: _request, PHASE: _phase,
-    VERSION: _version, TITLE: _title,
-}  # fmt: skip
-_MAKERS: dict[type[ValueType], _Maker] = {
-    Numbers: _numbers, Choice: _choice, UsesOf: _uses, ListOf: _list, MappingOf: _mapping,
-    RecordOf: _record, PartOf: _use, AnyOf: _any_of,
-}  # fmt: skip
-"""What makes the schema of a value, by its type; any other is a text."""
 
 
-def nullable(schema: Any) -> Any:
-    """The schema with `null` allowed wherever a key may be left out: it is the same as not
+def with_null(schema: Schema, _: Field, may_lack: bool) -> Schema:
+    """The schema with `null` allowed where the key may be left out: it is the same as not
     written."""
-    if isinstance(schema, list):
-        return [nullable(item) for item in schema]
-    if not isinstance(schema, dict):
-        return schema
-    new, needed = dict(schema), schema.get("required", ())
-    if isinstance(schema.get("properties"), dict):
-        new["properties"] = {
-            name: inner if name in needed else _with_null(inner)
-            for name, inner in schema["properties"].items()
-        }
-    if isinstance(schema.get("additionalProperties"), dict):
-        new["additionalProperties"] = _with_null(schema["additionalProperties"])
-    return {key: nullable(value) for key, value in new.items()}
-
-
-def _with_null(schema: Any) -> Any:
-    if not isinstance(schema, dict) or "type" not in schema:
+    if not may_lack or "type" not in schema:
         return schema
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
     either = {"anyOf": [*schema["anyOf"], {"type": "null"}]} if "anyOf" in schema else {}
     return {**schema, "type": [*kinds, "null"], **either}
+
+
+def record_schema(cls: Any) -> Schema:
+    """The schema by which `jsonschema` judges the mapping of a record."""
+    return Schemas().record(cls)
+
+
+class Schemas:
+    """Makes the schemas of records and values. `finish` completes each value's."""
+
+    def __init__(self, finish: Finish = with_null) -> None:
+        self._finish = finish
+
+    def record(self, cls: Any, help: str = "") -> Schema:
+        """The schema of the mapping of a record; `help` is what it is where it stands."""
+        about = help or " ".join(cls.__doc__.partition("\n\n")[0].split())
+        return self._mapping_of(layout_of(cls), cls.title, about)
+
+    def properties(self, fields: Iterable[Field], needed: Container[str] = ()) -> Schema:
+        """The schemas of the values of several keys; the others may be left out."""
+        return {field.key: self.value(field, field.key not in needed) for field in fields}
+
+    def value(self, field: Field, may_lack: bool = False) -> Schema:
+        """The schema of the value of one key."""
+        make = _ALONE.get(field.type) or _MAKERS.get(type(field.type), Schemas._text)
+        whole = make(self, field.type, field)
+        if field.examples:
+            whole["examples"] = list(field.examples)
+        return self._finish(whole, field, may_lack)
+
+    def _mapping_of(self, layout: Layout, title: str, about: str) -> Schema:
+        has_like = "like" in layout.keys
+        needed = () if has_like else layout.needed
+        is_use = layout.part is not None and layout.part.word == "use"
+        whole: Schema = {
+            "title": title,
+            "description": about,
+            "type": ["string", "object"] if is_use else "object",
+            "properties": self.properties(layout.keys.values(), needed),
+        }
+        if layout.least:
+            whole["minProperties"] = layout.least
+        if layout.others is not None:
+            if isinstance(layout.others, RecordOf):
+                whole["propertyNames"] = _names(NAME)
+            whole["additionalProperties"] = self.value(Field(type=layout.others), may_lack=True)
+        elif layout.part is None:
+            whole["additionalProperties"] = False
+        if needed:
+            whole["required"] = list(needed)
+        if has_like and layout.needed:
+            alone = dict.fromkeys(layout.keys, True)
+            either = {"title": title, "properties": alone, "required": list(layout.needed)}
+            whole["allOf"] = [{"if": {"required": ["like"]}, "else": either}]
+        return whole
+
+    def _text(self, _: Any, field: Field) -> Schema:
+        return {"description": _help(field), "type": "string"}
+
+    def _scalar(self, kind: Any, field: Field) -> Schema:
+        """A whole number, or a boolean."""
+        either = {"type": [kind.shape, "string"], "pattern": f"^{_PARAMETER}$"}
+        words = ("true", "false") if kind is BOOLEAN else (_example(field),)
+        return {
+            "description": _help(field),
+            "defaultSnippets": snippets(words),
+            **either,
+            **_bounds(field),
+        }
+
+    def _choice(self, kind: Any, field: Field) -> Schema:
+        needed = {"errorMessage": f"One of {', '.join(f'`{w}`' for w in kind.words)} is needed."}
+        choices: list[Schema] = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
+        return {
+            "description": _help(field),
+            "defaultSnippets": snippets(kind.words),
+            "type": "string",
+            "anyOf": [{**choice, **needed} for choice in choices],
+        }
+
+    def _numbers(self, kind: Any, field: Field) -> Schema:
+        """A number with a unit, a bare number where the dimension allows it, or `$name`; lists of
+        them."""
+        return {
+            "description": _help(field),
+            "defaultSnippets": snippets((_example(field),)),
+            **numbers_schema(kind.dimension, kind.size, field),
+        }
+
+    def _list(self, kind: Any, field: Field) -> Schema:
+        about = field.each or ("" if isinstance(kind.item, RecordOf) else "One of them.")
+        item = replace(
+            field, type=kind.item, help=about, required=True, examples=field.each_examples
+        )  # fmt: skip
+        whole: Schema = {
+            "description": _help(field), "type": "array", "items": self.value(item)
+        }  # fmt: skip
+        if kind.item is INTEGER:
+            whole["defaultSnippets"] = snippets((_example(field),))
+        return {**whole, "minItems": field.least} if field.least else whole
+
+    def _uses(self, kind: Any, field: Field) -> Schema:
+        """A list whose items are a part, a record of one, or a stack of them."""
+        stack = Field("A stack: its parts for this list stand here.", key="stack")
+        if isinstance(kind.item, PartOf):
+            layout, title, about = part_layout(kind.item), kind.item.kind[:-1], "One of them."
+        else:
+            cls = kind.item.cls
+            layout, title, about = layout_of(cls), cls.title, cls.__doc__.partition("\n\n")[0]
+        keys = {**layout.keys, "stack": stack}
+        whole = self._mapping_of(layout._replace(keys=keys, needed=()), title, about)
+        alone = {
+            "title": "stack's place",
+            "description": "A stack.",
+            "type": "object",
+            "properties": {"stack": whole["properties"]["stack"]},
+            "additionalProperties": False,
+        }
+        named = {**dict.fromkeys(keys, True), **self.properties((layout.keys["use"],), ("use",))}
+        either = {"title": title, "properties": named, "required": ["use"]}
+        when = {"type": "object", "required": ["stack"]}
+        whole["allOf"] = [{"if": when, "then": alone, "else": either}]
+        items = self._finish(whole, Field(type=kind.item), False)
+        return {"description": field.help, "type": "array", "items": items}
+
+    def _sensors(self, kind: Any, field: Field) -> Schema:
+        one = self.value(replace(field, type=kind.item))
+        types = ["string", "object", "array"]
+        return {**self._use(kind.item, field), "type": types, "items": one, "minItems": 1}
+
+    def _mapping(self, kind: Any, field: Field) -> Schema:
+        item = Field(field.each, name=field.name, type=kind.item, required=True,
+                     examples=field.each_examples)  # fmt: skip
+        whole: Schema = {"description": field.help, "type": "object"}
+        if field.names_like != "any":
+            whole["propertyNames"] = _names(DOTTED if field.names_like == "dotted" else NAME)
+        whole["additionalProperties"] = self.value(item, may_lack=True)
+        return {**whole, "minProperties": field.least} if field.least else whole
+
+    def _record(self, kind: Any, field: Field) -> Schema:
+        whole = self.record(kind.cls, field.help)
+        return {**whole, "type": ["string", "object"]} if kind.or_name else whole
+
+    def _use(self, kind: Any, field: Field) -> Schema:
+        """A part by its bare name, or a mapping with `use` and its parameters."""
+        return self._mapping_of(part_layout(kind), kind.kind[:-1], field.help)
+
+    def _any_of(self, kind: Any, field: Field) -> Schema:
+        kinds = list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0]
+        return {**({"description": field.help} if field.help else {}), "type": kinds}
+
+    def _request(self, _: Any, field: Field) -> Schema:
+        about = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
+        values = AnyOf("value", kinds=("object", *SCALARS, "array"))
+        inside = Field("Values of its parameters in place of its own.", type=values)
+        return self._either(about, inside)
+
+    def _phase(self, _: Any, field: Field) -> Schema:
+        return self._either(field.help, Field(field.each))
+
+    def _either(self, about: str, inside: Field) -> Schema:
+        """A name, or a mapping with one."""
+        return {"description": about, "type": ["string", "object"], "minProperties": 1,
+                "additionalProperties": self.value(inside, may_lack=True)}  # fmt: skip
+
+    def _version(self, _: Any, field: Field) -> Schema:
+        return {"description": field.help, "const": 1}
+
+    def _title(self, _: Any, field: Field) -> Schema:
+        return {"description": field.help, "type": "string", "pattern": NAME,
+                "maxLength": TITLE_LENGTH, "errorMessage": _NAMED}  # fmt: skip
+
+
+_Maker = Callable[[Schemas, Any, Field], Schema]
+_ALONE: dict[ValueType, _Maker] = {
+    INTEGER: Schemas._scalar, BOOLEAN: Schemas._scalar, SENSORS: Schemas._sensors,
+    REQUEST: Schemas._request, PHASE: Schemas._phase, VERSION: Schemas._version,
+    TITLE: Schemas._title,
+}  # fmt: skip
+_MAKERS: dict[type[ValueType], _Maker] = {
+    Numbers: Schemas._numbers, Choice: Schemas._choice, UsesOf: Schemas._uses,
+    ListOf: Schemas._list, MappingOf: Schemas._mapping, RecordOf: Schemas._record,
+    PartOf: Schemas._use, AnyOf: Schemas._any_of,
+}  # fmt: skip
+"""What makes the schema of a value, by its type; any other is a text."""
+
+
+def numbers_schema(dimension: Dimension, size: tuple[int | None, ...], field: Field) -> Schema:
+    """The schema of numbers, as many as `size` says, within the bounds of a field."""
+    one = f"{article(dimension.name)}, like `{dimension.example}`"
+    if not size:
+        units = "|".join(unit.replace("^", r"\^") for unit in dimension.units)
+        unit = rf"[ \t]*({units}){'?' if dimension.bare_allowed else ''}" if units else ""
+        known = f"; its units are {', '.join(dimension.units)}" if units else ""
+        return {
+            "type": ["number", "string"] if dimension.bare_allowed else "string",
+            "pattern": rf"^[ \t]*{_NUMBER}{unit}[ \t]*$|^{_PARAMETER}$",
+            "x-dimension": dimension.name,
+            **_bounds(field),
+            "errorMessage": f"{one[:1].upper()}{one[1:]}, is needed{known}.",
+        }
+    is_matrix, least = field.shape == "matrix", size[0] or 1
+    if len(size) == 1:
+        needed = f"A row of {least} is needed, `[...]`" if is_matrix else "`[x, y, z]` is needed"
+    elif is_matrix:
+        needed = f"`[[...], ...]` is needed, {least} rows of {size[1]}"
+    else:
+        needed = "`[[x, y, z], ...]` is needed"
+    return {
+        "type": ["array", "string"],
+        "pattern": _PLACE if size == (3,) and not is_matrix else f"^{_PARAMETER}$",
+        "items": numbers_schema(dimension, size[1:], field),
+        "minItems": least,
+        **({"maxItems": least} if size[0] else {}),
+        **({"x-dimension": dimension.name} if len(size) == 1 else {}),
+        "errorMessage": f"{needed}, each {one}.",
+    }
+
+
+def snippets(texts: Iterable[str]) -> list[dict[str, str]]:
+    """What an editor offers to insert."""
+    return [{"label": text, "body": text} for text in texts]
+
+
+def _names(pattern: str) -> Schema:
+    return {"pattern": pattern, "patternErrorMessage": _NAMED}
+
+
+def _bounds(field: Field) -> dict[str, float]:
+    bounds = {key: getattr(field, ours) for key, ours in BOUNDS.items()}
+    return {key: bound for key, bound in bounds.items() if bound is not None}
+
+
+def _help(field: Field) -> str:
+    """The description that an editor shows of a key: its help, default and bounds, and how a
+    quantity is written."""
+    kind = field.type
+    is_plain = isinstance(kind, Numbers | Choice) or kind.shape in _PLAIN
+    has_default = is_plain and not field.required and field.default not in (None, (), "")
+    default = f" Default: {shown_value(field.default, field)}." if has_default else ""
+    bounds = bounds_of(field)
+    about = f"{field.help}{default}" + (f" {bounds[0].upper()}{bounds[1:]}." if bounds else "")
+    if not isinstance(kind, Numbers):
+        return about
+    dimension = kind.dimension
+    si = f" [{dimension.si}]" if dimension.si else ""
+    what = article(dimension.name).capitalize()
+    return f"{about} {what}{si}, like `{dimension.example}`."
+
+
+def _example(field: Field) -> str:
+    """Numbers, or whole ones, to begin with: the default, else some inside of the bounds."""
+    kind = field.type
+    if field.default not in (None, ()):
+        return shown_value(field.default, field)
+    if not isinstance(kind, Numbers):
+        whole = str(max(1, int(field.at_least or 0)))
+        return whole if kind is INTEGER else f"[{whole}, {whole}]"
+    one, zero = kind.dimension.example, format_quantity(0.0, kind.dimension)
+    if field.outside(parse_quantity(one, kind.dimension)) is not None:
+        low = next((b for b in (field.above, field.at_least) if b is not None), 0.0)
+        high = next((b for b in (field.below, field.at_most) if b is not None), 2.0 * low + 2.0)
+        one = format_quantity(0.5 * (low + high), kind.dimension)
+    first = one if field.outside(0.0) is not None else zero
+    if field.shape == "matrix":
+        return diagonal(kind.size, one, first)
+    depth = len(kind.size)
+    return "[" * depth + f"{first}, {first}, {one}" + "]" * depth if depth else one

@@ -4,9 +4,8 @@ no; what is wrong says `jsonschema` by the schema of the same records (ADR 22)."
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from kybflow.core.errors import UnitError
 from kybflow.core.params import (
@@ -22,15 +21,12 @@ from kybflow.core.params import (
     Numbers,
     RecordOf,
     ValueType,
-    fields_of,
-    is_needed,
 )
 from kybflow.core.units import parse_quantity
-from kybflow.dsl.language.schema import NAMES, PARAMETER, PLACE, TITLE_LENGTH, event_fields
+from kybflow.dsl.language.schema import NAMES, PARAMETER, PLACE, TITLE_LENGTH
 from kybflow.dsl.language.types import (
     CONDITION,
     EVENT,
-    EVENT_FIELD,
     PHASE,
     REQUEST,
     SENSORS,
@@ -38,79 +34,46 @@ from kybflow.dsl.language.types import (
     TITLE,
     VERSION,
     AnyOf,
+    Layout,
     PartOf,
     UsesOf,
+    layout_of,
+    part_layout,
 )
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, is_null, to_json
 
 _JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 
 
-class _Shape(NamedTuple):
-    """What a mapping may hold: its keys, with those of a record that stands flat in it; the keys
-    that it needs; the part that it names; the texts that may stand beside, and the type of what
-    stands under any other name."""
-
-    keys: dict[str, Field]
-    needed: tuple[str, ...]
-    part: PartOf | None
-    texts: frozenset[str]
-    others: ValueType | None
-    least: int
-
-
-@functools.cache
-def _shape_of(cls: Any) -> _Shape:
-    keys: dict[str, Field] = {}
-    part, texts = None, {"like"} if getattr(cls, "like", "") else set[str]()
-    for field in fields_of(cls):
-        kind = field.type
-        if isinstance(kind, RecordOf) and kind.flat:
-            keys |= {own.key: own for own in fields_of(kind.cls)}
-        elif isinstance(kind, PartOf) and kind.word == field.key:
-            part = kind
-            texts |= {"as", "stack"} if kind.word == "use" else set()
-        else:
-            keys[field.key] = field
-    needed = (f.key for f in fields_of(cls) if f.key in keys and is_needed(cls, f))
-    others, least = getattr(cls, "others", None), getattr(cls, "least", 0)
-    return _Shape(keys, tuple(needed), part, frozenset(texts), others, least)
-
-
 def has_shape(node: Node, cls: Any) -> bool:
     """Whether a tree is the mapping of a record."""
-    shape = _shape_of(cls)
-    if shape.part is not None and not _names_part(node, shape.part):
-        return False
+    return _is_laid_out(node, layout_of(cls))
+
+
+def _is_laid_out(node: Node, layout: Layout) -> bool:
+    """Whether a tree has the keys of a layout, each with what may stand under it."""
     if not isinstance(node, Mapping):
-        return shape.part is not None and shape.part.word == "use"
-    entries = node.entries
-    if len(entries) < shape.least:
+        return layout.part is not None and layout.part.word == "use" and _is_text(node)
+    entries, keys = node.entries, layout.keys
+    if len(entries) < layout.least:
         return False
-    if "like" not in entries or "like" not in shape.texts:
-        lacking = (key not in entries or is_null(entries[key].value) for key in shape.needed)
+    if "like" not in entries or "like" not in keys:
+        lacking = (key not in entries or is_null(entries[key].value) for key in layout.needed)
         if any(lacking):
             return False
-    return all(_stands(key, entry.value, shape) for key, entry in entries.items())
-
-
-def _stands(key: str, value: Node, shape: _Shape) -> bool:
-    """Whether a key of a mapping may stand there with its value."""
-    field = shape.keys.get(key)
-    if field is not None:
-        return is_null(value) or _fits(value, field.type, field)
-    if key in shape.texts:
-        return is_null(value) or _is_text(value)
-    return shape.part is not None or _may_stand(key, value, shape.others)
+    for key, entry in entries.items():
+        field = keys.get(key)
+        if field is None:
+            if layout.part is None and not _may_stand(key, entry.value, layout.others):
+                return False
+        elif not (is_null(entry.value) or _fits(entry.value, field.type, field)):
+            return False
+    return True
 
 
 def _may_stand(key: str, value: Node, others: ValueType | None) -> bool:
     """Whether a record whose other keys are `others` may have a key of its author's."""
-    if others is None:
-        return False
-    if others is EVENT_FIELD and key not in event_fields():
-        return False
-    if isinstance(others, RecordOf) and not NAMES["name"].match(key):
+    if others is None or (isinstance(others, RecordOf) and not NAMES["name"].match(key)):
         return False
     return is_null(value) or _fits(value, others, Field(type=others))
 
@@ -136,20 +99,8 @@ def _is_version(node: Node, *_: Any) -> bool:
     return value == 1 and not isinstance(value, bool)
 
 
-def _names_part(node: Node, kind: PartOf) -> bool:
-    if not isinstance(node, Mapping):
-        return kind.word == "use" and _is_text(node)
-    named = node.entries.get(kind.word)
-    if named is None or is_null(named.value):
-        return not kind.is_needed
-    return _is_text(named.value)
-
-
 def _is_use(node: Node, kind: Any, _: Field) -> bool:
-    if not _names_part(node, kind):
-        return False
-    alias = node.entries.get("as") if isinstance(node, Mapping) else None
-    return alias is None or is_null(alias.value) or _is_text(alias.value)
+    return _is_laid_out(node, part_layout(kind))
 
 
 def _is_request(node: Node, *_: Any) -> bool:

@@ -1,12 +1,15 @@
 """What a value of the language may be beside quantities, texts and lists: `use: NAME` with a part's
-parameters beside it, a condition, the name of an event, a state with values."""
+parameters beside it, a condition, the name of an event, a state with values. And which keys a
+record may have (`Layout`)."""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from kybflow.core.params import ListOf, RecordOf, ValueType
+from kybflow.core.params import Field, ListOf, RecordOf, ValueType, fields_of, is_needed
+from kybflow.parts.events import AWAITED_EVENTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +63,73 @@ def part_of(kind: str, word: str = "use", is_needed: bool = True) -> PartOf:
 def record_of(cls: Any) -> RecordOf:
     """Return the type of a record."""
     return RecordOf("mapping", False, cls)
+
+
+class Layout(NamedTuple):
+    """The keys of a record.
+
+    keys: every key that may be written, with those of the record that stands flat in it, and with
+    `like`, `as` and the name of its part, which are texts. own: those that have a field of their
+    own. computed: the names of the fields that have no key. needed: the keys that a file must have,
+    unless it is `like` another. required: the fields without a default. part: the part that it
+    names, in the field `part_name`. others: the type of what stands under any other key; None where
+    there is none. least: how many keys it has at least.
+    """
+
+    keys: dict[str, Field]
+    own: dict[str, Field]
+    computed: frozenset[str]
+    needed: tuple[str, ...]
+    required: tuple[Field, ...] = ()
+    part: PartOf | None = None
+    part_name: str = ""
+    flat: Field | None = None
+    others: ValueType | None = None
+    least: int = 0
+
+
+_ALIAS = Field("A name of its own, when the same part is used twice.", key="as")
+
+
+@functools.cache
+def layout_of(cls: Any) -> Layout:
+    """Return the layout of a record, or of a part's parameters."""
+    fields, others = fields_of(cls), getattr(cls, "others", None)
+    keys: dict[str, Field] = {}
+    own: dict[str, Field] = {}
+    part, part_name, flat = None, "", None
+    if getattr(cls, "like", ""):
+        keys["like"] = Field(cls.like, key="like")
+    for field in fields:
+        kind = field.type
+        if isinstance(kind, RecordOf) and kind.flat:
+            flat = field
+            keys |= {inner.key: inner for inner in fields_of(kind.cls)}
+        elif isinstance(kind, PartOf) and kind.word == field.key:
+            part, part_name = kind, field.name
+            keys |= part_layout(kind, field.help).keys
+        else:
+            keys[field.key] = own[field.key] = field
+    if others is EVENT_FIELD:
+        others = None
+        for name in sorted({name for event in AWAITED_EVENTS.values() for name in event.fields}):
+            about = f"Only when the event's `{name}` is this."
+            keys.setdefault(name, Field(about, type=EVENT_FIELD, key=name))
+    needed = [f.key for f in fields if is_needed(cls, f)]
+    if part is not None and not part.is_needed:
+        needed = [key for key in needed if key != part.word]
+    required = tuple(field for field in fields if field.required)
+    least = getattr(cls, "least", 0)
+    computed = frozenset(cls.__dataclass_fields__) - {field.name for field in fields}
+    return Layout(
+        keys, own, computed, tuple(needed), required, part, part_name, flat, others, least
+    )
+
+
+@functools.cache
+def part_layout(kind: PartOf, help: str = "Name of the part.") -> Layout:
+    """Return the layout of a part as a mapping, whose other keys are its parameters."""
+    keys = {kind.word: Field(help, key=kind.word)}
+    if kind.word == "use":
+        keys["as"] = _ALIAS
+    return Layout(keys, {}, frozenset(), (kind.word,) if kind.is_needed else (), part=kind)

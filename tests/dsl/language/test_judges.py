@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.judge import is_library
-from kybflow.dsl.language.schema import nullable, record_schema
+from kybflow.dsl.language.schema import record_schema
 from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.composer import compose
@@ -21,7 +21,7 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Seque
 
 REPO = Path(__file__).parents[3]
 FILES = sorted((REPO / "missions").glob("**/*.yaml"))
-KINDS = {kind: Draft202012Validator(nullable(record_schema(kind))) for kind in (Plan, Library)}
+KINDS = {kind: Draft202012Validator(record_schema(kind)) for kind in (Plan, Library)}
 VALUES = """
 - null
 - true

@@ -105,7 +105,7 @@ KEYS = {
         record="vehicle's target",
         said="How far it is heard. Default: 50 m. Above 0 m and at most 500 m.",
         facts={"exclusiveMinimum": 0.0, "maximum": 500.0, "x-dimension": "length"},
-        offered=["1.2 m"],
+        offered=["50 m"],
         row="| `reach` | How far it is heard. | length [m], above 0 m and at most 500 m | `50 m` |",
         written="80 cm",
         value=0.8,
@@ -247,7 +247,7 @@ def judged(name, keys):
 PROBE = """\
 from kybflow.cli.printing.parts import page
 from kybflow.dsl.language.published import mission_schema
-from kybflow.dsl.language.schema import params_schema, record_schema
+from kybflow.dsl.language.schema import Schemas, record_schema
 from kybflow.dsl.language.tables import records, with_tables
 from kybflow.runtime.options import check_options
 
@@ -266,7 +266,7 @@ told |= {
     "published": mission_schema(catalog),
     "records": {title: record_schema(cls)["properties"] for title, cls in records().items()},
     "tables": with_tables(docs),
-    "part": params_schema(catalog.get("behaviors", "hover").fields, "hover")["properties"],
+    "part": Schemas().properties(catalog.get("behaviors", "hover").fields),
     "page": page(),
     "wrong": {kind: compiled(f"wrong_{kind}")[1] for kind in names},
 }
@@ -373,8 +373,10 @@ def published(schema: dict[str, Any], kind: str) -> dict[str, Any]:
     """The published schema of a key."""
 
     def of(schema: dict[str, Any], *path: str) -> dict[str, Any]:
+        shared = schema.get("$defs", {})
         for step in path:
             schema = schema["additionalProperties"] if step == "*" else schema["properties"][step]
+            schema = shared[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else schema
         return schema
 
     if kind == "option":
