@@ -301,6 +301,11 @@ class _Run:
         self._driver_failed: str | None = None
         self._verdicts: tuple[Verdict, ...] = ()
 
+    def interrupt(self) -> int:
+        """Count an interrupt; return how many there were."""
+        self.interrupts += 1
+        return self.interrupts
+
     def fly(self, observers: Sequence[Observer]) -> None:
         """Open the drivers, fly to the end, close them."""
         devices: Devices | None = None
@@ -328,9 +333,8 @@ class _Run:
             plan, devices, self._events, clock, self._score,
             vehicle_observer=self._recorder.vehicle, observers=observers, seed=request.seed,
             commands=self._commands, judge=PlanEntryJudge(plan), note=self._note,
-            options=request.options,
+            options=request.options, interrupts=self.interrupts,
         )  # fmt: skip
-        engine.interrupts = self.interrupts
         with Interrupts(engine), _frozen_garbage():
             try:
                 reason = engine.run()

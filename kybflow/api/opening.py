@@ -201,12 +201,13 @@ def assemble(
     judge: EntryJudge | None = None,
     note: NoteInput = unnoted,
     options: Sequence[tuple[str, str]] = (),
+    interrupts: int = 0,
 ) -> Engine:
     """The engine that flies, inspects or rehearses `plan` on the open devices, with all that it
     needs. vehicle_observer: gives the observer of a vehicle's name. judge: judges the values that
     states are asked for with. note: takes what the inputs say. options: values for options, as
-    (name, value). Raises PartFailed where a part can't be made, OptionRefused for an option that
-    can't be changed."""
+    (name, value). interrupts: the signals so far. Raises PartFailed where a part can't be made,
+    OptionRefused for an option that can't be changed."""
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
     broadcasts, inputs = _broadcasts(plan), Inputs(plan.inputs, devices.inputs, events, note)
     moving = MovingObstacles(plan.moving, events, devices.watching)
@@ -220,7 +221,7 @@ def assemble(
         )  # fmt: skip
     engine = Engine(
         plan, clock, devices.sessions, [*devices.vehicles.values()], events, settable, inputs,
-        moving, observers, seed, commands,
+        moving, observers, seed, commands, interrupts,
     )  # fmt: skip
     for option, value in options:
         settable.set(option, value, "command line")

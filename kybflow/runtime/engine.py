@@ -74,6 +74,7 @@ class Engine:
         observers: Sequence[Observer] = (),
         seed: int = 0,
         commands: CommandQueue | None = None,
+        interrupts: int = 0,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
@@ -89,7 +90,7 @@ class Engine:
             commands or CommandQueue(),
         )
         self.callbacks = Callbacks(plan.callbacks, controls, self._condition(None))
-        self.interrupts = 0
+        self.interrupts = interrupts
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
@@ -106,6 +107,11 @@ class Engine:
     def seconds(self) -> float:
         """Return the time since the run began."""
         return self.clock.now / NS
+
+    def interrupt(self) -> int:
+        """Count an interrupt; return how many there were."""
+        self.interrupts += 1
+        return self.interrupts
 
     def run(self) -> str | None:
         """Run the preflight, then tick until every vehicle rests. Land at the time limit."""

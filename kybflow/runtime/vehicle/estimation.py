@@ -13,6 +13,7 @@ to another.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import Any
 
 from kybflow.core.errors import PartFailed
@@ -28,8 +29,8 @@ from kybflow.parts.events import (
     PositionAccepted,
     PositionRefused,
 )
+from kybflow.parts.observables import Unavailable
 from kybflow.runtime.conditions import bind
-from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
@@ -40,6 +41,29 @@ from kybflow.world.vehicle_context import VehicleContext
 Known = Callable[[frozenset[MeasurementKind]], str]
 _INERTIAL = frozenset({Imu})
 """The measurements of dead reckoning."""
+
+
+class _HealthView:
+    """What an estimator's health condition reads (`observables.View`): its last estimate."""
+
+    def __init__(self, candidate: Candidate) -> None:
+        self._candidate = candidate
+
+    @property
+    def age(self) -> float:
+        estimate = self._candidate.estimate
+        return inf if estimate is None else estimate.age
+
+    @property
+    def spread(self) -> float:
+        estimate = self._candidate.estimate
+        return inf if estimate is None else estimate.spread
+
+    def _never(self) -> Any:
+        raise Unavailable
+
+    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
+    payload = payload_place = releases = sticks = property(_never)
 
 
 class Candidate:
@@ -59,7 +83,6 @@ class Candidate:
         self.part: Estimator[Any] = make(plan.part, plan.part.params, context)
         self.uses = plan.part.cls.uses(plan.part.params)
         self.estimate: Estimate | None = None
-        self._view = EstimatorView()
         self.has_failed = False
         self.anchors = type(self.part).anchor is not Estimator.anchor
         self.refusal: Refusal | None = None
@@ -74,7 +97,7 @@ class Candidate:
     def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
         if healthy is None:
             return lambda: True
-        return bind(healthy, {self.name: self._view}, self.name, lambda: 0.0)
+        return bind(healthy, {self.name: _HealthView(self)}, self.name, lambda: 0.0)
 
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
@@ -85,7 +108,6 @@ class Candidate:
         self.estimate = estimate = self.part.update(measurements, now)
         if estimate is not None:
             checked_estimate(estimate)
-            self._view.age, self._view.spread = estimate.age, estimate.spread
         if estimate is None or not self._holds():
             self._was_lost = self._was_lost or self._healthy_since is not None
             self._healthy_since = None

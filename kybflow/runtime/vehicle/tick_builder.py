@@ -16,7 +16,6 @@ from kybflow.parts import GROUND, Entry, Flight
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.knowledge import Knowledge
-from kybflow.runtime.vehicle.link import LinkHealth
 from kybflow.world.vehicle_context import VehicleContext
 
 
@@ -28,26 +27,25 @@ class TickBuilder:
         context: VehicleContext,
         knowledge: Knowledge,
         control: Control,
-        health: LinkHealth,
         inputs: InputReadings,
         broadcasts: Broadcasts | None,
         moving: SeenObstacles,
     ) -> None:
         self.fleet: dict[str, Estimate | None] = {}
         self._context, self._knowledge, self._control = context, knowledge, control
-        self._health, self._inputs, self._moving = health, inputs, moving
+        self._inputs, self._moving = inputs, moving
         self._neighbours = broadcasts or NOBODY
 
     def tick(self, now: Time, dt: float, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
         """Return the tick at `now`, `dt` seconds after the last one, of a vehicle whose state was
         entered at `entered`."""
         self.fleet = fleet
-        knowledge, health = self._knowledge, self._health
+        knowledge, link = self._knowledge, self._knowledge.link_in
         return made(
             Tick,
             (
                 now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
-                self._control.followed, fleet, knowledge.imu, health.age, health.delay,
+                self._control.followed, fleet, knowledge.imu, link.age, link.delay,
                 knowledge.payload.state, self._inputs, self._neighbours, self._moving,
             ),
         )  # fmt: skip

@@ -93,12 +93,13 @@ class Vehicle:
         lines = {part.label: part.at for part in parts_of(plan)}
         failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         health = LinkHealth(plan.driver.label, failsafe.report)
-        link_in, link_out = LinkIn(plan, link, health, events, score), LinkOut(plan, link, health)
+        link_in = LinkIn(plan, link, health, events, score)
+        link_out = LinkOut(plan, link, health, link_in)
         knowledge = Knowledge(
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
         control = Control(plan, context, params, set_option, events)
-        ticks = TickBuilder(context, knowledge, control, health, inputs, broadcasts, moving)
+        ticks = TickBuilder(context, knowledge, control, inputs, broadcasts, moving)
         runner = BehaviorRunner(plan, params, ticks, failsafe, link_out, events, score)
         output = CommandOutput(plan, link_out, runner, knowledge.payload, knowledge.resting, events)
         reactions = Reactions(plan, runner, failsafe, link_out, output, score)
@@ -147,7 +148,7 @@ class Vehicle:
     @property
     def link_age(self) -> float:
         """Seconds since the vehicle's last message."""
-        return self._health.age
+        return self.knowledge.link_in.age
 
     @property
     def estimator(self) -> str | None:

@@ -201,7 +201,7 @@ def test_an_interrupt_lands_by_it(run):
 
     def interrupt(engine):
         if engine.seconds() >= AT:
-            engine.interrupts = 1
+            engine.interrupt()
 
     flown, told = run(flight(own), observers=(interrupt,))
     assert asked(opened)[-2:] == ["land", "rest"]

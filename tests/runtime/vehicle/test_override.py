@@ -287,7 +287,7 @@ def test_an_interrupted_run_leaves_the_vehicle_to_its_pilot(run):
 
     def interrupt(engine):
         if engine.seconds() >= TAKEN + 1.0:
-            engine.interrupts = 1
+            engine.interrupt()
 
     flown, _ = run(flight(own), observers=(interrupt,))
     after = {what for time, what in opened[0].calls if time > TAKEN + 0.01}
