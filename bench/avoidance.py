@@ -53,7 +53,7 @@ class Nearness:
 
     def _look(self, vehicle: Vehicle, now: float) -> None:
         moves = norm(vehicle.truth.velocity) > STILL
-        if moves or vehicle.activity.state.behavior.name in WAITING:
+        if moves or vehicle.runner.state.behavior.name in WAITING:
             self._since.pop(vehicle.name, None)
         self.longest = max(self.longest, now - self._since.setdefault(vehicle.name, now))
 

@@ -110,7 +110,7 @@ class Costs:
         self._last: tuple[float, float, float] | None = None
 
     def __call__(self, engine: Engine) -> None:
-        if not engine.flying or not all(v.activity.off_ground for v in engine.vehicles):
+        if not engine.flying or not all(v.runner.off_ground for v in engine.vehicles):
             return
         arrived = process_time()
         if self.profile is not None:

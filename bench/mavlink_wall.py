@@ -70,7 +70,7 @@ class Watch:
         self._began: tuple[float, float, int] | None = None
 
     def __call__(self, engine: Engine) -> None:
-        if not engine.flying or not all(v.activity.off_ground for v in engine.vehicles):
+        if not engine.flying or not all(v.runner.off_ground for v in engine.vehicles):
             return
         if self._began is None:
             Timed.left.clear()

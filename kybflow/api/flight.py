@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from kybflow.api.entry_judge import PlanEntryJudge
 from kybflow.api.opening import (
     Devices,
-    build_vehicles,
+    assemble,
     clock_for,
     open_devices,
     pace_of,
@@ -47,9 +47,8 @@ from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedComma
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
-from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
+from kybflow.runtime.fleet.inputs import NoteInput, unnoted
 from kybflow.runtime.interrupts import Interrupts
-from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.options import check_options
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.scores import Score
@@ -214,15 +213,10 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
     events = Events()
     devices = open_devices(plan, seed)
     try:
-        vehicles = build_vehicles(plan, devices, events, lambda _: VehicleObserver(), Score(plan))
         clock = clock_for(plan, pace_of(plan, None))
-        inputs = Inputs(plan.inputs, devices.inputs, events)
-        engine = Engine(
-            plan, clock, devices.sessions, vehicles, events, inputs=inputs,
-            watching=devices.watching,
-        )  # fmt: skip
+        engine = assemble(plan, devices, events, clock, Score(plan))
         lines = engine.inspect()
-        failed = next((v.link_error for v in vehicles if v.link_error), None)
+        failed = next((v.link_error for v in engine.vehicles if v.link_error), None)
         return Inspected(lines, failed)
     finally:
         devices.close()
@@ -243,8 +237,8 @@ def in_the_air(vehicle: Vehicle, vehicles: Iterable[Vehicle] = ()) -> bool:
     that: a vehicle that believes itself on the ground may be wrong. vehicles: all, on which or on
     whose payloads it may lie."""
     truth = vehicle.truth
-    if vehicle.activity.off_ground or truth is None:
-        return vehicle.activity.off_ground
+    if vehicle.runner.off_ground or truth is None:
+        return vehicle.runner.off_ground
     x, y, z = truth.position
     reach = vehicle.context.airframe.diameter
     tops = [
@@ -307,6 +301,11 @@ class _Run:
         self._driver_failed: str | None = None
         self._verdicts: tuple[Verdict, ...] = ()
 
+    def interrupt(self) -> int:
+        """Count an interrupt; return how many there were."""
+        self.interrupts += 1
+        return self.interrupts
+
     def fly(self, observers: Sequence[Observer]) -> None:
         """Open the drivers, fly to the end, close them."""
         devices: Devices | None = None
@@ -329,30 +328,20 @@ class _Run:
     def _flown(
         self, devices: Devices, pace: float | None, observers: Sequence[Observer]
     ) -> str | None:
-        plan, events = self._plan, self._events
-        inputs = Inputs(plan.inputs, devices.inputs, events, self._note)
-        vehicles = build_vehicles(
-            plan, devices, events, self._recorder.vehicle, self._score, inputs.readings
-        )
-        judge = PlanEntryJudge(plan)
-        for vehicle in vehicles:
-            vehicle.requests.judge = judge
-        clock = clock_for(plan, pace)
-        request = self._request
-        engine = self._engine = Engine(
-            plan, clock, devices.sessions, vehicles, events, observers, request.seed,
-            self._commands, inputs, devices.watching,
+        plan, request, clock = self._plan, self._request, clock_for(self._plan, pace)
+        engine = self._engine = assemble(
+            plan, devices, self._events, clock, self._score,
+            vehicle_observer=self._recorder.vehicle, observers=observers, seed=request.seed,
+            commands=self._commands, judge=PlanEntryJudge(plan), note=self._note,
+            options=request.options, interrupts=self.interrupts,
         )  # fmt: skip
-        engine.interrupts = self.interrupts
-        for name, value in request.options:
-            engine.options.set(name, value, "command line")
         with Interrupts(engine), _frozen_garbage():
             try:
                 reason = engine.run()
             finally:
                 engine.commander.close()
-                inputs.end(clock.now, "the run ended")
-        self._driver_failed = next((v.link_error for v in vehicles if v.link_error), None)
+                engine.inputs.end(clock.now, "the run ended")
+        self._driver_failed = next((v.link_error for v in engine.vehicles if v.link_error), None)
         return reason
 
     def _judge(self) -> None:
@@ -361,7 +350,7 @@ class _Run:
             return
         if engine.flying:
             for vehicle in engine.vehicles:
-                vehicle.activity.close(engine.clock.now)
+                vehicle.runner.close(engine.clock.now)
             engine.flows.close(engine.clock.now)
         ended_well = self._reason is None and self._driver_failed is None
         self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)

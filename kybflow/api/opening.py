@@ -1,27 +1,33 @@
-"""What a plan needs to fly: the drivers' sessions, the sensors beside them, the vehicles, and a
-clock."""
+"""Opens and assembles what a plan needs to fly: the drivers' sessions, the sensors beside them, a
+clock, the vehicles, and the engine."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from kybflow.api.watching import watching_streams
 from kybflow.core.errors import DriverError, FileError, KybflowError, described
-from kybflow.core.signals import NO_INPUTS, InputReadings, Sticks
+from kybflow.core.signals import Sticks
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
+from kybflow.runtime.commanding.command_queue import CommandQueue
+from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.broadcasts import Broadcasts
+from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
+from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.observer import VehicleObserver
+from kybflow.runtime.options import Options
 from kybflow.runtime.scores import Score
+from kybflow.runtime.vehicle.requests import EntryJudge
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -181,35 +187,45 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
     )
 
 
-def build_vehicles(
+def assemble(
     plan: Plan,
     devices: Devices,
     events: Events,
-    observer: Callable[[str], VehicleObserver],
+    clock: Clock,
     score: Score,
-    inputs: InputReadings = NO_INPUTS,
-) -> list[Vehicle]:
-    """A vehicle for each of the plan, with `observer` of its name."""
+    *,
+    vehicle_observer: Callable[[str], VehicleObserver] = lambda _: VehicleObserver(),
+    observers: Sequence[Observer] = (),
+    seed: int = 0,
+    commands: CommandQueue | None = None,
+    judge: EntryJudge | None = None,
+    note: NoteInput = unnoted,
+    options: Sequence[tuple[str, str]] = (),
+    interrupts: int = 0,
+) -> Engine:
+    """The engine that flies, inspects or rehearses `plan` on the open devices, with all that it
+    needs. vehicle_observer: gives the observer of a vehicle's name. judge: judges the values that
+    states are asked for with. note: takes what the inputs say. options: values for options, as
+    (name, value). interrupts: the signals so far. Raises PartFailed where a part can't be made,
+    OptionRefused for an option that can't be changed."""
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
-    broadcasts = _broadcasts(plan)
-    built = [
-        Vehicle(
-            vehicle,
-            context_of(plan, vehicle),
-            links[vehicle.name],
-            events,
-            observer(vehicle.name),
-            score.vehicle(vehicle.name),
-            devices.sensors[vehicle.name],
-            bodies,
-            fleet,
-            inputs,
-            broadcasts,
-        )
-        for vehicle in plan.vehicles
-    ]
-    devices.vehicles.update((vehicle.name, vehicle) for vehicle in built)
-    return built
+    broadcasts, inputs = _broadcasts(plan), Inputs(plan.inputs, devices.inputs, events, note)
+    moving = MovingObstacles(plan.moving, events, devices.watching)
+    settable = Options(devices.vehicles, events)
+    for vehicle in plan.vehicles:
+        name, context = vehicle.name, context_of(plan, vehicle)
+        devices.vehicles[name] = Vehicle(
+            vehicle, context, links[name], events, vehicle_observer(name), score.vehicle(name),
+            settable.set, judge, devices.sensors[name], bodies, fleet, inputs.readings, broadcasts,
+            moving.seen,
+        )  # fmt: skip
+    engine = Engine(
+        plan, clock, devices.sessions, [*devices.vehicles.values()], events, settable, inputs,
+        moving, observers, seed, commands, interrupts,
+    )  # fmt: skip
+    for option, value in options:
+        settable.set(option, value, "command line")
+    return engine
 
 
 def _broadcasts(plan: Plan) -> Broadcasts | None:

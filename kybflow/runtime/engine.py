@@ -8,13 +8,12 @@ now ─► 1. every vehicle: measurements ─► estimate        then the fleet 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 
 from kybflow.core.errors import described
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import Plan
-from kybflow.parts import Session, Stream
+from kybflow.parts import Session
 from kybflow.parts.events import (
     ObserverFailed,
     PreflightFailed,
@@ -51,13 +50,16 @@ LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
 """Seconds that vehicles have to land after the mission's time limit, and the speed (m/s) of a
 descent from the top of the fence, for which they have longer if necessary."""
 _OBSERVED_EVERY = NS // 20
-_UNWATCHED: Mapping[str, Stream] = MappingProxyType({})
 
 Observer = Callable[["Engine"], None]
 
 
 class Engine:
-    """Flies a plan. `run` returns why the mission was not completed, None when it was."""
+    """Flies a plan. `run` returns why the mission was not completed, None when it was.
+
+    vehicles, sessions, options, inputs and moving are built on the same devices; `kybflow.api`
+    assembles them.
+    """
 
     def __init__(
         self,
@@ -66,17 +68,18 @@ class Engine:
         sessions: Sequence[Session],
         vehicles: Sequence[Vehicle],
         events: Events,
+        options: Options,
+        inputs: Inputs,
+        moving: MovingObstacles,
         observers: Sequence[Observer] = (),
         seed: int = 0,
         commands: CommandQueue | None = None,
-        inputs: Inputs | None = None,
-        watching: Mapping[str, Stream] = _UNWATCHED,
+        interrupts: int = 0,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
-        self.inputs = Inputs((), {}, events) if inputs is None else inputs
+        self.options, self.inputs, self.moving = options, inputs, moving
         self._believed = _views(BelievedView, vehicles)
-        self.options = Options(self.vehicles, events)
         self.judge = Judge(plan.expectations, _views(TrueView, vehicles), self.seconds)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
         controls = self._run_controls()
@@ -87,17 +90,13 @@ class Engine:
             commands or CommandQueue(),
         )
         self.callbacks = Callbacks(plan.callbacks, controls, self._condition(None))
-        self.interrupts = 0
+        self.interrupts = interrupts
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
         links = {name: link for session in sessions for name, link in session.links.items()}
         rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
-        self.moving = MovingObstacles(plan.moving, events, watching)
-        for vehicle in vehicles:
-            vehicle.moving = self.moving.seen
-            vehicle.use_options(self.options.set)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
@@ -108,6 +107,11 @@ class Engine:
     def seconds(self) -> float:
         """Return the time since the run began."""
         return self.clock.now / NS
+
+    def interrupt(self) -> int:
+        """Count an interrupt; return how many there were."""
+        self.interrupts += 1
+        return self.interrupts
 
     def run(self) -> str | None:
         """Run the preflight, then tick until every vehicle rests. Land at the time limit."""

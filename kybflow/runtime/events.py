@@ -35,6 +35,11 @@ class Events:
                 self.listeners = [other for other in self.listeners if other is not listener]
                 self.emit(ObserverFailed(reason=described(error)))
 
+    def take_unanswered(self) -> list[Event]:
+        """Return the events that no callback has handled yet, once."""
+        taken, self.unanswered = self.unanswered, []
+        return taken
+
     def turn(self, now: Time) -> None:
         """Begin a tick, in which transitions hear the events of the last one."""
         self.now = now

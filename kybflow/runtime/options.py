@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
@@ -54,10 +54,11 @@ class _Change(NamedTuple):
 
 
 class Options:
-    """The options of every vehicle. Changes wait for the next tick."""
+    """The options of every vehicle. Changes wait for the next tick. holders: the vehicles by name,
+    which may be added until the first call."""
 
-    def __init__(self, holders: tuple[Holder, ...], events: Events) -> None:
-        self._holders = {holder.name: holder for holder in holders}
+    def __init__(self, holders: Mapping[str, Holder], events: Events) -> None:
+        self._holders = holders
         self._events = events
         self._waiting: list[_Change] = []
 
@@ -171,7 +172,7 @@ class _Planned:
 def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
     """Raises OptionRefused for the first of `wanted` (name, value) that can't be set, before any
     link or file is opened."""
-    options = Options(tuple(_Planned(vehicle) for vehicle in plan.vehicles), Events())
+    options = Options({vehicle.name: _Planned(vehicle) for vehicle in plan.vehicles}, Events())
     for name, value in wanted:
         options.set(name, value, "command line")
 

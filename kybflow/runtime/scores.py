@@ -29,6 +29,13 @@ class Errors:
         if value > self.peak:  # noqa: PLR1730 (max() costs more, in every tick)
             self.peak = value
 
+    def merge(self, other: Errors) -> None:
+        """Add the samples of `other`."""
+        self.count += other.count
+        self.total += other.total
+        self.squares += other.squares
+        self.peak = max(self.peak, other.peak)
+
     def figures(self) -> dict[str, float] | None:
         """Return the figures by name, None without a sample."""
         if not self.count:
@@ -41,16 +48,17 @@ class Errors:
         }
 
 
-class BehaviorScore:
-    """One visit to a state: its errors from `start_s` to `end_s`, and how it ended."""
+class BehaviorScore(NamedTuple):
+    """One visit to a state: its errors from `start_s` to `end_s`, and how it ended; None while it
+    lasts."""
 
-    __slots__ = ("end_s", "ended", "name", "part", "position", "start_s", "velocity")
-
-    def __init__(self, name: str, part: str, start_s: float) -> None:
-        self.name, self.part, self.start_s = name, part, start_s
-        self.end_s: float | None = None
-        self.ended: str | None = None
-        self.position, self.velocity = Errors(), Errors()
+    name: str
+    part: str
+    start_s: float
+    position: Errors
+    velocity: Errors
+    end_s: float | None = None
+    ended: str | None = None
 
     def record(self) -> dict[str, Any]:
         """Return the visit as it stands in `summary.json`."""
@@ -91,14 +99,13 @@ class VehicleScore:
 
     def entered(self, state: str, part: str, t_s: float) -> None:
         """Begin a visit to a state, which may be the current state again."""
-        visit = BehaviorScore(state, part, t_s)
-        self.behaviors.append(visit)
-        self.position, self.velocity = visit.position, visit.velocity
+        self.position, self.velocity = Errors(), Errors()
+        self.behaviors.append(BehaviorScore(state, part, t_s, self.position, self.velocity))
 
     def left(self, how: str, t_s: float) -> None:
         """End the current visit; `how` says how its behavior ended."""
         if self.behaviors:
-            self.behaviors[-1].end_s, self.behaviors[-1].ended = t_s, how
+            self.behaviors[-1] = self.behaviors[-1]._replace(end_s=t_s, ended=how)
 
     def failure(self, reason: str) -> None:
         """Note a failure of the current behavior that the mission does not handle."""
@@ -161,8 +168,5 @@ def rounded(value: float) -> float:
 def _merged(parts: Sequence[Errors]) -> Errors:
     whole = Errors()
     for part in parts:
-        whole.count += part.count
-        whole.total += part.total
-        whole.squares += part.squares
-        whole.peak = max(whole.peak, part.peak)
+        whole.merge(part)
     return whole

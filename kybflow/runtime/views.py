@@ -38,8 +38,8 @@ class BelievedView:
 
     @property
     def behavior(self) -> str:
-        activity = self._vehicle.activity
-        return activity.machine.state if activity.begun else ""
+        runner = self._vehicle.runner
+        return runner.machine.state if runner.begun else ""
 
     @property
     def estimator(self) -> str:
@@ -50,7 +50,7 @@ class BelievedView:
 
     @property
     def elapsed(self) -> float:
-        return (self._vehicle.now - self._vehicle.activity.entered) / NS
+        return (self._vehicle.now - self._vehicle.runner.entered) / NS
 
     @property
     def start(self) -> Vec3:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -45,7 +46,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     page = copy / "kybflow" / "parts" / "events.py"
     text = page.read_text(encoding="utf-8")
     page.write_text(text.replace("ENGINE_EVENTS:", f"{CLASS}\n\nENGINE_EVENTS:"), encoding="utf-8")
-    emitter = copy / "kybflow" / "runtime" / "vehicle" / "activity.py"
+    emitter = copy / "kybflow" / "runtime" / "vehicle" / "behavior_runner.py"
     text = emitter.read_text(encoding="utf-8")
     after = "self._events.emit(began, self._name, state.at)\n"
     assert after in text
@@ -68,6 +69,11 @@ def says(copy: Path, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+def offered(schema: dict[str, Any]) -> set[str]:
+    """What an editor offers where this schema holds."""
+    return {snippet["body"] for snippet in schema["defaultSnippets"]}
+
+
 def test_the_reference_and_the_schema_have_it(copy: Path) -> None:
     assert says(copy, "parts", "--write", "parts.md")[0] == 0
     row = (
@@ -78,11 +84,10 @@ def test_the_reference_and_the_schema_have_it(copy: Path) -> None:
     assert says(copy, "schema", "--write", "schema.json")[0] == 0
     schema = json.loads((copy / "schema.json").read_text(encoding="utf-8"))
     callback = schema["properties"]["on"]["items"]["properties"]
-    assert "any.gust_felt" in callback["event"]["examples"]
+    assert "any.gust_felt" in offered(callback["event"])
     assert {"off", "seen_by"} <= callback.keys()
-    vehicle = schema["properties"]["vehicles"]["additionalProperties"]["properties"]
-    ways_out = vehicle["behaviors"]["additionalProperties"]["properties"]["next"]["items"]
-    assert "gust_felt" in ways_out["properties"]["event"]["examples"]
+    ways_out = schema["$defs"]["behaviors"]["properties"]["next"]["items"]
+    assert "gust_felt" in offered(ways_out["properties"]["event"])
 
 
 def test_the_compiler_knows_it_and_its_fields(copy: Path) -> None:

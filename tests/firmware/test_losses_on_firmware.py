@@ -50,7 +50,7 @@ COMES_DOWN = 45.0
 def flies(engine: Engine, seconds: float, vehicle: str = "mk") -> bool:
     """Whether it has flown its eight for so long."""
     one = next(v for v in engine.vehicles if v.name == vehicle)
-    return engine.flying and one.state == "eight" and one.now - one.activity.entered > seconds * NS
+    return engine.flying and one.state == "eight" and one.now - one.runner.entered > seconds * NS
 
 
 def test_motion_capture_lost_for_good(two: str, tmp_path: Path):

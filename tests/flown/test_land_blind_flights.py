@@ -49,7 +49,7 @@ class Watch:
 
     def __call__(self, engine) -> None:
         flying = engine.vehicles[0]
-        if engine.flying and flying.activity.machine.state == "land_blind":
+        if engine.flying and flying.runner.machine.state == "land_blind":
             self.seen.append((engine.seconds(), flying.truth))
 
     def landing(self) -> Landing:

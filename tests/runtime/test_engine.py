@@ -265,7 +265,7 @@ def resting(position: Vec3, tilt: float = 0.0, speed: float = 0.0) -> SimpleName
     return SimpleNamespace(
         truth=Truth(position, (0.0, 0.0, speed), attitude, ZERO),
         context=context,
-        activity=SimpleNamespace(off_ground=False),
+        runner=SimpleNamespace(off_ground=False),
     )
 
 

@@ -57,7 +57,7 @@ def told() -> list[Event]:
 
 @pytest.fixture
 def options(holder: Holder, told: list[Event]) -> Options:
-    return Options((holder,), Events((told.append,)))
+    return Options({holder.name: holder}, Events((told.append,)))
 
 
 @pytest.mark.parametrize(

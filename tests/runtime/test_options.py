@@ -43,7 +43,7 @@ def told() -> list[Event]:
 
 @pytest.fixture
 def options(told: list[Event]) -> Options:
-    return Options((Holder(),), Events((told.append,)))
+    return Options({Holder.name: Holder()}, Events((told.append,)))
 
 
 def test_a_change_takes_effect_when_the_next_tick_begins(options, told):

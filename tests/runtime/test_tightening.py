@@ -93,7 +93,7 @@ class Grounded:
 
 def test_a_change_that_a_take_off_overtakes_is_refused_when_it_is_due():
     holder, told = Grounded(), []
-    options = Options((holder,), Events((told.append,)))
+    options = Options({holder.name: holder}, Events((told.append,)))
     options.set("a.supervisors.fence.margin", "1 m", "test")
     holder.airborne = True
     options.apply()

@@ -40,7 +40,7 @@ def per_tick(
     def watch(engine: Engine) -> None:
         now = engine.seconds()
         if not span and now >= since:
-            assert all(vehicle.activity.off_ground for vehicle in engine.vehicles)
+            assert all(vehicle.runner.off_ground for vehicle in engine.vehicles)
             span.append(now)
             bytecodes.start()
         elif len(span) == 1 and now >= span[0] + seconds - 1e-6:

@@ -63,7 +63,7 @@ class Arrivals:
         request = phase.run[name]
         cls = vehicle.plan.states[request.state].behavior.cls
         begin = self._began.get((name, request.state))
-        params = vehicle.activity.params_of(request.state, request.values)
+        params = vehicle.runner.params_of(request.state, request.values)
         told = cls.footprint(params, begin)
         is_straight = told is not None and len(told.points) == 2 and not told.path
         end = told.exit if told is not None and is_straight else None

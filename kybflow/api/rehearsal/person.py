@@ -84,12 +84,12 @@ class Person:
         resting = {v.name: v for v in engine.vehicles if waits(v)}
         goes_on = len(resting) < len(engine.vehicles)
         for vehicle in resting.values():
-            state = vehicle.activity.state
+            state = vehicle.runner.state
             goes_on = goes_on or not _is_stuck(state.transitions)
             events = self._of(state.transitions)
             if events:
                 name = f"`{state.name}` of `{vehicle.name}`"
-                yield _Listener(name, events, vehicle.activity.entered)
+                yield _Listener(name, events, vehicle.runner.entered)
         for plan in engine.plan.flows:
             flow = engine.flows.running(plan.name)
             if not flow.active:
@@ -115,10 +115,10 @@ class Person:
 
 def waits(vehicle: Vehicle) -> bool:
     """Return whether a vehicle is in a behavior that does not end by itself."""
-    activity = vehicle.activity
-    if not activity.begun:
+    runner = vehicle.runner
+    if not runner.begun:
         return False
-    part = activity.state.behavior
+    part = runner.state.behavior
     cls: type[Behavior[object]] = part.cls
     estimate = vehicle.estimate
     told = cls.footprint(part.params, None if estimate is None else estimate.position)

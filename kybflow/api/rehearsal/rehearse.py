@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from kybflow.api.entry_judge import PlanEntryJudge
-from kybflow.api.opening import build_vehicles, open_devices
+from kybflow.api.opening import assemble, open_devices
 from kybflow.api.rehearsal.ideal import at_rest, ideal
 from kybflow.api.rehearsal.person import Assumed, Person
 from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
@@ -20,12 +20,9 @@ from kybflow.dsl.plan import Plan
 from kybflow.runtime.clock import SimulatedClock
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue
-from kybflow.runtime.engine import Engine
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
-from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.making import parts_of
-from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import Score
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -98,19 +95,10 @@ def _flown(
     clock, score = SimulatedClock(flown.control_rate), Score(flown)
     devices = open_devices(flown, 0, at_rest(plan))
     try:
-        inputs = Inputs(flown.inputs, devices.inputs, events)
-        vehicles = build_vehicles(
-            flown, devices, events, lambda _: VehicleObserver(), score, inputs.readings
-        )
-        judge = PlanEntryJudge(plan)
-        for vehicle in vehicles:
-            vehicle.requests.judge = judge
-        engine = Engine(
-            flown, clock, devices.sessions, vehicles, events, (watch.look, person), 0, commands,
-            inputs, devices.watching,
+        engine = assemble(
+            flown, devices, events, clock, score, observers=(watch.look, person),
+            commands=commands, judge=PlanEntryJudge(plan), options=options,
         )  # fmt: skip
-        for name, value in options:
-            engine.options.set(name, value, "command line")
         watch.begin(engine)
         unfinished = engine.run()
         watch.end(engine)

@@ -170,7 +170,7 @@ class Watch:
             found = rehearsed.left_the_fence(
                 self._doing(vehicle), why, "", is_vertical=False, texts=self._texts
             )
-            self._add_of(vehicle, vehicle.activity.state, found)
+            self._add_of(vehicle, vehicle.runner.state, found)
 
     def _collided(self, event: Event) -> None:
         vehicle, into = self._vehicles[event.vehicle], str(event.fields["into"])
@@ -187,7 +187,7 @@ class Watch:
         vehicle, speed = self._vehicles[event.vehicle], event.fields["speed"]
         assert isinstance(speed, float)
         found = rehearsed.landed_hard(self._doing(vehicle), speed, self._texts)
-        self._add_of(vehicle, vehicle.activity.state, found)
+        self._add_of(vehicle, vehicle.runner.state, found)
 
     def _clamped(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
@@ -195,9 +195,9 @@ class Watch:
             return
         own, why = self._doing(vehicle), str(event.fields["reason"])
         found = rehearsed.left_the_fence(
-            own, why, event.at, is_vertical=GROUND in vehicle.activity.leg, texts=self._texts
+            own, why, event.at, is_vertical=GROUND in vehicle.runner.leg, texts=self._texts
         )
-        self._add_of(vehicle, vehicle.activity.state, found)
+        self._add_of(vehicle, vehicle.runner.state, found)
 
     def _failsafe(self, event: Event) -> None:
         vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
@@ -210,7 +210,7 @@ class Watch:
         if named and isinstance(bound, float):
             mend = self._apart(vehicle, named[0], bound)
         found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts, mend)
-        self._add_of(vehicle, vehicle.activity.state, found)
+        self._add_of(vehicle, vehicle.runner.state, found)
 
     def _failed(self, event: Event) -> None:
         vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
@@ -224,7 +224,7 @@ class Watch:
         vehicle = self._vehicles[event.vehicle]
         why = f"`{event.fields['part']}` failed: {event.fields['reason']}"
         found = rehearsed.failed(self._doing(vehicle), why, answered=False, texts=self._texts)
-        self._add_of(vehicle, vehicle.activity.state, found)
+        self._add_of(vehicle, vehicle.runner.state, found)
 
     def _switch_refused(self, event: Event) -> None:
         """A flow or a callback asks for a state that can't be entered."""
@@ -248,7 +248,7 @@ class Watch:
     def _behavior_waits(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
         other = self._nearest(vehicle)
-        if vehicle.activity.leg.end is GROUND and vehicle.airborne and other is not None:
+        if vehicle.runner.leg.end is GROUND and vehicle.airborne and other is not None:
             own, beside = self._doing(vehicle), self._doing(other)
             found = rehearsed.common_place(own, beside, rests=False, texts=self._texts)
             self._add(found, vehicle.name, other.name)
@@ -288,19 +288,17 @@ class Watch:
         return tuple(self._doing(vehicle).note for vehicle in self._vehicles.values())
 
     def _doing(self, vehicle: Vehicle) -> Doing:
-        plan, activity = vehicle.plan, vehicle.activity
-        return self._doing_in(
-            vehicle, activity.state if activity.begun else plan.states[plan.begin]
-        )
+        plan, runner = vehicle.plan, vehicle.runner
+        return self._doing_in(vehicle, runner.state if runner.begun else plan.states[plan.begin])
 
     def _doing_in(self, vehicle: Vehicle, state: StatePlan) -> Doing:
         assert self._engine is not None
         truth = vehicle.truth
         place = vehicle.context.start if truth is None else truth.position
         at, seconds = state.at or vehicle.plan.at, self._engine.seconds()
-        part, activity, waits_for = state.behavior.name, vehicle.activity, ""
-        if activity.begun and state is activity.state:
-            waits_for = activity.behavior.waits_for or ""
+        part, runner, waits_for = state.behavior.name, vehicle.runner, ""
+        if runner.begun and state is runner.state:
+            waits_for = runner.behavior.waits_for or ""
         return Doing(vehicle.name, state.name, part, at, seconds, place, waits_for)
 
     def _add(self, found: Diagnostic, *about: str) -> None:
@@ -347,7 +345,7 @@ def _steers(state: StatePlan) -> bool:
 
 
 def _is_steered(vehicle: Vehicle) -> bool:
-    return _steers(vehicle.activity.state)
+    return _steers(vehicle.runner.state)
 
 
 def _answers(transitions: Iterable[TransitionPlan]) -> bool:
@@ -368,7 +366,7 @@ def _unfinished(engine: Engine) -> Iterator[Waiting]:
             phase = flow.phase
             yield Waiting(plan.name, phase.name, phase.at, _awaits(phase.transitions))
     for vehicle in engine.vehicles:
-        state = vehicle.activity.state
+        state = vehicle.runner.state
         if not vehicle.rests:
             at = state.at or vehicle.plan.at
             yield Waiting(vehicle.name, state.name, at, _awaits(state.transitions))

@@ -94,7 +94,7 @@ class LivePanel:
 def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
     """A vehicle: the state that it is in, what keeps it from going on, and its measures."""
     estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.wanted
-    wanted, hold = setpoint.position if setpoint is not None else None, vehicle.activity.hold
+    wanted, hold = setpoint.position if setpoint is not None else None, vehicle.runner.hold
     held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
     return (
         vehicle.name,
@@ -127,8 +127,8 @@ def _below(engine: Engine) -> Iterator[str]:
     ]
     if phases:
         yield f"phases     {'   '.join(phases)}"
-    free = [vehicle for vehicle in engine.vehicles if vehicle.activity.hold is None]
-    waits = ((vehicle.activity.behavior.waits_for, vehicle.name) for vehicle in free)
+    free = [vehicle for vehicle in engine.vehicles if vehicle.runner.hold is None]
+    waits = ((vehicle.runner.behavior.waits_for, vehicle.name) for vehicle in free)
     if reasons := grouped(wait for wait in waits if wait[0] is not None):
         whom = (f"{', '.join(names)} for {reason}" for reason, names in reasons.items())
         yield f"waiting    {'; '.join(whom)}"

@@ -32,8 +32,8 @@ from kybflow.dsl.language.types import (
     TITLE,
     VERSION,
     AnyOf,
-    Layout,
     PartOf,
+    RecordLayout,
     UsesOf,
     layout_of,
     part_layout,
@@ -112,7 +112,7 @@ class Schemas:
             whole["examples"] = list(field.examples)
         return self._finish(whole, field, may_lack)
 
-    def _mapping_of(self, layout: Layout, title: str, about: str) -> Schema:
+    def _mapping_of(self, layout: RecordLayout, title: str, about: str) -> Schema:
         has_like = "like" in layout.keys
         needed = () if has_like else layout.needed
         is_use = layout.part is not None and layout.part.word == "use"

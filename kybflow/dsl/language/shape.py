@@ -34,8 +34,8 @@ from kybflow.dsl.language.types import (
     TITLE,
     VERSION,
     AnyOf,
-    Layout,
     PartOf,
+    RecordLayout,
     UsesOf,
     layout_of,
     part_layout,
@@ -50,7 +50,7 @@ def has_shape(node: Node, cls: Any) -> bool:
     return _is_laid_out(node, layout_of(cls))
 
 
-def _is_laid_out(node: Node, layout: Layout) -> bool:
+def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
     """Whether a tree has the keys of a layout, each with what may stand under it."""
     if not isinstance(node, Mapping):
         return layout.part is not None and layout.part.word == "use" and _is_text(node)

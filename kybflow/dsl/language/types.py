@@ -1,6 +1,6 @@
 """What a value of the language may be beside quantities, texts and lists: `use: NAME` with a part's
 parameters beside it, a condition, the name of an event, a state with values. And which keys a
-record may have (`Layout`)."""
+record may have (`RecordLayout`)."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def record_of(cls: Any) -> RecordOf:
     return RecordOf("mapping", False, cls)
 
 
-class Layout(NamedTuple):
+class RecordLayout(NamedTuple):
     """The keys of a record.
 
     keys: every key that may be written, with those of the record that stands flat in it, and with
@@ -92,7 +92,7 @@ _ALIAS = Field("A name of its own, when the same part is used twice.", key="as")
 
 
 @functools.cache
-def layout_of(cls: Any) -> Layout:
+def layout_of(cls: Any) -> RecordLayout:
     """Return the layout of a record, or of a part's parameters."""
     fields, others = fields_of(cls), getattr(cls, "others", None)
     keys: dict[str, Field] = {}
@@ -121,15 +121,15 @@ def layout_of(cls: Any) -> Layout:
     required = tuple(field for field in fields if field.required)
     least = getattr(cls, "least", 0)
     computed = frozenset(cls.__dataclass_fields__) - {field.name for field in fields}
-    return Layout(
+    return RecordLayout(
         keys, own, computed, tuple(needed), required, part, part_name, flat, others, least
     )
 
 
 @functools.cache
-def part_layout(kind: PartOf, help: str = "Name of the part.") -> Layout:
+def part_layout(kind: PartOf, help: str = "Name of the part.") -> RecordLayout:
     """Return the layout of a part as a mapping, whose other keys are its parameters."""
     keys = {kind.word: Field(help, key=kind.word)}
     if kind.word == "use":
         keys["as"] = _ALIAS
-    return Layout(keys, {}, frozenset(), (kind.word,) if kind.is_needed else (), part=kind)
+    return RecordLayout(keys, {}, frozenset(), (kind.word,) if kind.is_needed else (), part=kind)

@@ -32,7 +32,7 @@ class Watched(NamedTuple):
 
     def awaited_now(self) -> set[str]:
         """Return the events that something hears now."""
-        begun = {v.name: v.state for v in self.vehicles if v.activity.begun}
+        begun = {v.name: v.state for v in self.vehicles if v.runner.begun}
         flows = (self.flows.running(flow.name) for flow in self.plan.flows)
         phases = {flow.plan.name: flow.phase.name for flow in flows if flow.active}
         return awaited_now(self.plan, begun, phases)
@@ -52,16 +52,16 @@ class Watched(NamedTuple):
 
 
 def _vehicle(vehicle: Vehicle, now: Time, driver: str | None) -> VehicleSituation:
-    activity, requests, override = vehicle.activity, vehicle.requests, vehicle.link_out.override
-    begun, failsafe, hold = activity.begun, vehicle.failsafe, activity.hold
+    runner, requests, override = vehicle.runner, vehicle.requests, vehicle.link_out.override
+    begun, failsafe, hold = runner.begun, vehicle.failsafe, runner.hold
     early = None if begun else NOT_FLYING
     goals = [name for name in vehicle.plan.states if name != "fault"]
     return VehicleSituation(
         name=vehicle.name,
         state=vehicle.state if begun else "",
-        behavior=activity.state.behavior.name if begun else "",
-        flight=activity.flight.value,
-        elapsed=(now - activity.entered) / NS if begun else 0.0,
+        behavior=runner.state.behavior.name if begun else "",
+        flight=runner.flight.value,
+        elapsed=(now - runner.entered) / NS if begun else 0.0,
         holders=() if hold is None else tuple(sorted(hold.holders)),
         latched=None if failsafe.latched is None else failsafe.latched.name.lower(),
         braking=failsafe.brakes_because or None,
@@ -71,7 +71,7 @@ def _vehicle(vehicle: Vehicle, now: Time, driver: str | None) -> VehicleSituatio
         battery=None if vehicle.battery is None else vehicle.battery.remaining,
         estimate=_estimate(vehicle.estimate, vehicle.estimator),
         setpoint=_setpoint(vehicle.followed),
-        waits_for=heard_by(activity.state.transitions) if begun else (),
+        waits_for=heard_by(runner.state.transitions) if begun else (),
         enter={goal: early or requests.objection(goal) for goal in goals},
         pause=early or requests.pause_objection(),
         resume=early or requests.resume_objection(),

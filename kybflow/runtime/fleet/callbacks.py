@@ -59,8 +59,7 @@ class Callbacks:
 
     def step(self) -> None:
         """Handle the events since the last step."""
-        events, self._events.unanswered = self._events.unanswered, []
-        for event in events:
+        for event in self._events.take_unanswered():
             for callback in self._listening.get((event.vehicle, event.name), ()):
                 callback.answer(event, self._events)
 

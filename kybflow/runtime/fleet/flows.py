@@ -102,7 +102,27 @@ class RunningFlow:
 
     def arrived(self, now: Time) -> None:
         self.entered = now
+        self.unpaced = self.phase.arrive == "together"
         self.visits.append(PhaseVisit(self.phase.name, rounded(now / NS)))
+
+    def paces(self, chosen: Callable[[str], Pace | None]) -> list[tuple[str, Pace]]:
+        """Return, once after a phase began, the pace of each vehicle that has `chosen` one."""
+        self.unpaced = False
+        return [(name, pace) for name in self.phase.run if (pace := chosen(name)) is not None]
+
+    def next_turn(self) -> str:
+        """Pass the turn to the next vehicle that waits; return its name."""
+        self.turn = self.waiting.popleft()
+        return self.turn
+
+    def keep_for_later(self, heard: AbstractSet[str]) -> None:
+        """Keep the events of a tick in which no way out is asked."""
+        self.missed |= heard
+
+    def heard_with_missed(self, heard: AbstractSet[str]) -> AbstractSet[str]:
+        """Return the events of a tick and those that were kept for it."""
+        missed, self.missed = self.missed, _NOTHING
+        return heard | missed
 
     def is_in_its_state(self, vehicle: str, state: str) -> bool:
         """Whether a vehicle in `state` does what the phase asked it for."""
@@ -239,9 +259,10 @@ class Flows:
         if flow.waiting and self._passes_turn(flow):
             return
         if phase.transitions:
-            elapsed, heard = (now - flow.entered) / NS, self._events.heard("")
+            elapsed = (now - flow.entered) / NS
+            heard: AbstractSet[str] = self._events.heard("")
             if flow.missed:
-                heard, flow.missed = heard | flow.missed, _NOTHING
+                heard = flow.heard_with_missed(heard)
             flow.machine.step(elapsed, heard, "running", dt)
             if not phase.ends or flow.machine.state != phase.name:
                 return
@@ -260,25 +281,22 @@ class Flows:
         if flow.is_in_its_state(flow.turn, turn.state) or turn.requests.comes_down:
             return False
         self._ask_next(flow)
-        flow.missed |= self._events.heard("")
+        flow.keep_for_later(self._events.heard(""))
         return True
 
     def _ask_next(self, flow: RunningFlow) -> None:
         """Ask the next vehicle whose turn it is; one that the flow doesn't drive is left out."""
         while flow.waiting:
-            flow.turn = flow.waiting.popleft()
-            if self._ask(flow, flow.turn):
+            if self._ask(flow, flow.next_turn()):
                 return
 
     def _pace(self, flow: RunningFlow) -> None:
         """Let the behaviors that begin in this tick arrive together: at the pace of the slowest."""
-        flow.unpaced = False
-        requests = [self._vehicles[vehicle].requests for vehicle in flow.phase.run]
-        paces = [(one, pace) for one in requests if (pace := one.pace) is not None]
+        paces = flow.paces(lambda vehicle: self._vehicles[vehicle].requests.pace)
         if paces:
             slowest = Pace.slowest(pace for _, pace in paces)
-            for one, _ in paces:
-                one.keep(slowest)
+            for vehicle, _ in paces:
+                self._vehicles[vehicle].requests.keep(slowest)
 
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
@@ -297,7 +315,6 @@ class Flows:
             flow.waiting.extend(phase.run)
             self._ask_next(flow)
         else:
-            flow.unpaced = phase.arrive == "together"
             for vehicle in phase.run:
                 self._ask(flow, vehicle)
 

@@ -86,11 +86,10 @@ class Bodies:
                 self._follow(name, body, pose, findings)
                 if not body.of:
                     passed.append(pose)
-        newest = body.stamp if body.stamp > body.began else body.began
-        body.due = newest + self._timeout(body)
+        newest = body.expect(self._unknown, self._lost)
         if now > body.due and not body.trouble.is_known(BodyLost):
             age, bound = (now - newest) / NS, (body.due - newest) / NS
-            body.trouble.good = 0
+            body.trouble.count_anew()
             findings.append(body.found(BodyLost(value=age, bound=bound)))
         return passed, findings
 
@@ -98,17 +97,11 @@ class Bodies:
         """When a body is lost should nothing come; to be asked once it was judged."""
         return self._bodies[name].due
 
-    def _timeout(self, body: _Body) -> Time:
-        if body.interval is None:
-            return self._unknown
-        slow = 3 * body.interval
-        return slow if slow > self._lost else self._lost
-
     def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
         since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
         if since > bound and not body.trouble.is_known(BodyFroze):
             findings.append(body.found(BodyFroze(value=since, bound=bound)))
-        body.trouble.good = 0
+        body.trouble.count_anew()
 
     def _follow(self, name: str, body: _Body, pose: Pose, findings: list[VehicleEvent]) -> None:
         """A pose that is a new one: does the body recover, did it jump?"""
@@ -174,10 +167,20 @@ class _Body:
         self._last: Pose | None = None
         self._wavered = 0
 
+    def expect(self, unknown: Time, lost: Time) -> Time:
+        """Note when the body is lost should nothing come: after three intervals and at least
+        `lost`, or after `unknown` without an interval. Return the time of what came last."""
+        newest = self.stamp if self.stamp > self.began else self.began
+        timeout = unknown
+        if self.interval is not None:
+            slow = 3 * self.interval
+            timeout = slow if slow > lost else lost
+        self.due = newest + timeout
+        return newest
+
     def found(self, finding: VehicleEvent) -> VehicleEvent:
         """From now on that is wrong with it."""
-        self.trouble.finding = finding
-        return finding
+        return self.trouble.found(finding)
 
     def repeats(self, pose: Pose, in_air: bool) -> bool:
         """Take note of a newer pose; whether it is the last one, bit by bit, and must not be."""

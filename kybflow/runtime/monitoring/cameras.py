@@ -126,7 +126,7 @@ class _CameraStream:
             bound = self.freeze_timeout
             if since > bound and not trouble.is_known(CameraFroze):
                 yield self._found(CameraFroze(camera=self._name, value=since, bound=bound))
-            trouble.good = 0
+            trouble.count_anew()
             return
         self._changed = frame.time
         if trouble.is_over():
@@ -136,13 +136,12 @@ class _CameraStream:
         """What is found where no frame comes."""
         silence = (now - self.heard) / NS
         if silence > self.timeout and not self.trouble.is_known(CameraLostEvent):
-            self.trouble.good = 0
+            self.trouble.count_anew()
             lost = CameraLostEvent(camera=self._name, value=silence, bound=self.timeout)
             yield self._found(lost)
 
     def _found(self, finding: VehicleEvent) -> VehicleEvent:
-        self.trouble.finding = finding
-        return finding
+        return self.trouble.found(finding)
 
     def _repeats(self, frame: Frame) -> bool:
         """Take note of a frame; whether its image is the one before it."""
@@ -260,7 +259,8 @@ class _Track:
         )
         is_off = place.value > place.bound
         if went:
-            elsewhere.seen, trouble.good = [], 0
+            elsewhere.seen = []
+            trouble.count_anew()
         if trouble.finding is not None and not is_off and (went or trouble.good):
             if trouble.is_over():
                 yield CameraRecovered(camera=camera)
@@ -270,12 +270,11 @@ class _Track:
         first = elsewhere.confirmed(place)
         if first is not None:
             other, value, bound = whose(first), first.value, first.bound
-            trouble.finding = (
+            yield trouble.found(
                 CameraSwappedEvent(camera=camera, value=value, bound=bound, other=other)
                 if other
                 else CameraJumped(camera=camera, value=value, bound=bound)
             )
-            yield trouble.finding
 
 
 def _names(located: Located) -> str:

@@ -25,6 +25,15 @@ class Trouble:
         self.finding: VehicleEvent | None = None
         self.good = 0
 
+    def found(self, finding: VehicleEvent) -> VehicleEvent:
+        """Count `finding` as wrong from now on; return it."""
+        self.finding = finding
+        return finding
+
+    def count_anew(self) -> None:
+        """Forget the good observations: the last one was not."""
+        self.good = 0
+
     def is_known(self, event: type[VehicleEvent]) -> bool:
         """Whether this was found, and goes on."""
         return isinstance(self.finding, event)

@@ -240,11 +240,14 @@ class Failsafe:
         self._braking.clear()
         self._for_good = False
 
-    def waive_brake(self) -> None:
-        """Forget the brake, because somebody who knows of it brings the vehicle down. What brakes
-        it now brakes it again only after it has been silent."""
+    def give_way(self, safer: Reaction | None) -> None:
+        """Forget the brake, because somebody who knows of it brings the vehicle down: what brakes
+        it now brakes it again only after it has been silent. A latched reaction becomes `safer`,
+        the one that equals what was asked for."""
         self._waived = {event: brake.heard for event, brake in self._braking.items()}
         self.clear_brake()
+        if self.latched is not None:
+            self.latched = safer
 
     def is_latched(self) -> bool:
         """Return whether a reaction holds that only a severer one can replace."""

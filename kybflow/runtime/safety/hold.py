@@ -26,13 +26,13 @@ _SHORTEST = 0.4
 
 
 class Hold:
-    """Begins with its first holder. wanted: the frozen behavior's last setpoint, None without one.
-    since: when the hold began."""
+    """Holds a vehicle while it has a holder. wanted: the frozen behavior's last setpoint, None
+    without one. since: when the hold began."""
 
     def __init__(
-        self, holder: Holder, entry: Entry, wanted: Setpoint | None, grounded: bool
+        self, holders: set[Holder], entry: Entry, wanted: Setpoint | None, grounded: bool
     ) -> None:
-        self.holders: set[Holder] = {holder}
+        self.holders = holders
         self.since = entry.now
         self.wanted = wanted
         self._grounded = grounded
@@ -44,6 +44,10 @@ class Hold:
     def lasts(self) -> bool:
         """Whether anybody still holds the vehicle."""
         return bool(self.holders)
+
+    def join(self, holder: Holder) -> None:
+        """Add a holder."""
+        self.holders.add(holder)
 
     def leave(self, holder: Holder, now: Time) -> None:
         """Remove a holder; after the last one, the way back begins."""

@@ -23,7 +23,7 @@ from kybflow.parts.events import ControlLost, StaysArmed
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.activity import UNCLEAR, Activity
+from kybflow.runtime.vehicle.behavior_runner import UNCLEAR, BehaviorRunner
 from kybflow.runtime.vehicle.link import ALIVE, LinkOut
 from kybflow.runtime.vehicle.output import CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions
@@ -48,7 +48,7 @@ class ArmingWatch:
         self,
         plan: VehiclePlan,
         link: LinkOut,
-        activity: Activity,
+        runner: BehaviorRunner,
         reactions: Reactions,
         output: CommandOutput,
         events: Events,
@@ -56,7 +56,7 @@ class ArmingWatch:
     ) -> None:
         self.gave_up = False
         self._name, self._at = plan.name, plan.driver.at
-        self._link, self._activity, self._reactions = link, activity, reactions
+        self._link, self._runner, self._reactions = link, runner, reactions
         self._output, self._events, self._score = output, events, score
         self._since: Time | None = None
         self._fell: tuple[Time, float] | None = None
@@ -74,9 +74,9 @@ class ArmingWatch:
                 self._note_fall(tick)
             return False
         if not armed:
-            return self._activity.off_ground and self._has_fallen(tick)
+            return self._runner.off_ground and self._has_fallen(tick)
         is_quiet = tick.link_age > ALIVE or self._link.override is not None
-        if self._activity.flight is GROUND and self._output.arming is None and not is_quiet:
+        if self._runner.flight is GROUND and self._output.arming is None and not is_quiet:
             self._linger(tick)
         return False
 
@@ -145,7 +145,7 @@ class ArmingWatch:
         """Return how far the vehicle must be above the ground, zero where it may stand there."""
         if known is None:
             return 0.0
-        return height_in_the_air(self._activity.entry().context, known, ())
+        return height_in_the_air(self._runner.entry().context, known, ())
 
     def _emit(self, reason: str) -> None:
         self._events.emit(StaysArmed(reason=reason), self._name, self._at)

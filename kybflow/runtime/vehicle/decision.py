@@ -1,72 +1,148 @@
-"""Decides what a vehicle does: supervisors first, then requests, then the mission's transitions."""
+"""Decides what a vehicle does in a tick: supervisors first, then requests, then the mission's
+transitions; then asks the behavior of the state for a command.
+
+Who lands a vehicle, from the strongest: its supervisors (`Failsafe.decide` names the reaction to an
+alarm, `Reactions.react` carries it out), a part that failed (`Reactions.react_to_failure`), a
+person, flow or callback (`Requests`), the mission (`BehaviorRunner.step`).
+"""
 
 from __future__ import annotations
 
+from kybflow.core.errors import Refused
 from kybflow.core.signals import Reaction, Tick, Time
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import AIR, GROUND
+from kybflow.parts.events import LandModeRefused
+from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
-from kybflow.runtime.vehicle.activity import Activity
-from kybflow.runtime.vehicle.control import Control
+from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
+from kybflow.runtime.vehicle.control import HANDED_OVER, RESTING, Commanded, Control
 from kybflow.runtime.vehicle.knowledge import Knowledge
 from kybflow.runtime.vehicle.output import CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.runtime.vehicle.requests import Requests
 
+_ESCALATIONS = 5
+"""Attempts to find a command: `go_home`, `land`, `land_blind`, `fault`, and a last one to steer."""
+
 
 class Decision:
-    """Changes the state of `activity` and adapts the other collaborators to the new state."""
+    """Changes the state of the behavior runner, and adapts the other collaborators to a state that
+    was entered."""
 
     def __init__(
         self,
-        activity: Activity,
+        plan: VehiclePlan,
+        runner: BehaviorRunner,
         failsafe: Failsafe,
         reactions: Reactions,
         requests: Requests,
         control: Control,
         output: CommandOutput,
         knowledge: Knowledge,
+        events: Events,
     ) -> None:
-        self._activity, self._failsafe, self._reactions = activity, failsafe, reactions
-        self._requests, self._control, self._output = requests, control, output
-        self._knowledge = knowledge
+        self._plan, self._runner, self._failsafe = plan, runner, failsafe
+        self._reactions, self._requests, self._control = reactions, requests, control
+        self._output, self._knowledge, self._events = output, knowledge, events
+        self._settled = 0
 
-    def decide(self, tick: Tick) -> Tick:
-        """Decide on the state; return the tick for its behavior."""
-        activity = self._activity
-        if activity.hold is not None:
-            activity.wait(tick.dt)
-        if tick.now >= self._failsafe.due:
-            heard = self._failsafe.check(tick, activity.off_ground)
-            if heard is not None:
-                self._reactions.react(heard, tick)
-        if self._failsafe.latched is Reaction.LAND_BLIND:
-            self._reactions.regain_sight(tick)
-        if activity.changed:
-            tick = self.settle(tick)
-        if self._requests.waiting:
-            self.answer(tick.now)
-        if activity.hold is not None:
-            self._reactions.update_hold(tick.now)
-        elif not activity.changed:
-            activity.step(tick)
-        return self.settle(tick) if activity.changed else tick
+    def command(self, tick: Tick) -> Commanded:
+        """Return the command of this tick, whatever raises."""
+        try:
+            tick = self._decide(tick)
+            return self._steer(tick) or self._resteered(tick)
+        except Exception as error:  # a part may raise anything; it fails this vehicle alone
+            failure = error
+        for _ in range(_ESCALATIONS + len(self._plan.processors)):
+            try:
+                self.fail(failure, tick)
+                return self._resteered(tick)
+            except Exception as error:  # the next attempt does without the part that raised
+                failure = error
+        return RESTING, None
 
     def answer(self, now: Time) -> None:
         """Answer the waiting requests."""
         if self._requests.waiting:
             self._requests.answer(now)
-            self._control.select(self._requests.off)
+            self._select()
 
-    def settle(self, tick: Tick) -> Tick:
-        """Adapt everything to a state that was entered; return the tick for its behavior."""
-        activity = self._activity
-        if not activity.changed:
-            return tick
-        activity.changed = False
-        self._output.arming = None
-        if activity.leg.start is GROUND and activity.leg.end is AIR:
+    def _decide(self, tick: Tick) -> Tick:
+        """Decide on the state; return the tick for its behavior."""
+        runner, failsafe = self._runner, self._failsafe
+        if runner.hold is not None:
+            runner.wait(tick.dt)
+        if tick.now >= failsafe.due:
+            raised = failsafe.check(tick, runner.off_ground)
+            if raised is not None:
+                self._reactions.react(raised, tick)
+        if failsafe.latched is Reaction.LAND_BLIND:
+            self._reactions.regain_sight(tick)
+        if runner.entries != self._settled:
+            tick = self._settle(tick)
+        if self._requests.waiting:
+            self.answer(tick.now)
+        if runner.hold is not None:
+            self._reactions.update_hold(tick.now)
+        elif runner.entries == self._settled:
+            runner.step(tick)
+        return tick if runner.entries == self._settled else self._settle(tick)
+
+    def _settle(self, tick: Tick) -> Tick:
+        """Adapt everything to the state that was entered; return the tick for its behavior."""
+        runner = self._runner
+        self._settled = runner.entries
+        self._output.cancel_arming()
+        if runner.leg.start is GROUND and runner.leg.end is AIR:
             self._control.renew()
-        self._control.select(self._requests.off)
-        self._knowledge.link_in.subscribe(activity.state.behavior.cls.needs)
-        self._knowledge.estimation.prefer(activity.state.estimators)
+        self._select()
+        self._knowledge.link_in.subscribe(runner.state.behavior.cls.needs)
+        self._knowledge.estimation.prefer(runner.state.estimators)
         return tick._replace(elapsed=0.0)
+
+    def _select(self) -> None:
+        self._control.select(self._requests.off, in_air=self._runner.stays_in_air)
+
+    def _steer(self, tick: Tick) -> Commanded | None:
+        """Return the command of this tick, None if the state changed and `_steer` must be called
+        again. Raises whatever a part raises."""
+        runner, control = self._runner, self._control
+        if control.clamps.active:
+            control.clamps.settle(tick.now)
+        if self._output.arming is not None:
+            runner.wait(tick.dt)
+            return control.again(self._output.arming, tick), None
+        if runner.land_mode is not None:
+            control.rest()
+            try:
+                landed = runner.has_landed(tick.now, tick.estimate)
+            except Refused as refusal:  # the current state lands it
+                refused = LandModeRefused(reason=str(refusal))
+                self._events.emit(refused, self._plan.name, self._plan.driver.at)
+                runner.go(runner.machine.state)
+                return None
+            return (RESTING if landed else HANDED_OVER), None
+        if tick.estimate is None and runner.behavior.needs_estimate:
+            if runner.off_ground and self._reactions.lost_estimate(tick):
+                return None  # `followed` stays: what is entered begins at its speed
+            control.rest()
+            if not runner.off_ground:
+                return RESTING, None
+        asked = runner.update(tick)
+        return control.follow(asked, tick, self._reactions, runner.flight is not GROUND)
+
+    def _resteered(self, tick: Tick) -> Commanded:
+        """Steer after a change of state, and after every further one, until there is a command."""
+        commanded = None
+        while commanded is None:
+            if self._runner.entries != self._settled:
+                tick = self._settle(tick)
+            commanded = self._steer(tick)
+        return commanded
+
+    def fail(self, error: Exception, tick: Tick) -> None:
+        """React to what a part raised."""
+        behavior = self._runner.state.behavior.label
+        failure, is_needed = self._control.attribute_failure(error, behavior)
+        self._reactions.react_to_failure(failure, is_needed, tick)

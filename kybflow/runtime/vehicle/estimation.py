@@ -13,11 +13,12 @@ to another.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import Any
 
 from kybflow.core.errors import PartFailed
 from kybflow.core.geometry import distance
-from kybflow.core.signals import NS, Estimate, Measurement, MeasurementKind, Time
+from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.flight.pose_gate import Refusal
@@ -28,8 +29,8 @@ from kybflow.parts.events import (
     PositionAccepted,
     PositionRefused,
 )
+from kybflow.parts.observables import Unavailable
 from kybflow.runtime.conditions import bind
-from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
@@ -38,6 +39,31 @@ from kybflow.runtime.vehicle.blending import FARTHEST, EstimateBlend
 from kybflow.world.vehicle_context import VehicleContext
 
 Known = Callable[[frozenset[MeasurementKind]], str]
+_INERTIAL = frozenset({Imu})
+"""The measurements of dead reckoning."""
+
+
+class _HealthView:
+    """What an estimator's health condition reads (`observables.View`): its last estimate."""
+
+    def __init__(self, candidate: Candidate) -> None:
+        self._candidate = candidate
+
+    @property
+    def age(self) -> float:
+        estimate = self._candidate.estimate
+        return inf if estimate is None else estimate.age
+
+    @property
+    def spread(self) -> float:
+        estimate = self._candidate.estimate
+        return inf if estimate is None else estimate.spread
+
+    def _never(self) -> Any:
+        raise Unavailable
+
+    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
+    payload = payload_place = releases = sticks = property(_never)
 
 
 class Candidate:
@@ -57,7 +83,6 @@ class Candidate:
         self.part: Estimator[Any] = make(plan.part, plan.part.params, context)
         self.uses = plan.part.cls.uses(plan.part.params)
         self.estimate: Estimate | None = None
-        self._view = EstimatorView()
         self.has_failed = False
         self.anchors = type(self.part).anchor is not Estimator.anchor
         self.refusal: Refusal | None = None
@@ -72,7 +97,7 @@ class Candidate:
     def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
         if healthy is None:
             return lambda: True
-        return bind(healthy, {self.name: self._view}, self.name, lambda: 0.0)
+        return bind(healthy, {self.name: _HealthView(self)}, self.name, lambda: 0.0)
 
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
@@ -83,7 +108,6 @@ class Candidate:
         self.estimate = estimate = self.part.update(measurements, now)
         if estimate is not None:
             checked_estimate(estimate)
-            self._view.age, self._view.spread = estimate.age, estimate.spread
         if estimate is None or not self._holds():
             self._was_lost = self._was_lost or self._healthy_since is not None
             self._healthy_since = None
@@ -95,6 +119,19 @@ class Candidate:
                 return False
             self._was_lost = False
         return not self._is_spent
+
+    def fail(self) -> None:
+        """Count as failed from now on: the part raised."""
+        self.has_failed = True
+
+    def note_refusal(self, now: Time) -> PositionRefused | PositionAccepted:
+        """Note what the estimator newly refuses of the measured positions, or no longer; return the
+        event that says so."""
+        before, self.refusal = self.refusal, self.part.refusal
+        if self.refusal is not None:
+            return PositionRefused(estimator=self.name, reason=self.refusal.reason)
+        assert before is not None
+        return PositionAccepted(estimator=self.name, value=(now - before.since) / NS)
 
     @property
     def is_bounded(self) -> bool:
@@ -175,7 +212,7 @@ class Estimation:
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
             if candidate.part.refusal is not candidate.refusal:
-                self._emit_refusal(candidate, now)
+                self._events.emit(candidate.note_refusal(now), self._vehicle, candidate.at)
         if chosen is None:
             chosen = next((c for c in self._candidates if c.is_usable), None)
         estimate = chosen.estimate if chosen is not None else None
@@ -232,18 +269,8 @@ class Estimation:
             except Exception as error:  # a part may raise anything
                 self._fail(candidate, error)
 
-    def _emit_refusal(self, candidate: Candidate, now: Time) -> None:
-        before, candidate.refusal = candidate.refusal, candidate.part.refusal
-        name = candidate.name
-        if candidate.refusal is not None:
-            refused = PositionRefused(estimator=name, reason=candidate.refusal.reason)
-            self._events.emit(refused, self._vehicle, candidate.at)
-        elif before is not None:
-            accepted = PositionAccepted(estimator=name, value=(now - before.since) / NS)
-            self._events.emit(accepted, self._vehicle, candidate.at)
-
     def _fail(self, failed: Candidate, error: Exception) -> None:
-        failed.has_failed = True
+        failed.fail()
         self._candidates = [c for c in self._candidates if c is not failed]
         self._bounded = [c for c in self._bounded if c is not failed]
         self._anchored = [c for c in self._anchored if c is not failed]
@@ -293,6 +320,46 @@ class Estimation:
         )
         self._events.emit(changed, self._vehicle)
         self._score.estimator(chosen.name, now / NS)
+
+
+class ExternalPosition:
+    """Selects the estimate that is sent to a vehicle as its external position (an autopilot's
+    external vision).
+
+    This is the estimate in use, unless it comes from the vehicle itself or from dead reckoning that
+    continues the vehicle's own: then it is that of the first usable external estimator. The
+    autopilot would take its own estimate for an independent one, and a lost position would go
+    unnoticed.
+    """
+
+    def __init__(self, plan: VehiclePlan, estimation: Estimation) -> None:
+        self._estimation = estimation
+        self._own, self._inertial = set[str](), set[str]()
+        self._is_echo = False
+        for part in (estimator.part for estimator in plan.estimators):
+            name = part.label.rpartition(".")[2]
+            if part.cls.own:
+                self._own.add(name)
+            elif part.cls.uses(part.params) <= _INERTIAL:
+                self._inertial.add(name)
+
+    def of(self, flown: Estimate | None) -> Estimate | None:
+        """Return the estimate to send in this tick, None for nothing. flown: the one in use."""
+        source = self._estimation.source
+        if source is None:
+            return None
+        if source in self._own:
+            self._is_echo = True
+        elif source not in self._inertial:
+            self._is_echo = False
+        return self._other() if self._is_echo else flown
+
+    def _other(self) -> Estimate | None:
+        inside = self._own | self._inertial
+        for candidate in self._estimation.candidates:
+            if candidate.name not in inside and candidate.is_usable:
+                return candidate.estimate
+        return None
 
 
 def _contradicts(estimate: Estimate, flown: Estimate | None) -> bool:

@@ -54,7 +54,7 @@ class Knowledge:
     """The estimate and the latest measurements of each kind, None before the first.
 
     resting: the accelerometer's bias at rest. needs: the kinds of measurement that the estimators
-    use. `report` is called with the failure of a part. `in_air` returns whether the vehicle flies.
+    use. now: the time of the last update. `report` is called with the failure of a part.
     """
 
     def __init__(
@@ -66,11 +66,11 @@ class Knowledge:
         observer: VehicleObserver,
         score: VehicleScore,
         report: Callable[[PartFailed], None],
-        in_air: Callable[[], bool],
         sensors: Sequence[OpenSensor] = (),
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
     ) -> None:
+        self.now: Time = 0
         self.estimate: Estimate | None = None
         self.battery: Battery | None = None
         self.imu: Imu | None = None
@@ -81,7 +81,7 @@ class Knowledge:
         self.estimation = Estimation(plan, context, events, score, report, self._known)
         self.sensing = Sensing(plan, sensors, events)
         self._name, self._observer, self._score = plan.name, observer, score
-        self._in_air, self._rig = in_air, link.rig
+        self._rig = link.rig
         self._listen, self._accept = link.listen, self._accepted
         self._fleet = fleet or EstimateHistory()
         self._body = BodyMonitor(plan, bodies or Bodies(), events, lambda: self.estimate)
@@ -92,20 +92,21 @@ class Knowledge:
         tracker = plan.tracker
         link.subscribe(self.needs | tracker.cls.uses(tracker.params))
 
-    def update(self, now: Time) -> Estimate | None:
-        """Read the measurements, and update and return the estimate."""
+    def update(self, now: Time, in_air: bool) -> Estimate | None:
+        """Read the measurements, and update and return the estimate. in_air: the vehicle flies."""
+        self.now = now
         measurements = self._listen(now, self._accept)
         if self.sensing.streams:
             measurements = self.sensing.joined(measurements, now, self._note)
         if measurements or now >= self._body.due:
-            measurements = self._body.measured(measurements, now, self._in_air())
+            measurements = self._body.measured(measurements, now, in_air)
         if self.cameras.is_asked:
-            measurements = self.cameras.measured(measurements, now, self._in_air())
+            measurements = self.cameras.measured(measurements, now, in_air)
         if self._rig is not None and self._rig.estimators:
             self.estimation.kill(self._rig.estimators)
         self.estimate = estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
-            self.cameras.see(self.estimation.candidates, self._in_air())
+            self.cameras.see(self.estimation.candidates, in_air)
         if self._fleet.is_asked and estimate is not None:
             self._fleet.note(self._name, estimate)
         return estimate

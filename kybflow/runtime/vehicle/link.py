@@ -55,16 +55,13 @@ Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 class LinkHealth:
     """Whether a link works.
 
-    error: the first exception of the link in words, None while it works. age: seconds since the
-    vehicle's last message, or since the link was first read. delay: seconds of a round trip to the
-    vehicle, zero while unknown.
+    error: the first exception of the link in words, None while it works.
     """
 
-    __slots__ = ("_driver", "_report", "age", "delay", "error")
+    __slots__ = ("_driver", "_report", "error")
 
     def __init__(self, driver: str, report: Callable[[PartFailed], None]) -> None:
         self.error: str | None = None
-        self.age = self.delay = 0.0
         self._driver, self._report = driver, report
 
     def fail(self, error: Exception) -> None:
@@ -94,7 +91,9 @@ class LinkHealth:
 
 class LinkIn:
     """Receives measurements. truth: a simulator's ground truth, None on hardware. heard: when
-    measurements arrived last, None before the first read. rig: takes the effects of faults, None on
+    measurements arrived last, None before the first read. age: seconds since the vehicle's last
+    message, or since the link was first read. delay: seconds of a round trip to the vehicle, zero
+    while unknown. rig: takes the effects of faults, None on
     hardware."""
 
     def __init__(
@@ -107,6 +106,7 @@ class LinkIn:
     ) -> None:
         self.truth: Truth | None = None
         self.heard: Time | None = None
+        self.age = self.delay = 0.0
         self._alive: Time | None = None
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
         self._link, self._health = link, health
@@ -126,7 +126,7 @@ class LinkIn:
             if measurements or self.heard is None:
                 if self._link.is_heard or self._alive is None:
                     self._note_alive(now)
-                self.heard, self._health.delay = now, self._link.delay
+                self.heard, self.delay = now, self._link.delay
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
             self.truth, measurements = None, ()
@@ -134,7 +134,7 @@ class LinkIn:
             self._alive = now if self._alive is None else self._alive
             self._health.fail(error)
         if self._alive is not None:
-            self._health.age = (now - self._alive) / NS
+            self.age = (now - self._alive) / NS
         if self._texts is not None:
             for severity, text in self._health.attempt(self._texts) or ():
                 said = VehicleSaid(severity=severity, text=text)
@@ -170,8 +170,8 @@ class LinkIn:
 class LinkOut:
     """Sends commands and requests. tells_position: the vehicle takes an external position."""
 
-    def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth) -> None:
-        self._link, self._health, self._send = link, health, link.send
+    def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth, link_in: LinkIn) -> None:
+        self._link, self._health, self._send, self._in = link, health, link.send, link_in
         self._arm = link.arm if isinstance(link, Arms) else None
         self._cut = link.cut if isinstance(link, StopsRotors) else None
         self._force = link.disarm_by_force if isinstance(link, DisarmsByForce) else None
@@ -248,7 +248,7 @@ class LinkOut:
     @property
     def can_land(self) -> bool:
         """Whether the vehicle has its own land mode and can be requested to use it now."""
-        return self._lands and self._health.error is None and self._health.age <= ALIVE
+        return self._lands and self._health.error is None and self._in.age <= ALIVE
 
     def prefers_land_mode(self, reaction: Reaction) -> bool:
         """Return whether the vehicle's own land mode replaces the state of `reaction`."""

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import LEVEL, ZERO
-from kybflow.core.signals import Command, Grip, Time
+from kybflow.core.signals import Command, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.events import ArmingRefused
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.resting_bias import RestingBias
-from kybflow.runtime.vehicle.activity import Activity
+from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
+from kybflow.runtime.vehicle.control import HANDED_OVER, RESTING
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.payload import PayloadTracker
-
-RESTING = Command(LEVEL, 0.0, ZERO, None, False)
-"""The command of a vehicle on the ground: rotors at rest."""
-HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""What is recorded while a land mode, its watchdog or a pilot flies the vehicle: armed, no thrust
-requested."""
 
 
 class CommandOutput:
@@ -31,24 +25,24 @@ class CommandOutput:
         self,
         plan: VehiclePlan,
         link: LinkOut,
-        activity: Activity,
+        runner: BehaviorRunner,
         payload: PayloadTracker,
         resting: RestingBias,
         events: Events,
     ) -> None:
         self.sent = RESTING
         self.arming: Command | None = None
-        self._name, self._link, self._activity, self._events = plan.name, link, activity, events
+        self._name, self._link, self._runner, self._events = plan.name, link, runner, events
         self._payload, self._resting = payload, resting
 
     def deliver(self, command: Command, now: Time) -> Command:
         """Send the command of a tick over the link; return what was sent. The first command with
         thrust arms the vehicle, which may take seconds; meanwhile, and if the vehicle refuses, its
         rotors rest."""
-        activity = self._activity
-        if activity.behavior.lets_go:
+        runner = self._runner
+        if runner.behavior.lets_go:
             command = HANDED_OVER
-        elif activity.land_mode is None:
+        elif runner.land_mode is None:
             if command.armed and not self.sent.armed and not self._armed(command, now):
                 command = RESTING
             else:
@@ -59,15 +53,25 @@ class CommandOutput:
         self.sent = command
         return command
 
-    def grip(self, asked: Grip, now: Time) -> None:
-        """Open or close the payload's servo if necessary. A refusal fails the behavior."""
-        activity = self._activity
-        activity.grip = None
+    def hand_over(self) -> Command:
+        """Send nothing, because a pilot flies the vehicle; return what is recorded instead."""
+        self.sent = HANDED_OVER
+        return HANDED_OVER
+
+    def cancel_arming(self) -> None:
+        """Arm no more for the command of a state that was left."""
+        self.arming = None
+
+    def grip(self, now: Time) -> None:
+        """Open or close the payload's servo if the behavior asks for it and it is necessary. A
+        refusal fails the behavior."""
+        runner = self._runner
+        asked = runner.take_grip()
         try:
-            if self._payload.wants(asked.is_open, now, activity.state.at):
+            if asked is not None and self._payload.wants(asked.is_open, now, runner.state.at):
                 self._link.grip(asked.is_open, now)
         except Refused as refusal:
-            activity.fail(str(refusal))
+            runner.fail(str(refusal))
 
     def _armed(self, command: Command, now: Time) -> bool:
         """Request arming; return whether the vehicle follows commands now. A vehicle that refuses
@@ -77,9 +81,9 @@ class CommandOutput:
             if self._link.arm(command, now):
                 return True
         except Refused as refusal:
-            activity, reason = self._activity, str(refusal)
-            self._events.emit(ArmingRefused(reason=reason), self._name, activity.state.at)
-            activity.refuse(reason)
+            runner, reason = self._runner, str(refusal)
+            self._events.emit(ArmingRefused(reason=reason), self._name, runner.state.at)
+            runner.refuse(reason)
             return False
         self.arming = command
         return False

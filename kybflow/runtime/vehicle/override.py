@@ -12,13 +12,13 @@ from collections.abc import Callable
 from kybflow.core.events import VehicleEvent
 from kybflow.core.signals import Alarm, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import GROUND, Override
+from kybflow.parts import Override
 from kybflow.parts.events import ControlLost, ControlRefused, ControlReturned, ControlTaken
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.arming_watch import ArmingWatch
+from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.reactions import Reactions
@@ -31,7 +31,7 @@ class ManualOverride:
         self,
         plan: VehiclePlan,
         link: LinkOut,
-        activity: Activity,
+        runner: BehaviorRunner,
         failsafe: Failsafe,
         reactions: Reactions,
         control: Control,
@@ -40,7 +40,7 @@ class ManualOverride:
         score: VehicleScore,
     ) -> None:
         self.away = False
-        self._plan, self._link, self._activity, self._failsafe = plan, link, activity, failsafe
+        self._plan, self._link, self._runner, self._failsafe = plan, link, runner, failsafe
         self._reactions, self._control = reactions, control
         self._arming, self._events, self._score = arming, events, score
         self._landed_for: Override | None = None
@@ -59,10 +59,19 @@ class ManualOverride:
             self._refused = ""
             self._link.reclaim(now)
 
-    def update(self, tick: Tick, answer: Callable[[Time], None]) -> None:
-        """Follow who has control in this tick. `answer` handles requests while a pilot has it."""
+    def update(self, tick: Tick, answer: Callable[[Time], None]) -> bool:
+        """Follow who has control in this tick, and whether the vehicle falls; return whether a
+        pilot has control. `answer` handles requests meanwhile."""
+        armed = self._link.armed
+        if armed is not None and self._arming.update(tick, armed):
+            self.away = False
+        elif self.away or self._link.override is not None:
+            self._follow(tick, answer)
+        return self.away
+
+    def _follow(self, tick: Tick, answer: Callable[[Time], None]) -> None:
         override = self._link.override
-        if override is None or not self._activity.off_ground:
+        if override is None or not self._runner.off_ground:
             self._lost = None
             if self.away:
                 self._emit(ControlReturned())
@@ -80,40 +89,40 @@ class ManualOverride:
 
     def _stand_by(self, override: Override, tick: Tick, answer: Callable[[Time], None]) -> None:
         """Freeze the behavior once, handle requests, and detect that the pilot landed."""
-        activity = self._activity
+        runner = self._runner
         if not self.away:
-            self.away, self._control.followed = True, None
+            self.away = True
+            self._control.rest()
             self._emit(ControlTaken(reason=override.reason))
-            activity.freeze("pilot")
-            if activity.hold is not None:  # whoever has the vehicle, it brakes for nothing more
+            runner.freeze("pilot")
+            if runner.hold is not None:  # whoever has the vehicle, it brakes for nothing more
                 self._failsafe.clear_brake()
-                activity.hold.leave("brake", tick.now)
+                runner.hold.leave("brake", tick.now)
         if override.refused and override.refused != self._refused:
             self._emit(ControlRefused(reason=override.refused))
         self._refused = override.refused
-        activity.wait(tick.dt)
+        runner.wait(tick.dt)
         self._failsafe.check(tick, airborne=False)  # supervisors keep their state; no reaction
         answer(tick.now)
         if self._link.armed is False and not self._arming.may_fall(tick):
             self.away = False
             self._score.failure(override.reason)
-            activity.flight = GROUND
-            activity.go("landed")
+            runner.go("landed", grounded=True)
 
     def _bring_down(self, override: Override, now: Time) -> None:
         """Request the land mode of a vehicle that follows no commands, once for each override."""
-        comes_down = self._activity.machine.state in ("auto_land", "land_blind")
+        comes_down = self._runner.machine.state in ("auto_land", "land_blind")
         if override is self._landed_for or not (comes_down and self._link.can_land):
             return
         self._landed_for = override
-        if self._activity.land_mode is None:
-            self._reactions.start_land_mode(now)
+        if self._runner.land_mode is None:
+            self._runner.start_land_mode(now)
 
     def _take_back(self) -> None:
         """Resume the frozen behavior from where the vehicle is now."""
         if self.away:
             self.away = False
-            self._activity.thaw("pilot")
+            self._runner.thaw("pilot")
 
     def _emit(self, event: VehicleEvent) -> None:
         self._events.emit(event, self._plan.name, self._plan.driver.at)

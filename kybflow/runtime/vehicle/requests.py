@@ -37,7 +37,7 @@ from kybflow.parts.events import (
 )
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety.failsafe import Failsafe
-from kybflow.runtime.vehicle.activity import Activity, unfit
+from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner, unfit
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.override import ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions
@@ -84,8 +84,8 @@ class EntryJudge(Protocol):
         None when nothing does."""
 
 
-class _NoJudge:
-    """Where nobody can judge values, no state is entered with any."""
+class NoJudge:
+    """Stands in where nobody can judge values: no state is entered with any."""
 
     def read(self, vehicle: str, state: str, written: Values) -> Values:
         raise Refused(_NOT_HERE)
@@ -123,28 +123,28 @@ class Requests:
 
     waiting: whether a request waits. off: the labels of the processors that are switched off.
     retired: why the vehicle lands for the rest of the run, None while it flies its mission.
-    judge: judges the values that states are asked for with.
     """
 
     def __init__(
         self,
         plan: VehiclePlan,
         link: LinkOut,
-        activity: Activity,
+        runner: BehaviorRunner,
         failsafe: Failsafe,
         reactions: Reactions,
         override: ManualOverride,
+        judge: EntryJudge,
         events: Events,
     ) -> None:
         self.waiting = False
         self.off: set[str] = set()
         self.retired: str | None = None
-        self.judge: EntryJudge = _NoJudge()
+        self._judge = judge
         self._switches: list[SwitchRequest] = []
         self._orders: deque[tuple[_Order, Answered]] = deque()
         self._performed: deque[Time] = deque(maxlen=_ACTS)
         self._plan, self._link = plan, link
-        self._activity, self._failsafe = activity, failsafe
+        self._runner, self._failsafe = runner, failsafe
         self._reactions, self._override, self._events = reactions, override, events
 
     def switch(
@@ -161,30 +161,30 @@ class Requests:
 
     def track(self, point: PlannedPoint) -> str | None:
         """Give the active behavior a point of a planner's trajectory; return why it is refused."""
-        activity = self._activity
-        if activity.hold is not None:
+        runner = self._runner
+        if runner.hold is not None:
             return "it is held"
-        return activity.behavior.take(point, self._events.now)
+        return runner.behavior.take(point, self._events.now)
 
     @property
     def comes_down(self) -> bool:
         """Whether the failsafe has it and it is not down yet: it may be in anybody's way."""
-        return self._failsafe.latched is not None and self._activity.off_ground
+        return self._failsafe.latched is not None and self._runner.off_ground
 
     @property
     def pace(self) -> Pace | None:
         """The pace of a behavior that was entered in this tick and keeps one; else None."""
-        activity = self._activity
-        begins = activity.hold is None and activity.entered == self._events.now
-        return activity.behavior.pace if begins else None
+        runner = self._runner
+        begins = runner.hold is None and runner.entered == self._events.now
+        return runner.behavior.pace if begins else None
 
     def keep(self, pace: Pace) -> None:
         """Let the behavior that has a `pace` fly at a slower one."""
-        self._activity.behavior.keep(pace)
+        self._runner.behavior.keep(pace)
 
     def read(self, state: str, written: Values) -> Values:
         """Return the values (SI) that a person wrote for a state. Raises Refused."""
-        return self.judge.read(self._plan.name, state, written) if written else ()
+        return self._judge.read(self._plan.name, state, written) if written else ()
 
     def pause(self, by: str, at: str = "", answered: Answered = unheard) -> None:
         """Request a hold, with the behavior and its timers frozen, until `resume`."""
@@ -209,20 +209,25 @@ class Requests:
         person has checked it."""
         self._order(partial(self._reset, by, at), answered)
 
+    def note_end(self, reason: str) -> None:
+        """Accept from now on only what lands the vehicle, because the run ends. The first reason
+        counts."""
+        self.retired = self.retired or reason
+
     def retire(self, reason: str) -> None:
         """Land and stay on the ground, because the run ends as planned. A landing that was paused
         goes on."""
         self.retired = reason
-        activity = self._activity
-        stays = activity.machine.state in _STAYS and not self.paused
+        runner = self._runner
+        stays = runner.machine.state in _STAYS and not self.paused
         if self._failsafe.latched is None and not stays:
             self._failsafe.clear_brake()
-            activity.go("auto_land" if activity.off_ground else "landed")
+            runner.go("auto_land" if runner.off_ground else "landed")
 
     @property
     def paused(self) -> bool:
         """Whether somebody paused the vehicle."""
-        hold = self._activity.hold
+        hold = self._runner.hold
         return hold is not None and "pause" in hold.holders
 
     def answer(self, now: Time) -> None:
@@ -252,20 +257,20 @@ class Requests:
             return _SOMEBODYS
         if plan is None or state == "fault":
             return "it is not a state that can be requested"
-        if self._activity.machine.state == "fault":
+        if self._runner.machine.state == "fault":
             return "it is in `fault`, until a person resets it"
         if latched is not None and _SAFER.get(state, Reaction.WARN) <= latched:
             return f"failsafe active (`{latched.name.lower()}`)"
-        entry = self._activity.entry()
+        entry = self._runner.entry()
         held = None if _comes_down(plan) else self._held(by)
         fit = held or unfit(plan, entry.flight, entry.estimate is not None)
-        fit = fit or self._activity.misplaced(plan, entry.estimate)
-        return fit or (self._misled if values else self._activity.unwelcome)(plan, values)
+        fit = fit or self._runner.misplaced(plan, entry.estimate)
+        return fit or (self._misled if values else self._runner.unwelcome)(plan, values)
 
     def pause_objection(self) -> str | None:
         """Return why a pause would be refused now: the failsafe has the vehicle."""
         latched = self._failsafe.latched
-        if self._activity.machine.state == "fault":
+        if self._runner.machine.state == "fault":
             return "it is in `fault`"
         return None if latched is None else f"failsafe active ({latched.name.lower()})"
 
@@ -282,7 +287,7 @@ class Requests:
 
     def reset_objection(self, now: Time) -> str | None:
         """Return why a reset would be refused now."""
-        in_the_air = self._activity.off_ground or self._reactions.falls(now)
+        in_the_air = self._runner.off_ground or self._reactions.falls(now)
         return "it is in the air" if in_the_air else None
 
     def perform_objection(self, act: str) -> str | None:
@@ -321,27 +326,25 @@ class Requests:
     def _granted(self, request: SwitchRequest) -> str | None:
         """Enter the state; return why its behavior refused to start, None if it started."""
         try:
-            self._activity.switch(request.state, request.at, request.values)
+            self._runner.switch(request.state, request.at, request.values)
         except Refused as refusal:
             return str(refusal)
         except PartFailed as failure:
             if request.values:  # nobody has foreseen them; the vehicle does what it did
                 return str(failure)
             raise
-        self._failsafe.waive_brake()
-        if self._failsafe.latched is not None:
-            self._failsafe.latched = _SAFER.get(request.state)
+        self._failsafe.give_way(_SAFER.get(request.state))
         return None
 
     def _misled(self, state: StatePlan, values: Values) -> str | None:
         """Return what speaks against the values of a request, from where the vehicle is and from
         where it would come to rest."""
-        motion = self._activity.entry().motion
+        motion = self._runner.entry().motion
         points = tuple(dict.fromkeys((motion.position, Coast.after(motion).end)))
         try:
-            params = self._activity.params_of(state.name, values)
-            reason = self.judge.objection(self._plan.name, state.name, params, points)
-            return reason or self._activity.unwelcome(state, values)
+            params = self._runner.params_of(state.name, values)
+            reason = self._judge.objection(self._plan.name, state.name, params, points)
+            return reason or self._runner.unwelcome(state, values)
         except Exception as error:  # a part may raise anything, and nothing has changed yet
             return described(error)
 
@@ -355,14 +358,14 @@ class Requests:
         if reason is not None:
             self._emit(PauseRefused(by=by, reason=reason), at)
         elif not self.paused:
-            self._activity.freeze("pause")
+            self._runner.freeze("pause")
             self._emit(Paused(by=by), at)
         return reason
 
     def _resume(self, by: str, at: str, now: Time) -> str | None:
         reason = self.resume_objection()
         self._override.reclaim(now)
-        hold = self._activity.hold
+        hold = self._runner.hold
         if hold is not None and self.paused:
             hold.leave("pause", now)
             self._emit(Resumed(by=by), at)
@@ -408,9 +411,7 @@ class Requests:
             self._emit(ResetRefused(by=by, reason=reason), at)
             return reason
         self._failsafe.reset()
-        self._activity.resting_place = None
-        if self._activity.machine.state == "fault":
-            self._activity.go("landed")
+        self._runner.reset()
         self._emit(Reset(by=by), at)
         return None
 

@@ -14,8 +14,6 @@ from kybflow.core.params import named_in
 from kybflow.core.signals import (
     NO_INPUTS,
     NO_OBSTACLES,
-    NOBODY,
-    NS,
     Alarm,
     Battery,
     Estimate,
@@ -24,14 +22,12 @@ from kybflow.core.signals import (
     Reaction,
     SeenObstacles,
     Setpoint,
-    Tick,
     Time,
     Truth,
-    made,
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import GROUND, Entry, Link
+from kybflow.parts import GROUND, Link
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make, parts_of
@@ -42,21 +38,20 @@ from kybflow.runtime.monitoring.tracking_errors import TrackingErrors
 from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.activity import Activity
 from kybflow.runtime.vehicle.arming_watch import ArmingWatch
-from kybflow.runtime.vehicle.control import Commanded, Control, OptionSetter
+from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
+from kybflow.runtime.vehicle.control import Control, OptionSetter
 from kybflow.runtime.vehicle.decision import Decision
-from kybflow.runtime.vehicle.external_position import ExternalPosition
+from kybflow.runtime.vehicle.estimation import ExternalPosition
 from kybflow.runtime.vehicle.knowledge import Knowledge
 from kybflow.runtime.vehicle.link import LinkHealth, LinkIn, LinkOut
-from kybflow.runtime.vehicle.output import HANDED_OVER, RESTING, CommandOutput
+from kybflow.runtime.vehicle.output import CommandOutput
 from kybflow.runtime.vehicle.override import ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions
-from kybflow.runtime.vehicle.requests import Requests
+from kybflow.runtime.vehicle.requests import EntryJudge, NoJudge, Requests
+from kybflow.runtime.vehicle.tick_builder import TickBuilder
 from kybflow.world.vehicle_context import VehicleContext
 
-_ESCALATIONS = 5
-"""Attempts to find a command: `go_home`, `land`, `land_blind`, `fault`, and a last one to steer."""
 _SINKS = -0.05
 """The vertical speed (m/s) of a setpoint that comes down."""
 _STALE = 10.0
@@ -67,7 +62,8 @@ class Vehicle:
     """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle.
 
     wanted: the setpoint that its behavior asked for in the last tick, before processors; None
-    without one, and while the ground carries the vehicle. moving: the moving obstacles.
+    without one, and while the ground carries the vehicle. set_option: asks for another value of an
+    option. judge: judges the values that states are asked for with. moving: the moving obstacles.
     """
 
     def __init__(
@@ -78,49 +74,50 @@ class Vehicle:
         events: Events,
         observer: VehicleObserver,
         score: VehicleScore,
+        set_option: OptionSetter,
+        judge: EntryJudge | None = None,
         sensors: Sequence[OpenSensor] = (),
         bodies: Bodies | None = None,
         fleet: EstimateHistory | None = None,
         inputs: InputReadings = NO_INPUTS,
         broadcasts: Broadcasts | None = None,
+        moving: SeenObstacles = NO_OBSTACLES,
     ) -> None:
-        self.plan, self.name, self.context = plan, plan.name, context
+        self.plan, self.name, self.context, self.moving = plan, plan.name, context, moving
         self.now: Time = 0
-        self.moving: SeenObstacles = NO_OBSTACLES
         self.wanted: Setpoint | None = None
-        self._observer, self._errors, self._inputs = observer, TrackingErrors(score), inputs
-        self._broadcasts, self._neighbours = broadcasts, broadcasts or NOBODY
-        self._fleet: dict[str, Estimate | None] = {}
+        self._observer, self._errors = observer, TrackingErrors(score)
+        self._broadcasts = broadcasts
         self._params = params = {part.label: part.params for part in parts_of(plan)}
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
         lines = {part.label: part.at for part in parts_of(plan)}
         failsafe = Failsafe(plan.name, self._supervisors, lines, events)
         health = LinkHealth(plan.driver.label, failsafe.report)
-        link_in, link_out = LinkIn(plan, link, health, events, score), LinkOut(plan, link, health)
+        link_in = LinkIn(plan, link, health, events, score)
+        link_out = LinkOut(plan, link, health, link_in)
         knowledge = Knowledge(
-            plan, context, link_in, events, observer, score, failsafe.report,
-            lambda: self.airborne, sensors, bodies, fleet,
-        )  # fmt: skip
-        activity = Activity(
-            plan, params, events, score, self.entry, self._objection, failsafe.is_latched,
-            lambda: link_out.override is not None and link_out.override.lands,
-        )  # fmt: skip
-        output = CommandOutput(
-            plan, link_out, activity, knowledge.payload, knowledge.resting, events
+            plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
-        reactions = Reactions(plan, activity, failsafe, link_out, output, events, score)
-        control = Control(plan, context, params, activity, reactions, output, events)
-        arming = ArmingWatch(plan, link_out, activity, reactions, output, events, score)
+        control = Control(plan, context, params, set_option, events)
+        ticks = TickBuilder(context, knowledge, control, inputs, broadcasts, moving)
+        runner = BehaviorRunner(plan, params, ticks, failsafe, link_out, events, score)
+        output = CommandOutput(plan, link_out, runner, knowledge.payload, knowledge.resting, events)
+        reactions = Reactions(plan, runner, failsafe, link_out, output, score)
+        arming = ArmingWatch(plan, link_out, runner, reactions, output, events, score)
         override = ManualOverride(
-            plan, link_out, activity, failsafe, reactions, control, arming, events, score
+            plan, link_out, runner, failsafe, reactions, control, arming, events, score
         )
-        self.requests = Requests(plan, link_out, activity, failsafe, reactions, override, events)
+        self.requests = requests = Requests(
+            plan, link_out, runner, failsafe, reactions, override, judge or NoJudge(), events
+        )
         self._decision = Decision(
-            activity, failsafe, reactions, self.requests, control, output, knowledge
+            plan, runner, failsafe, reactions, requests, control, output, knowledge, events
         )
-        self.knowledge, self.activity, self.failsafe = knowledge, activity, failsafe
+        self.knowledge, self.runner, self.failsafe = knowledge, runner, failsafe
         self.link_out = link_out
-        self._control, self._output, self._reactions = control, output, reactions
+        self._ticks, self._control, self._output, self._reactions = (
+            ticks, control, output, reactions,
+        )  # fmt: skip
         self._override, self._arming, self._health = override, arming, health
         self._external_position = ExternalPosition(plan, knowledge.estimation)
 
@@ -143,10 +140,6 @@ class Vehicle:
         """The setpoint that the tracker followed last, None while there is none."""
         return self._control.followed
 
-    def use_options(self, set_option: OptionSetter) -> None:
-        """Let its processors retune its tracker through `set_option`, that of the options."""
-        self._control.set_option = set_option
-
     @property
     def link_error(self) -> str | None:
         """The error with which the link failed, None while it works."""
@@ -155,7 +148,7 @@ class Vehicle:
     @property
     def link_age(self) -> float:
         """Seconds since the vehicle's last message."""
-        return self._health.age
+        return self.knowledge.link_in.age
 
     @property
     def estimator(self) -> str | None:
@@ -165,7 +158,7 @@ class Vehicle:
     @property
     def state(self) -> str:
         """The name of the active state."""
-        return self.activity.machine.state
+        return self.runner.machine.state
 
     @property
     def airborne(self) -> bool:
@@ -177,12 +170,12 @@ class Vehicle:
         """Whether the ground is where the vehicle should come to now: it is there by its own state,
         it comes down to land, or somebody else has it. Until it descends, and while it is held, a
         vehicle that lands flies like any other."""
-        activity, link = self.activity, self.link_out
-        if not activity.off_ground or activity.land_mode is not None or link.override is not None:
+        runner, link = self.runner, self.link_out
+        if not runner.off_ground or runner.land_mode is not None or link.override is not None:
             return True
         wanted = self._control.followed
         sinks = wanted is None or wanted.velocity is None or wanted.velocity[2] < _SINKS
-        return activity.leg.end is GROUND and sinks
+        return runner.leg.end is GROUND and sinks
 
     @property
     def rests(self) -> bool:
@@ -190,23 +183,24 @@ class Vehicle:
         state and doesn't report itself armed; or the run ends while a pilot has control of it."""
         if self._override.away and self.requests.retired is not None:
             return True
-        if self.activity.flight is not GROUND or self.requests.waiting:
+        if self.runner.flight is not GROUND or self.requests.waiting:
             return False
         if self.link_age < _STALE and self.link_out.armed and self.link_out.override is None:
             return self._arming.gave_up
-        return not self._reactions.falls(self.now) and not self.activity.state.transitions
+        return not self._reactions.falls(self.now) and not self.runner.state.transitions
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
         try:
-            self.activity.begin(conditions)
+            self.runner.begin(conditions)
         except Exception as error:  # a part may raise anything; it fails this vehicle alone
-            self._reactions.react_to_failure(*self._control.blame(error), self._standing())
+            self._decision.fail(error, self._ticks.standing(self.runner.entered, {}))
 
     def sense(self, now: Time) -> Estimate | None:
         """Read the link, and update and return the estimate."""
         self.now = now
-        estimate = self.knowledge.update(now)
+        airborne = self.runner.flight is not GROUND and self._output.sent.armed
+        estimate = self.knowledge.update(now, airborne)
         if self.link_out.tells_position:
             position = self._external_position.of(estimate)
             if position is not None:
@@ -215,51 +209,19 @@ class Vehicle:
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide, steer, send and record."""
-        self._fleet = fleet
-        tick = self._tick(now, dt, fleet)
-        override, armed = self._override, self.link_out.armed
-        if armed is not None and self._arming.update(tick, armed):
-            override.away = False
-        elif override.away or self.link_out.override is not None:
-            override.update(tick, self._decision.answer)
-        if override.away:
-            command, wanted = HANDED_OVER, None
-            self._output.sent = command
+        runner, output = self.runner, self._output
+        tick = self._ticks.tick(now, dt, runner.entered, fleet)
+        if self._override.update(tick, self._decision.answer):
+            command, wanted = output.hand_over(), None
         else:
-            try:
-                tick = self._decision.decide(tick)
-                command, wanted = self._control.steer(tick) or self._resteered(tick)
-            except Exception as error:  # a part may raise anything; it fails this vehicle alone
-                command, wanted = self._commanded_after(error, tick)
-            command = self._output.deliver(command, now)
-        if self.activity.grip is not None:
-            self._output.grip(self.activity.grip, now)
-        knowledge, activity, control = self.knowledge, self.activity, self._control
+            command, wanted = self._decision.command(tick)
+            command = output.deliver(command, now)
+        if runner.grip is not None:
+            output.grip(now)
+        knowledge, followed = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
-        self._observer.tick(
-            now, estimate, wanted, control.followed, command, truth, knowledge.estimation
-        )
-        self.wanted = self._errors.update(
-            now, wanted, truth or estimate, activity.flight, activity.leg
-        )
-
-    def _commanded_after(self, failure: Exception, tick: Tick) -> Commanded:
-        """Return the command of a tick in which a part failed, whichever parts fail then."""
-        for _ in range(_ESCALATIONS + len(self.plan.processors)):
-            try:
-                self._reactions.react_to_failure(*self._control.blame(failure), tick)
-                return self._resteered(tick)
-            except Exception as error:  # the next attempt does without the part that raised
-                failure = error
-        return RESTING, None
-
-    def _resteered(self, tick: Tick) -> Commanded:
-        """Steer after a change of state, and after every further one, until there is a command."""
-        commanded = None
-        while commanded is None:
-            tick = self._decision.settle(tick)
-            commanded = self._control.steer(tick)
-        return commanded
+        self._observer.tick(now, estimate, wanted, followed, command, truth, knowledge.estimation)
+        self.wanted = self._errors.update(now, wanted, truth or estimate, runner.flight, runner.leg)
 
     @property
     def publishes(self) -> bool:
@@ -272,38 +234,30 @@ class Vehicle:
         broadcasts, rig = self._broadcasts, self.knowledge.link_in.rig
         if broadcasts is None or (rig is not None and rig.silent):
             return
-        said = self.activity.behavior.says if self.activity.begun else None
+        said = self.runner.behavior.says if self.runner.begun else None
         if said is not None and said.time == self.now:
             self._observer.measurement(self.now, said)
         broadcasts.note(self.name, Heard(self.now, self.estimate, self.followed, said))
 
-    def entry(self) -> Entry:
-        """Return the conditions in which a behavior would be entered now."""
-        thrust, flight = self._control.hover_thrust(), self.activity.flight
-        lift = self.knowledge.resting.specific_force
-        estimate, followed = self.estimate, self.followed
-        return Entry(
-            self.now, self.context, estimate, followed, thrust, flight, lift, self._inputs
-        )  # fmt: skip
-
     def pushes(self) -> Iterator[tuple[str, Vec3 | None]]:
         """Yield each input that steers it now, with what the hand should feel, None
         while it is held."""
-        part, hold = self.activity.state.behavior, self.activity.hold
+        part, hold = self.runner.state.behavior, self.runner.hold
         for name in named_in(part.params, "input").values():
-            yield name, self.activity.behavior.push if hold is None else None
+            yield name, self.runner.behavior.push if hold is None else None
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
         """Return each (supervisor, reason, mission line) that would end the mission at once if the
         vehicle flew now."""
-        return self.failsafe.foresee(self._standing()._replace(fleet=fleet))
+        return self.runner.foreseen(fleet)
 
     def land(self, reason: str) -> None:
         """Land now, whatever the mission says, after an interrupt or at the time limit."""
-        self.requests.retired = self.requests.retired or reason
+        self.requests.note_end(reason)
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason)
-            self._reactions.react(RaisedAlarm(alarm, ""), self._standing())
+            standing = self._ticks.standing(self.runner.entered, {})
+            self._reactions.react(RaisedAlarm(alarm, ""), standing)
 
     def parameters(self) -> dict[str, Any]:
         """Return each part's parameters, by label."""
@@ -314,28 +268,6 @@ class Vehicle:
         values that a behavior was entered with stay."""
         self._params[label] = replace(self._params[label], **{name: value})
         living = {**self._control.parts(), **self._supervisors, **self.knowledge.parts()}
-        living[self.activity.state.behavior.label] = self.activity.behavior
+        living[self.runner.state.behavior.label] = self.runner.behavior
         if label in living:
             living[label].params = replace(living[label].params, **{name: value})
-
-    def _objection(self) -> str | None:
-        """Return why a supervisor would end the flight right after take-off, None if none would."""
-        found = self.foreseen(self._fleet)
-        return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
-
-    def _standing(self) -> Tick:
-        """Return a tick of zero duration, without the other vehicles."""
-        return self._tick(self.now, 0.0, {})
-
-    def _tick(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> Tick:
-        knowledge = self.knowledge
-        elapsed, followed = (now - self.activity.entered) / NS, self._control.followed
-        estimate, battery, imu = knowledge.estimate, knowledge.battery, knowledge.imu
-        health, payload = self._health, knowledge.payload.state
-        return made(
-            Tick,
-            (
-                now, dt, elapsed, estimate, battery, followed, fleet, imu, health.age, health.delay,
-                payload, self._inputs, self._neighbours, self.moving,
-            ),
-        )  # fmt: skip

@@ -45,7 +45,7 @@ class Watch:
         if now // NS not in self.nees and fusion.filter.state.nominal.time == now:
             place = (truth.position, truth.velocity, truth.attitude)
             self.nees[now // NS] = nees(fusion, Instant(now, *place, ZERO, ZERO))
-        if flier.activity.state.name == "eight":
+        if flier.runner.state.name == "eight":
             self.errors.append(distance(flier.estimate.position, truth.position))
 
 

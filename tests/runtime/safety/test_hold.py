@@ -27,7 +27,7 @@ def resumed(velocity: Vec3, held: float, push: Vec3 = ZERO) -> list[Setpoint]:
     """What is followed from the hold on until the blend is over; the vehicle is pushed away when
     the hold begins."""
     begun = entry(add(HERE, push), velocity, setpoint=moving(0.0, velocity))
-    hold = Hold("pause", begun, moving(0.0, velocity), grounded=False)
+    hold = Hold({"pause"}, begun, moving(0.0, velocity), grounded=False)
     now, samples = STEP, []
     while (setpoint := hold.update(now)) is not None:
         if now >= held * NS and hold.lasts:
@@ -71,7 +71,7 @@ def test_a_velocity_is_blended_in_too():
 
 
 def test_the_last_holder_that_leaves_lets_go():
-    hold = Hold("pause", entry(HERE), at_rest(HERE), grounded=False)
+    hold = Hold({"pause"}, entry(HERE), at_rest(HERE), grounded=False)
     hold.holders.add("brake")
     hold.leave("pause", NS)
     assert hold.lasts

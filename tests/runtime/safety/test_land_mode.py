@@ -14,8 +14,8 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.core.signals import NS, Command, Reaction
 from kybflow.parts import Link
+from kybflow.runtime.vehicle.control import HANDED_OVER
 from kybflow.runtime.vehicle.link import LinkHealth, LinkOut
-from kybflow.runtime.vehicle.output import HANDED_OVER
 
 AT = 6.0
 """When the failsafe lands the vehicle, seconds."""
@@ -178,7 +178,9 @@ def test_a_link_that_says_nothing_of_a_land_mode_refuses():
         def send(self, command, now):
             raise AssertionError
 
-    out = LinkOut(flight(driver("lands")[0]), Plain(), LinkHealth("sim", lambda failure: None))
+    out = LinkOut(
+        flight(driver("lands")[0]), Plain(), LinkHealth("sim", lambda failure: None), None
+    )
     with pytest.raises(Refused, match="no land mode"):
         out.land(0)
 
@@ -200,8 +202,8 @@ def test_an_interrupt_lands_by_it(run):
     own, opened = driver("lands")
 
     def interrupt(engine):
-        if engine.seconds() >= AT:
-            engine.interrupts = 1
+        if engine.seconds() >= AT and not engine.interrupts:
+            engine.interrupt()
 
     flown, told = run(flight(own), observers=(interrupt,))
     assert asked(opened)[-2:] == ["land", "rest"]

@@ -23,7 +23,7 @@ from kybflow.parts import AIR
 from kybflow.recording.earlier_run import read_earlier_run
 from kybflow.runtime.behaviors.fly_to import FlyTo
 from kybflow.runtime.commanding.orders import parse
-from kybflow.runtime.vehicle.requests import Requests
+from kybflow.runtime.vehicle.requests import NoJudge, Requests
 from kybflow.world.shapes import Box
 
 POLE = {"pole": Box((0.9, -1.1, 0.0), (1.1, -0.9, 2.0))}
@@ -155,11 +155,10 @@ def test_who_is_in_motion_is_judged_from_where_it_comes_to_rest() -> None:
 
     entry = SimpleNamespace(motion=Motion((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
     params = goer().states["goto"].behavior.params
-    activity = SimpleNamespace(
+    runner = SimpleNamespace(
         entry=lambda: entry, params_of=lambda _, values: replace(params, **dict(values))
     )
-    requests = Requests(goer(), None, activity, None, None, None, None)
-    requests.judge = Judge()
+    requests = Requests(goer(), None, runner, None, None, None, Judge(), None)
     goal = (("position", (1.0, 0.0, 1.0)),)
     assert requests._misled(goer().states["goto"], goal) == "no"
     [(position, (here, there))] = asked
@@ -174,7 +173,7 @@ def test_an_option_that_changes_meanwhile_leaves_the_other_values(run) -> None:
     def watch(engine):
         [one] = engine.vehicles
         if engine.flying and one.state == "goto":
-            params = one.activity.behavior.params
+            params = one.runner.behavior.params
             goals.append((params.position, params.dwell))
 
     flown(
@@ -237,7 +236,7 @@ def test_a_part_that_raises_with_values_or_speaks_against_them_is_not_entered(ru
 
 
 def test_where_nobody_can_judge_no_value_is_taken() -> None:
-    requests = Requests(goer(), None, None, None, None, None, None)
+    requests = Requests(goer(), None, None, None, None, None, NoJudge(), None)
     assert requests.read("goto", ()) == ()
     with pytest.raises(Refused, match="nothing here can judge values"):
         requests.read("goto", (("speed", "1 m/s"),))

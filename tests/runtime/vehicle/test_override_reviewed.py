@@ -13,7 +13,7 @@ from test_override import BACK, PILOT, Autopilot, driver, flight
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Estimate
-from kybflow.runtime.vehicle.external_position import ExternalPosition
+from kybflow.runtime.vehicle.estimation import ExternalPosition
 from kybflow.runtime.vehicle.requests import Requester
 
 

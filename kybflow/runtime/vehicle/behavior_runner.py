@@ -1,5 +1,5 @@
-"""What a vehicle is doing: the state that its machine is in, the behavior of that state, whether it
-flies, and the hold that freezes all of this for a while."""
+"""Runs a vehicle's behaviors: the state that its machine is in, the behavior of that state, whether
+the vehicle flies, and the hold that freezes all of this for a while."""
 
 from __future__ import annotations
 
@@ -33,15 +33,18 @@ from kybflow.parts.events import (
     BehaviorWaits,
     Landed,
     LandingRefused,
+    LandModeStarted,
     SwitchRefused,
     TookOff,
 )
 from kybflow.runtime.events import Events
 from kybflow.runtime.safety import take_off_tolerance
+from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
-from kybflow.runtime.safety.land_mode import LandMode
-from kybflow.runtime.safety.touch_down import TouchDown
+from kybflow.runtime.safety.landing import LandMode, TouchDown
 from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.link import LinkOut
+from kybflow.runtime.vehicle.tick_builder import TickBuilder
 from kybflow.world.vehicle_context import VehicleContext
 
 PATIENCE: Time = 10 * NS
@@ -57,18 +60,18 @@ _SAFE = frozenset({"brake", "landed"})
 """Where a vehicle goes when nothing else will start."""
 
 
-class Activity:
-    """Builds a behavior when the machine enters a state, and clears what was kept for it on exit.
+class BehaviorRunner:
+    """Constructs a behavior when the machine enters a state, and clears what was kept for it on
+    exit. It alone changes the machine, the behavior, `flight`, the hold and the land mode: others
+    ask for a change by a method.
 
     flight: GROUND, AIR, or MOVING while a take-off or a landing is under way or was broken off.
-    begun: whether the preflight has let the vehicle enter its first state. changed: a state was
-    entered, and nobody has settled for it yet. hold: freezes the state, its behavior and its
-    timers, None without one. land_mode: the vehicle's own landing in place of the behavior's, None
-    without one. grip: what the behavior asks of the payload's servo in this tick, None for nothing.
-    resting_place: where the vehicle must be to take off, which is its start, later where it landed;
-    None when that is not known. entry: gives what a behavior is entered with now. objection: gives
-    what else speaks against a take-off, None when nothing does. latched: whether the failsafe's
-    reaction can't be undone in the air. lands_itself: whether the vehicle's own failsafe lands it.
+    entries: how many states were entered. begun: whether the preflight has let the vehicle enter
+    its first state. hold: freezes the state, its behavior and its timers, None without one.
+    land_mode: the vehicle's own landing in place of the behavior's, None without one. grip: what
+    the behavior asks of the payload's servo in this tick, None for nothing. resting_place: where
+    the vehicle must be to take off (world, m), which is its start, later where it landed; None when
+    that is not known.
     """
 
     machine: VehicleMachine
@@ -79,23 +82,21 @@ class Activity:
         self,
         plan: VehiclePlan,
         params: dict[str, Any],
+        ticks: TickBuilder,
+        failsafe: Failsafe,
+        link: LinkOut,
         events: Events,
         score: VehicleScore,
-        entry: Callable[[], Entry],
-        objection: Callable[[], str | None],
-        latched: Callable[[], bool],
-        lands_itself: Callable[[], bool],
     ) -> None:
-        self.plan, self.flight, self.entry = plan, GROUND, entry
-        self.entered: Time = 0
-        self.begun = self.changed = False
-        self._params, self._events, self._score = params, events, score
-        self._objection, self._latched, self._name = objection, latched, plan.name
-        self._lands_itself = lands_itself
+        self.plan, self.flight = plan, GROUND
+        self.entries, self.entered = 0, 0
+        self.begun = False
         self.hold: Hold | None = None
         self.land_mode: LandMode | None = None
         self.grip: Grip | None = None
         self.resting_place: Vec3 | None = plan.start
+        self._params, self._ticks, self._failsafe = params, ticks, failsafe
+        self._link, self._events, self._score, self._name = link, events, score, plan.name
         self._outcome: Outcome = "running"
         self._reason = ""
         self._wanted: Setpoint | None = None
@@ -119,11 +120,15 @@ class Activity:
             on_exit=self._exit,
             starts=self._starts,
             airborne=lambda: self.off_ground,
-            latched=self._latched,
+            latched=self._failsafe.is_latched,
             welcome=self._is_welcome,
         )
         self.begun = True
         self.machine.begin()
+
+    def entry(self) -> Entry:
+        """Return the conditions in which a behavior would be entered now."""
+        return self._ticks.entry(self.flight)
 
     @property
     def state(self) -> StatePlan:
@@ -142,10 +147,28 @@ class Activity:
         """Take the transition that is due in this tick, if one is."""
         self.machine.step(tick.elapsed, self._events.heard(self._name), self._outcome, tick.dt)
 
-    def go(self, goal: str) -> None:
-        """Enter the built-in state `goal` at once, whatever the mission's transitions say. Raises
-        Refused where neither `brake` nor `landed` starts."""
+    def go(self, goal: str, *, grounded: bool = False) -> None:
+        """Enter the built-in state `goal` at once, whatever the mission's transitions say.
+        grounded: the rotors are at rest, so the vehicle counts as on the ground. Raises Refused
+        where neither `brake` nor `landed` starts."""
+        if grounded:
+            self.flight = GROUND
         self.machine.failsafe(goal)
+
+    def reset(self) -> None:
+        """Forget where the vehicle landed and leave `fault`: a person has checked it."""
+        self.resting_place = None
+        if self.machine.state == "fault":
+            self.go("landed")
+
+    def start_land_mode(self, now: Time) -> None:
+        """Land by the vehicle's own land mode in place of the active behavior."""
+        entry = self.entry()
+        height = 0.0
+        if entry.estimate is not None:
+            height = entry.estimate.position[2] - entry.context.start[2]
+        self.land_mode = LandMode(self._link.land, now, height)
+        self._events.emit(LandModeStarted(), self._name, self.plan.driver.at)
 
     def params_of(self, state: str, values: Values = ()) -> Any:
         """Return the parameters of a state's behavior, with `values` in place of its own."""
@@ -165,9 +188,9 @@ class Activity:
     def freeze(self, holder: Holder) -> None:
         """Come to rest and hold until this holder and all others let go."""
         if self.hold is not None and self.hold.lasts:
-            self.hold.holders.add(holder)
-            return
-        self.hold = Hold(holder, self.entry(), self._wanted, not self.off_ground)
+            self.hold.join(holder)
+        else:
+            self.hold = Hold({holder}, self.entry(), self._wanted, not self.off_ground)
 
     def wait(self, dt: float) -> None:
         """Let a tick of `dt` seconds pass in which the state's timers stand still."""
@@ -233,6 +256,11 @@ class Activity:
             self._blend = None
         return blended or asked
 
+    def take_grip(self) -> Grip | None:
+        """Return what the behavior asks of the payload's servo, once."""
+        grip, self.grip = self.grip, None
+        return grip
+
     def fail(self, reason: str) -> None:
         """Note that the behavior has failed: it said so, refused to start, or a part raised."""
         self._outcome, self._reason = "failed", reason
@@ -262,8 +290,10 @@ class Activity:
     def _is_refused(self, tick: Tick) -> bool:
         """Whether a behavior's end is refused: it is a landing that the estimate contradicts, or
         nobody can tell, and the vehicle's own failsafe is still landing it."""
-        if self._touch_down is not None and tick.estimate is None and self._lands_itself():
-            return True
+        if self._touch_down is not None and tick.estimate is None:
+            override = self._link.override
+            if override is not None and override.lands:
+                return True
         return bool(self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)))
 
     def _is_pushed(self, tick: Tick) -> bool:
@@ -311,8 +341,8 @@ class Activity:
         before = self.hold
         if before is not None:
             entry = self.entry()
-            self.hold = Hold(holder, entry, before.wanted, not self.off_ground)
-            self.hold.holders |= before.holders
+            holders = {holder, *before.holders}
+            self.hold = Hold(holders, entry, before.wanted, not self.off_ground)
             self.hold.leave(holder, entry.now)
 
     def close(self, now: Time) -> None:
@@ -333,7 +363,7 @@ class Activity:
         """Build the behavior of the state that the machine has entered. One that refuses to start
         has failed, and the machine leaves the state again."""
         state, entry = self.plan.states[name], self.entry()
-        self.entered, self.changed = entry.now, True
+        self.entered, self.entries = entry.now, self.entries + 1
         self._score.entered(name, state.behavior.name, entry.now / NS)
         values = ", ".join(f"{field} {value}" for field, value in self._values)
         began = BehaviorStarted(behavior=name, part=state.behavior.name, values=values)
@@ -432,9 +462,17 @@ class Activity:
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
 
     def _doubted(self, state: StatePlan, entry: Entry) -> str | None:
-        """Return what else speaks against a take-off, None when nothing does."""
-        leaves = entry.estimate is not None and self._leaves_ground(state)
-        return self._objection() if leaves else None
+        """Return why a supervisor would end the flight right after a take-off, None if none
+        would."""
+        if entry.estimate is None or not self._leaves_ground(state):
+            return None
+        found = self.foreseen(self._ticks.fleet)
+        return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
+
+    def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
+        """Return each (supervisor, reason, mission line) that would end the mission at once if the
+        vehicle flew now."""
+        return self._failsafe.foresee(self._ticks.standing(self.entered, fleet))
 
     def _leaves_ground(self, state: StatePlan) -> bool:
         """Whether entering `state` now is a take-off."""
