@@ -87,6 +87,19 @@ def test_what_is_null_is_not_there(world: str, finding: tuple[str, str], tmp_pat
     assert found(tmp_path, MISSION.replace("  points:", f"  {world}\n  points:")) == [finding]
 
 
+GRID = "tags: {floor: {grid: {family: 36h11, count: [2, 2], size: 9 cm, spacing: null}}}"
+BALL = (
+    "obstacles: {b: {moving_sphere: {along: [[0, 0, 1], [1, 0, 1]], speed: 1 m/s, radius: null}}}"
+)
+
+
+@pytest.mark.parametrize("world", [GRID, BALL])
+def test_a_needed_length_that_is_null_is_told_where_it_stands(world: str, tmp_path: Path) -> None:
+    findings = found(tmp_path, MISSION.replace("  points:", f"  {world}\n  points:"))
+    assert ("KYB104", "`null` is not a length") in findings
+    assert "KYB108" not in {code for code, _ in findings}
+
+
 def test_a_point_that_is_null_is_unknown(tmp_path: Path) -> None:
     text = MISSION.replace("pad: [1, 0, 1]", "pad: null, dock: [1, 0, 1]")
     codes = [code for code, _ in found(tmp_path, text)]

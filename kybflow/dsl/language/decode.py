@@ -90,6 +90,7 @@ class Decoder:
     ) -> dict[str, Any] | None:
         """The fields of a record that `node` says; None where it has errors."""
         layout, before = layout_of(cls), len(self.found.all)
+        like_a_part = cls.missing == "KYB108"  # a `null` is judged as its parameters' are
         body = node if isinstance(node, Mapping) else Mapping({}, node.span)
         if layout.part is not None:
             given[layout.part_name] = self.part(layout.part, node, layout.own.keys())
@@ -101,16 +102,18 @@ class Decoder:
             )
         for key, entry in body.entries.items():
             field = layout.own.get(key)
-            if field is None or field.name in given or is_null(entry.value):
+            if field is None or field.name in given:
                 continue
-            value = self._value(entry, field)
+            is_said = not is_null(entry.value) or (like_a_part and field.required)
+            value = self._value(entry, field) if is_said else None
             if value is not None:
                 given[field.name] = value
         lacking = [field for field in layout.required if given.get(field.name) is None]
         for field in lacking:
-            if field.name not in given and body.get(field.key) is None and field.needed is None:
+            written = field.key in body.entries if like_a_part else body.get(field.key) is not None
+            if field.name not in given and not written and field.needed is None:
                 self._missing(cls.missing, cls.title, field, body, layout.own, span)
-        if lacking or (len(self.found.all) > before and cls.missing == "KYB108"):
+        if lacking or (len(self.found.all) > before and like_a_part):
             return None
         given["source"] = Source(span, body, inherited)
         if "at" in layout.computed:
