@@ -13,7 +13,6 @@ to another.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import inf
 from typing import Any
 
 from kybflow.core.errors import PartFailed
@@ -29,8 +28,8 @@ from kybflow.parts.events import (
     PositionAccepted,
     PositionRefused,
 )
-from kybflow.parts.observables import Unavailable
 from kybflow.runtime.conditions import bind
+from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
@@ -41,29 +40,6 @@ from kybflow.world.vehicle_context import VehicleContext
 Known = Callable[[frozenset[MeasurementKind]], str]
 _INERTIAL = frozenset({Imu})
 """The measurements of dead reckoning."""
-
-
-class _HealthView:
-    """What an estimator's health condition reads (`observables.View`): its last estimate."""
-
-    def __init__(self, candidate: Candidate) -> None:
-        self._candidate = candidate
-
-    @property
-    def age(self) -> float:
-        estimate = self._candidate.estimate
-        return inf if estimate is None else estimate.age
-
-    @property
-    def spread(self) -> float:
-        estimate = self._candidate.estimate
-        return inf if estimate is None else estimate.spread
-
-    def _never(self) -> Any:
-        raise Unavailable
-
-    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
-    payload = payload_place = releases = sticks = property(_never)
 
 
 class Candidate:
@@ -97,7 +73,7 @@ class Candidate:
     def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
         if healthy is None:
             return lambda: True
-        return bind(healthy, {self.name: _HealthView(self)}, self.name, lambda: 0.0)
+        return bind(healthy, {self.name: EstimatorView(self)}, self.name, lambda: 0.0)
 
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
