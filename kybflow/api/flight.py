@@ -301,11 +301,6 @@ class _Run:
         self._driver_failed: str | None = None
         self._verdicts: tuple[Verdict, ...] = ()
 
-    def interrupt(self) -> int:
-        """Count an interrupt; return how many there were."""
-        self.interrupts += 1
-        return self.interrupts
-
     def fly(self, observers: Sequence[Observer]) -> None:
         """Open the drivers, fly to the end, close them."""
         devices: Devices | None = None

@@ -86,11 +86,6 @@ class Pool:
         self._workers: list[_Worker] = []
         self._told = False
 
-    def interrupt(self) -> int:
-        """Count an interrupt; return how many there were."""
-        self.interrupts += 1
-        return self.interrupts
-
     def run(self, cases: Sequence[FlightCase]) -> None:
         """Fly `cases`, and tell `done` of each that came to its end. Main thread only."""
         waiting = deque(cases)

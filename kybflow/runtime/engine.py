@@ -108,11 +108,6 @@ class Engine:
         """Return the time since the run began."""
         return self.clock.now / NS
 
-    def interrupt(self) -> int:
-        """Count an interrupt; return how many there were."""
-        self.interrupts += 1
-        return self.interrupts
-
     def run(self) -> str | None:
         """Run the preflight, then tick until every vehicle rests. Land at the time limit."""
         self.events.emit(RunStarted())

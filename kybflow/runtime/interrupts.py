@@ -12,11 +12,10 @@ DEAF = 1.0
 """Seconds in which further signals belong to one interrupt: a closed terminal sends several."""
 
 
-class Interruptible(Protocol):
+class Counting(Protocol):
     """An object that counts interrupts: the engine, a run, or a session of tests."""
 
-    def interrupt(self) -> int:
-        """Count an interrupt; return how many there were."""
+    interrupts: int
 
 
 class Interrupts:
@@ -28,7 +27,7 @@ class Interrupts:
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     IGNORED = (signal.SIGUSR1, signal.SIGUSR2)
 
-    def __init__(self, engine: Interruptible, read: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, engine: Counting, read: Callable[[], float] = time.monotonic) -> None:
         self._engine = engine
         self._read = read
         self._last: float | None = None
@@ -48,5 +47,6 @@ class Interrupts:
         now = self._read()
         if self._last is None or now - self._last >= DEAF:
             self._last = now
-            if self._engine.interrupt() > 2:
+            self._engine.interrupts += 1
+            if self._engine.interrupts > 2:
                 raise KeyboardInterrupt

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import signal
+from types import SimpleNamespace
 
 import pytest
 
 from kybflow.runtime.interrupts import DEAF, Interrupts
 
 
-class Counter:
-    interrupts = 0
-
-    def interrupt(self) -> int:
-        self.interrupts += 1
-        return self.interrupts
-
-
 def test_what_a_closed_terminal_sends_at_once_is_one_interrupt_and_a_later_one_another():
-    engine, clock = Counter(), [100.0]
+    engine, clock = SimpleNamespace(interrupts=0), [100.0]
     before = signal.getsignal(signal.SIGTERM)
     with Interrupts(engine, lambda: clock[0]):
         signal.raise_signal(signal.SIGHUP)
@@ -31,7 +24,7 @@ def test_what_a_closed_terminal_sends_at_once_is_one_interrupt_and_a_later_one_a
 
 
 def test_ctrl_backslash_is_an_interrupt():
-    engine = Counter()
+    engine = SimpleNamespace(interrupts=0)
     with Interrupts(engine):
         signal.raise_signal(signal.SIGQUIT)
     assert engine.interrupts == 1
@@ -39,7 +32,7 @@ def test_ctrl_backslash_is_an_interrupt():
 
 @pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGUSR2])
 def test_a_signal_without_a_meaning_is_none_and_is_given_back(number: signal.Signals):
-    engine, before = Counter(), signal.getsignal(number)
+    engine, before = SimpleNamespace(interrupts=0), signal.getsignal(number)
     with Interrupts(engine):
         signal.raise_signal(number)
     assert engine.interrupts == 0

@@ -105,10 +105,9 @@ class RunningFlow:
         self.unpaced = self.phase.arrive == "together"
         self.visits.append(PhaseVisit(self.phase.name, rounded(now / NS)))
 
-    def paces(self, chosen: Callable[[str], Pace | None]) -> list[tuple[str, Pace]]:
-        """Return, once after a phase began, the pace of each vehicle that has `chosen` one."""
+    def paced(self) -> None:
+        """Note that the vehicles that begin together have their pace."""
         self.unpaced = False
-        return [(name, pace) for name in self.phase.run if (pace := chosen(name)) is not None]
 
     def next_turn(self) -> str:
         """Pass the turn to the next vehicle that waits; return its name."""
@@ -292,11 +291,13 @@ class Flows:
 
     def _pace(self, flow: RunningFlow) -> None:
         """Let the behaviors that begin in this tick arrive together: at the pace of the slowest."""
-        paces = flow.paces(lambda vehicle: self._vehicles[vehicle].requests.pace)
+        flow.paced()
+        requests = [self._vehicles[vehicle].requests for vehicle in flow.phase.run]
+        paces = [(one, pace) for one in requests if (pace := one.pace) is not None]
         if paces:
             slowest = Pace.slowest(pace for _, pace in paces)
-            for vehicle, _ in paces:
-                self._vehicles[vehicle].requests.keep(slowest)
+            for one, _ in paces:
+                one.keep(slowest)
 
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name

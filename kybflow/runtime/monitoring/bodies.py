@@ -90,7 +90,7 @@ class Bodies:
         if now > body.due and not body.trouble.is_known(BodyLost):
             age, bound = (now - newest) / NS, (body.due - newest) / NS
             body.trouble.count_anew()
-            findings.append(body.found(BodyLost(value=age, bound=bound)))
+            findings.append(body.trouble.found(BodyLost(value=age, bound=bound)))
         return passed, findings
 
     def due(self, name: str) -> Time:
@@ -100,7 +100,7 @@ class Bodies:
     def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
         since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
         if since > bound and not body.trouble.is_known(BodyFroze):
-            findings.append(body.found(BodyFroze(value=since, bound=bound)))
+            findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
         body.trouble.count_anew()
 
     def _follow(self, name: str, body: _Body, pose: Pose, findings: list[VehicleEvent]) -> None:
@@ -177,10 +177,6 @@ class _Body:
             timeout = slow if slow > lost else lost
         self.due = newest + timeout
         return newest
-
-    def found(self, finding: VehicleEvent) -> VehicleEvent:
-        """From now on that is wrong with it."""
-        return self.trouble.found(finding)
 
     def repeats(self, pose: Pose, in_air: bool) -> bool:
         """Take note of a newer pose; whether it is the last one, bit by bit, and must not be."""

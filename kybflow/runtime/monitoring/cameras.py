@@ -125,7 +125,7 @@ class _CameraStream:
             since = (frame.time - self._changed) / NS
             bound = self.freeze_timeout
             if since > bound and not trouble.is_known(CameraFroze):
-                yield self._found(CameraFroze(camera=self._name, value=since, bound=bound))
+                yield trouble.found(CameraFroze(camera=self._name, value=since, bound=bound))
             trouble.count_anew()
             return
         self._changed = frame.time
@@ -138,10 +138,7 @@ class _CameraStream:
         if silence > self.timeout and not self.trouble.is_known(CameraLostEvent):
             self.trouble.count_anew()
             lost = CameraLostEvent(camera=self._name, value=silence, bound=self.timeout)
-            yield self._found(lost)
-
-    def _found(self, finding: VehicleEvent) -> VehicleEvent:
-        return self.trouble.found(finding)
+            yield self.trouble.found(lost)
 
     def _repeats(self, frame: Frame) -> bool:
         """Take note of a frame; whether its image is the one before it."""

@@ -112,24 +112,17 @@ class Control:
         """Return the command for what a behavior asks for, None if an alarm of a processor changed
         the state. Raises whatever a part raises, and ValueError for a setpoint or a command that is
         not finite or would stop the rotors in the air."""
-        wanted = None
         if isinstance(asked, Command):
             self.followed = None
-            command = checked_command(asked)
-        elif asked.kind is _IDLE:
-            command, wanted = RESTING, asked
-        else:
-            tracked = self._tracked(checked_setpoint(asked), tick, reports)
-            if tracked is None:
-                return None
-            if tracked.armed:
-                return tracked, asked
-            command, wanted = tracked, asked
-        if off_ground and not command.armed:
-            raise ValueError("the rotors can't rest in the air")
-        if command is RESTING:
+            return _turning(checked_command(asked), off_ground), None
+        if asked.kind is _IDLE:
+            command = _turning(RESTING, off_ground)
             self.followed = None
-        return command, wanted
+            return command, asked
+        tracked = self._tracked(checked_setpoint(asked), tick, reports)
+        if tracked is None:
+            return None
+        return (tracked if tracked.armed else _turning(tracked, off_ground)), asked
 
     def again(self, waiting: Command, tick: Tick) -> Command:
         """Return the command that waits for arming, tracked anew: the vehicle may be on its way up,
@@ -211,3 +204,10 @@ class Control:
     def parts(self) -> dict[str, Any]:
         """Return the processors and the tracker by label."""
         return {**self._processors, self._tracker_label: self._tracker}
+
+
+def _turning(command: Command, off_ground: bool) -> Command:
+    """Return the command. Raises ValueError for one that would stop the rotors in the air."""
+    if off_ground and not command.armed:
+        raise ValueError("the rotors can't rest in the air")
+    return command

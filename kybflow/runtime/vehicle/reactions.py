@@ -39,7 +39,7 @@ class Reactions:
     @property
     def airborne(self) -> bool:
         """Whether the vehicle is off the ground and its rotors turn."""
-        return self._runner.off_ground and self._output.sent.armed
+        return self._runner.flight is not GROUND and self._output.sent.armed
 
     def falls(self, now: Time) -> bool:
         """Return whether the rotors were cut so recently that the vehicle may still fall."""

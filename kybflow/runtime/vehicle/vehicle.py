@@ -84,7 +84,6 @@ class Vehicle:
         moving: SeenObstacles = NO_OBSTACLES,
     ) -> None:
         self.plan, self.name, self.context, self.moving = plan, plan.name, context, moving
-        self.now: Time = 0
         self.wanted: Setpoint | None = None
         self._observer, self._errors = observer, TrackingErrors(score)
         self._broadcasts = broadcasts
@@ -120,6 +119,11 @@ class Vehicle:
         )  # fmt: skip
         self._override, self._arming, self._health = override, arming, health
         self._external_position = ExternalPosition(plan, knowledge.estimation)
+
+    @property
+    def now(self) -> Time:
+        """The time of the newest measurements."""
+        return self.knowledge.now
 
     @property
     def estimate(self) -> Estimate | None:
@@ -198,9 +202,7 @@ class Vehicle:
 
     def sense(self, now: Time) -> Estimate | None:
         """Read the link, and update and return the estimate."""
-        self.now = now
-        airborne = self.runner.flight is not GROUND and self._output.sent.armed
-        estimate = self.knowledge.update(now, airborne)
+        estimate = self.knowledge.update(now, self._reactions.airborne)
         if self.link_out.tells_position:
             position = self._external_position.of(estimate)
             if position is not None:

@@ -202,8 +202,8 @@ def test_an_interrupt_lands_by_it(run):
     own, opened = driver("lands")
 
     def interrupt(engine):
-        if engine.seconds() >= AT and not engine.interrupts:
-            engine.interrupt()
+        if engine.seconds() >= AT:
+            engine.interrupts = 1
 
     flown, told = run(flight(own), observers=(interrupt,))
     assert asked(opened)[-2:] == ["land", "rest"]
