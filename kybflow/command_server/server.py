@@ -50,7 +50,7 @@ LINES, COMMANDS, NEWCOMERS = 16, 1, 8
 ANSWER_PERIOD, WATCH_PERIOD, LOOK_PERIOD = 0.002, 0.02, 0.05
 """Seconds between looks for answers of the tick while any is owed, for events while somebody
 watches, and between two questions for the situation."""
-SHY = 1.0
+IDLE_CLIENT = 1.0
 """Seconds after which a client that has asked nothing, and a guest, makes room for another."""
 MOST_EVENTS = 2000
 """How many events wait to be sent to those who watch."""
@@ -250,7 +250,7 @@ class _Loop:
             return STRANGERS
         if not self._is_full:
             return None
-        before = time.monotonic() - SHY
+        before = time.monotonic() - IDLE_CLIENT
         shy = [c for c in self._connections if not c.has_asked and c.since <= before]
         guests = [c for c in self._connections if c.is_guest]
         if not shy and len(guests) < GUESTS:

@@ -386,7 +386,7 @@ SeenObstacles = Mapping[str, SeenObstacle]
 NO_OBSTACLES: SeenObstacles = MappingProxyType({})
 
 
-class Heard(NamedTuple):
+class NeighbourState(NamedTuple):
     """What a vehicle published to its neighbours at the end of the tick at `time`: its estimate,
     the setpoint that it followed, and what its behavior `says`; None where there is none."""
 
@@ -402,7 +402,7 @@ Answer = TypeVar("Answer")
 class Neighbours(Protocol):
     """What vehicles publish to each other, kept for half a second."""
 
-    def heard(self, vehicle: str, by: Time) -> Heard | None:
+    def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
         """Return the newest that the vehicle published at `by` or before; None where it published
         nothing yet."""
 
@@ -412,7 +412,7 @@ class Neighbours(Protocol):
 
 
 class _Nobody:
-    def heard(self, vehicle: str, by: Time) -> Heard | None:
+    def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
         return None
 
     def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:

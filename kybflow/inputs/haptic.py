@@ -133,8 +133,8 @@ class HapticLink(FeltLink):
         share = max(-1.0, min(1.0, place / self._params.reach))
         return beyond(share, self._params.dead_zone)
 
-    def feel(self, push: Vec3 | None) -> None:
-        self._servo.feel(push, self._now)
+    def apply_force(self, push: Vec3 | None) -> None:
+        self._servo.apply_force(push, self._now)
 
     def _law(self, push: Vec3, state: HapticState, share: float) -> Vec3:
         p = self._params

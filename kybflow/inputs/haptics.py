@@ -63,7 +63,7 @@ class HapticDevice(Protocol):
     def read(self, now: Time) -> HapticState:
         """Return where it is."""
 
-    def feel(self, force: Vec3) -> None:
+    def apply_force(self, force: Vec3) -> None:
         """Push the hand from now on."""
 
     def close(self) -> None:
@@ -104,8 +104,9 @@ class EnergyTank:
 class Servo:
     """Sets the force of a device from what the tick handed over last.
 
-    last: what it did, None before it did anything. The tick calls `feel` and `pressed` and reads
-    `last`; whoever keeps the servo's time calls `step`. Only values that never change pass between.
+    last: the device's last reading, None before the first. The engine's tick calls `apply_force`
+    and `pressed` and reads `last`; the thread of the servo calls `step`. They exchange immutable
+    values only.
     """
 
     def __init__(self, device: HapticDevice, law: ForceLaw) -> None:
@@ -115,7 +116,7 @@ class Servo:
         self._push, self._share = ZERO, 0.0
         self._pressed = deque[frozenset[str]](maxlen=64)
 
-    def feel(self, push: Vec3 | None, now: Time) -> None:
+    def apply_force(self, push: Vec3 | None, now: Time) -> None:
         """Hand over a push at a time of the servo's clock; None: let all but damping fade."""
         self._word = (push, now)
 
@@ -128,7 +129,7 @@ class Servo:
         try:
             state = self._device.read(now)
         except Exception:
-            self._device.feel(ZERO)
+            self._device.apply_force(ZERO)
             raise
         last, force = self.last, ZERO
         dt = 0.0 if last is None else (now - last.at) / NS
@@ -137,7 +138,7 @@ class Servo:
         if all(map(isfinite, (*state.position, *state.velocity))):
             share = self._shared(now, dt)
             force = self._tank.passed(self._law(self._push, state, share), state)
-        self._device.feel(force)
+        self._device.apply_force(force)
         self.last = HapticSample(state, force, now)
 
     def _shared(self, now: Time, dt: float) -> float:
@@ -218,7 +219,7 @@ class SimulatedHand:
             self._next += 1
         return self._rows[self._next - 1] if self._next else None
 
-    def feel(self, force: Vec3) -> None:
+    def apply_force(self, force: Vec3) -> None:
         self.force = force
 
     def close(self) -> None:
@@ -249,7 +250,7 @@ class ForceDimension:
         held = frozenset(name for bit, name in enumerate(_NAMES) if mask >> bit & 1)
         return HapticState(_turned(self._place), _turned(self._speed), held)
 
-    def feel(self, force: Vec3) -> None:
+    def apply_force(self, force: Vec3) -> None:
         x, y, z = force
         if self._dhd.setForce([-x, -y, z]) < 0:
             raise DriverError("Force Dimension's device takes no force")

@@ -22,7 +22,7 @@ from kybflow.parts.behavior import (
 )
 from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
 from kybflow.parts.driver import Act, Charge, Driver, Seat, Session
-from kybflow.parts.fault import Effect, Fault, Filter, Rig
+from kybflow.parts.fault import ActiveFaults, Effect, Fault, Filter
 from kybflow.parts.input import AXES, Input, InputLink
 from kybflow.parts.link import Check, ForeignCommand, Link, Override, StatusText
 from kybflow.parts.sensor import Sensor, Stream
@@ -35,6 +35,7 @@ __all__ = [
     "Act",
     "Action",
     "ActionContext",
+    "ActiveFaults",
     "Behavior",
     "Charge",
     "Check",
@@ -58,7 +59,6 @@ __all__ = [
     "Override",
     "Part",
     "Processor",
-    "Rig",
     "Seat",
     "Sensor",
     "Session",

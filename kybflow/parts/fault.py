@@ -62,7 +62,7 @@ class Effect:
     silent: bool = False
 
 
-class Rig:
+class ActiveFaults:
     """The effects that are active on one simulated vehicle, oldest first, and their combination. An
     effect that ends leaves no trace. `changed` is called after each change.
 

@@ -38,7 +38,7 @@ class FeltLink(InputLink):
     """An open input that pushes back."""
 
     @abstractmethod
-    def feel(self, push: Vec3 | None) -> None:
+    def apply_force(self, push: Vec3 | None) -> None:
         """Let the hand feel what it steers: `push`, along the axes x, y and z, about 1 for a whole
         mismatch; None: nothing, since what it steers is held or the input lost. Called once a tick,
         after `read`. Raises DriverError."""

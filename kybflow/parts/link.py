@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from kybflow.core.signals import Command, Estimate, Measurement, MeasurementKind, Time, Truth
-from kybflow.parts.fault import Rig
+from kybflow.parts.fault import ActiveFaults
 
 
 class Check(NamedTuple):
@@ -62,7 +62,7 @@ class Link(ABC):
     shorter one of the newest two, so that a single slow one doesn't count; zero while unknown.
     """
 
-    rig: Rig | None = None
+    rig: ActiveFaults | None = None
     override: Override | None = None
     armed: bool | None = None
     is_heard: bool = True

@@ -24,7 +24,7 @@ from kybflow.parts.events import (
 from kybflow.runtime.clock import Clock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
-from kybflow.runtime.commanding.legal import Watched
+from kybflow.runtime.commanding.legal import RunView
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
@@ -84,7 +84,7 @@ class Engine:
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
         controls = self._run_controls()
         self.commander = Commander(
-            Watched(plan, self.vehicles, self.flows),
+            RunView(plan, self.vehicles, self.flows),
             controls,
             self.flows.give_up,
             commands or CommandQueue(),

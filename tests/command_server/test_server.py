@@ -226,7 +226,7 @@ def test_guests_make_room_for_others_who_would_land_it(
         guests = [run.raw() for _ in range(GUESTS)]
         with pytest.raises(CommandRefused, match="clients beyond"):
             run.client("ben").land()
-        monkeypatch.setattr(server, "SHY", 0.0)
+        monkeypatch.setattr(server, "IDLE_CLIENT", 0.0)
         with run.client("ben") as ben:
             assert ben.land() == Answer(True)
         assert guests[0].read() is None
@@ -248,7 +248,7 @@ def test_what_was_refused_last_is_told_when_the_run_ends(run: Served) -> None:
 
 
 def test_clients_that_say_nothing_make_room(run: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "SHY", 0.0)
+    monkeypatch.setattr(server, "IDLE_CLIENT", 0.0)
     crowd = [run.raw() for _ in range(MOST_CLIENTS)]
     with run.client("anna") as anna:
         assert anna.land() == Answer(True)

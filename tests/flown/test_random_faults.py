@@ -20,7 +20,7 @@ from short_flights import down, hold, up
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS
-from kybflow.parts import Effect, Rig
+from kybflow.parts import ActiveFaults, Effect
 from kybflow.parts.catalog import load_catalog
 from kybflow.recording.layout import HAS_POSITION
 from kybflow.world.shapes import Box
@@ -106,7 +106,7 @@ def test_a_vehicle_on_its_back_is_not_under_the_floor() -> None:
     ],
 )
 def test_the_lift_that_faults_leave(effect: Effect, lift: float) -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect, 0)
     full = replace(NANO_PLAN, airframe=replace(NANO, voltage_spread=0.0))
     assert lift_of(full, rig, 0.0) == pytest.approx(lift, rel=1e-3)

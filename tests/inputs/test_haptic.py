@@ -48,7 +48,7 @@ def test_a_push_moves_the_hand_and_is_told_as_a_share_of_the_largest_force() -> 
     link, _ = opened(hand_of((0.0, 0.5, 0.0, 0.0)), spring=0.0, damping=0.0, most=4.0, force=4.0)
     before = read(link, NS).axes["x"]
     for tick in range(250):
-        link.feel((-2.0, 0.0, 0.0))
+        link.apply_force((-2.0, 0.0, 0.0))
         said = read(link, NS + tick * NS // 250)
     assert said.axes["x"] < before - 0.1
     assert -1.0 <= said.axes["force_x"] < -0.1
@@ -98,7 +98,7 @@ def energy_given(
     said: list[InputReading] = []
     for now in times:
         said.append(read(link, now))
-        link.feel(push(now / NS, said[-1], said[max(0, len(said) - 1 - delay)]))
+        link.apply_force(push(now / NS, said[-1], said[max(0, len(said) - 1 - delay)]))
         most = max(most, device.given)
         strongest = max(strongest, norm(tuple(said[-1].axes[f"force_{a}"] for a in "xyz")))  # type: ignore[arg-type]
     return most, strongest
@@ -136,7 +136,7 @@ def faded(link: HapticLink, device: SimulatedHand, after: float) -> tuple[float,
     """The force before, and `after` seconds later without a word of the tick, of a hand at rest."""
     for tick in range(250):
         read(link, tick * NS // 250)
-        link.feel((-1.0, 0.0, 0.0))
+        link.apply_force((-1.0, 0.0, 0.0))
     before = norm(device.force)
     read(link, NS + int(after * NS))
     return before, norm(device.force)
@@ -153,7 +153,7 @@ def test_a_force_fades_when_the_tick_says_nothing() -> None:
 def test_a_force_fades_when_there_is_nothing_to_feel() -> None:
     link, device = opened(hand_of((0.0, 0.5, 0.0, 0.0)), damping=0.0)
     before, _ = faded(link, device, 0.0)
-    link.feel(None)
+    link.apply_force(None)
     read(link, NS + NS // 20)
     half = norm(device.force)
     read(link, NS + int((FADE + 0.004) * NS))
@@ -193,7 +193,7 @@ def test_a_device_of_force_dimension_is_driven_by_a_thread(
 
         def pushed() -> bool:
             link.read(NS)
-            link.feel((-1.0, 0.0, 0.0))
+            link.apply_force((-1.0, 0.0, 0.0))
             return dhd.force[0] > 2.0
 
         assert waited(pushed)
@@ -220,7 +220,7 @@ def test_a_spring_gives_back_what_was_put_in() -> None:
     link, device = opened(moves, damping=0.0)
     for tick in range(500):
         read(link, tick * NS // 250)
-        link.feel(ZERO)
+        link.apply_force(ZERO)
         if tick == 249:
             stored = device.given
     assert stored < -0.01

@@ -16,7 +16,7 @@ from part_bench import SITE
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, add
 from kybflow.core.signals import NS, Frame, Truth
-from kybflow.parts import Effect, Link, Rig
+from kybflow.parts import ActiveFaults, Effect, Link
 from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
 from kybflow.vision.optics import SOUND, Weakness
@@ -44,7 +44,7 @@ class Passing(Link):
 
     def __init__(self) -> None:
         self.now = 0
-        self.rig = Rig("nano")
+        self.rig = ActiveFaults("nano")
         self.swapped = False
 
     def read(self, now: int) -> tuple[()]:

@@ -11,7 +11,7 @@ from part_bench import SITE
 
 from kybflow.core.geometry import LEVEL, ZERO, add, from_heading, heading_of, rotate
 from kybflow.core.signals import NS, Pose, Truth
-from kybflow.parts import Effect, Link, Rig
+from kybflow.parts import ActiveFaults, Effect, Link
 from kybflow.sensors.simulated_motion_capture import (
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
@@ -28,7 +28,7 @@ class Passing(Link):
 
     def __init__(self, step: int = TICK, since: int = 0, until: int = 1 << 60) -> None:
         self.now, self.step, self.since, self.until = 0, step, since, until
-        self.rig = Rig("nano")
+        self.rig = ActiveFaults("nano")
 
     def read(self, now: int) -> tuple[()]:
         return ()

@@ -124,7 +124,7 @@ class Bench:
                 if self.sees and tick % 4 == 0:
                     self._show(measured)
             else:
-                self.pilot.feel(measured, self.now)
+                self.pilot.add_measurement(measured, self.now)
         if tick % 125 == 1 and self.beats is not None:
             self.say(mavlink.MAVLink_heartbeat_message(self.beats, 8, 0, 0, 4, 3))
         if self.wanted is not None and tick % 5 == 0:

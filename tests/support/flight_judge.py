@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import NS
 from kybflow.dsl.plan import Plan, VehiclePlan
-from kybflow.parts import Rig
+from kybflow.parts import ActiveFaults
 from kybflow.recording.layout import HAS_POSITION, dtype_spec
 from kybflow.recording.run_folder import EVENTS, LOG
 from kybflow.world.shapes import Box
@@ -219,7 +219,11 @@ def _hard(name: str, track: Track) -> Iterator[Finding]:
 def _least_lift(plan: Plan, vehicle: VehiclePlan, track: Track, events: list[Any]) -> float:
     """The least that the faults at work left a vehicle in the air; infinite if none was. Events
     name a fault by its line. Raises ValueError where one line has several."""
-    rig, parts, lift = Rig(vehicle.name), {fault.at: fault for fault in plan.faults}, np.inf
+    rig, parts, lift = (
+        ActiveFaults(vehicle.name),
+        {fault.at: fault for fault in plan.faults},
+        np.inf,
+    )
     if len(parts) < len(plan.faults):
         raise ValueError("several faults are on one line")
     working: dict[str, Any] = {}
@@ -240,7 +244,7 @@ def _least_lift(plan: Plan, vehicle: VehiclePlan, track: Track, events: list[Any
     return lift
 
 
-def lift_of(vehicle: VehiclePlan, rig: Rig, seconds: float) -> float:
+def lift_of(vehicle: VehiclePlan, rig: ActiveFaults, seconds: float) -> float:
     """What the rotors can give over the weight while the vehicle stays level, which it does when
     those across from each other give the same; 0 where one is so weak that it can't be tilted back.
 

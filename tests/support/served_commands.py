@@ -17,9 +17,9 @@ from waiting import until
 from kybflow.command_server.client import RunClient
 from kybflow.command_server.server import CommandServer
 from kybflow.runtime.commanding.command_queue import (
+    ClientDisconnected,
     ClientsRefused,
     CommandQueue,
-    Departure,
     GivenCommand,
     Question,
     ServerFailure,
@@ -51,7 +51,7 @@ class Served:
                     given.answered(Answer(True))
                 case Question(shown):
                     shown(CALM)
-                case Departure(by):
+                case ClientDisconnected(by):
                     self.gone.append(by)
                 case ClientsRefused(reason):
                     self.told.append(reason)

@@ -47,9 +47,9 @@ class DroneEndpoint:
         """From now on commands arrive by so much later."""
         self._commands.more = late
 
-    def feel(self, measured: Measurement, now: Time) -> None:
+    def add_measurement(self, measured: Measurement, now: Time) -> None:
         """Take what the vehicle's own sensors measured."""
-        self.drone.feel(measured, now)
+        self.drone.add_measurement(measured, now)
 
     def step(self, now: Time) -> None:
         """Hear, estimate, fly, report."""

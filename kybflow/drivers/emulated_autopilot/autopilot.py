@@ -104,10 +104,10 @@ class OnboardAutopilot:
         """The run's time of one of its own time stamps."""
         return stamp_us * 1000 - self._boot
 
-    def feel(self, measured: Measurement, now: Time) -> None:
+    def add_measurement(self, measured: Measurement, now: Time) -> None:
         """Take what the simulated sensors measured."""
         if isinstance(measured, Imu):
-            self.state.estimator.feel(measured, now)
+            self.state.estimator.add_imu(measured, now)
         elif isinstance(measured, Battery):
             self.state.battery.measure(measured)
         elif isinstance(measured, Position):

@@ -131,13 +131,13 @@ class EmulatedEstimator:
     def is_settled(self, now: Time) -> bool:
         return self.imu is not None and now >= SETTLES
 
-    def feel(self, imu: Imu, now: Time) -> None:
+    def add_imu(self, imu: Imu, now: Time) -> None:
         """Propagate with a sample of the IMU."""
         self.imu = imu
-        self.attitude.feel(imu, self._observer.bias if self.sees(now) else None)
+        self.attitude.add_imu(imu, self._observer.bias if self.sees(now) else None)
         x, y, z = rotate(self.attitude.value, imu.specific_force)
         self.acceleration = (x, y, z - GRAVITY)
-        self._observer.feel(self.acceleration, imu.dt, now)
+        self._observer.add_imu(self.acceleration, imu.dt, now)
         if self._aimed is not None and now - self._aimed > NS:
             self.attitude.lose()
 

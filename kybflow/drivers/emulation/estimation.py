@@ -76,7 +76,7 @@ class AttitudeFilter:
         """Drop the last heading: none is seen any more."""
         self._off = 0.0
 
-    def feel(self, imu: Imu, lacking: Vec3 | None) -> None:
+    def add_imu(self, imu: Imu, lacking: Vec3 | None) -> None:
         """Propagate with a sample of the IMU. lacking: the acceleration that is seen and that the
         accelerometer doesn't explain, m/s^2 in the world; None where none is seen: then the vehicle
         is taken to accelerate nowhere."""
@@ -112,7 +112,7 @@ class PositionObserver:
         self._past: deque[tuple[Time, Vec3]] = deque()
         self._shifted: Vec3 = ZERO
 
-    def feel(self, acceleration: Vec3, dt: float, now: Time) -> None:
+    def add_imu(self, acceleration: Vec3, dt: float, now: Time) -> None:
         """Propagate by `dt` with an acceleration in the world, without gravity."""
         a = add(acceleration, self.bias)
         move = add(scale(self.velocity, dt), scale(a, 0.5 * dt * dt))

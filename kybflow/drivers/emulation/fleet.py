@@ -25,7 +25,7 @@ class OnboardComputer(Protocol):
     def failures(self) -> Failures:
         """What is broken on purpose."""
 
-    def feel(self, measured: Measurement, now: Time) -> None:
+    def add_measurement(self, measured: Measurement, now: Time) -> None:
         """Take what the vehicle's own sensors measured."""
 
     def step(self, now: Time) -> None:
@@ -51,7 +51,7 @@ class EmulatedVehicle(Generic[Onboard]):
             if isinstance(measured, Pose):
                 self._poses.append(measured)
             else:
-                self.onboard.feel(measured, now)
+                self.onboard.add_measurement(measured, now)
         self.onboard.step(now)
 
     def with_poses(self, told: Sequence[Measurement]) -> Sequence[Measurement]:

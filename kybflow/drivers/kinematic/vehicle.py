@@ -22,7 +22,7 @@ from kybflow.core.signals import (
     Truth,
 )
 from kybflow.drivers.kinematic.motion import KinematicState, moved, stopped
-from kybflow.parts import Link, Rig, Seat
+from kybflow.parts import ActiveFaults, Link, Seat
 from kybflow.parts.link import Touch
 from kybflow.world.battery import BatteryCharge
 from kybflow.world.ground import FLOOR
@@ -43,7 +43,7 @@ class IdealVehicle(Link):
         self.context = context = seat.context
         self.state = KinematicState(context.start, attitude=from_heading(context.heading))
         self.is_down, self._has_lifted = True, False
-        self.rig = Rig(context.vehicle, _refuse)
+        self.rig = ActiveFaults(context.vehicle, _refuse)
         self.tell_touch: Callable[[Touch], None] = _untold
         self._command: Command | None = None
         self._charge = BatteryCharge(context.airframe, seat.params.battery)

@@ -21,7 +21,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.mavlink.contact import Contact, Upkeep
+from kybflow.drivers.mavlink.autopilot_state import AutopilotState, StreamRequests
 from kybflow.drivers.mavlink.control import payload, setpoints
 from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
 from kybflow.drivers.mavlink.control.payload import PayloadGrip
@@ -35,7 +35,7 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
 from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.parts import Check, ForeignCommand, Link, Rig, Seat, StatusText
+from kybflow.parts import ActiveFaults, Check, ForeignCommand, Link, Seat, StatusText
 
 SILENCE_TIMEOUT: Time = 10 * NS
 """How long the autopilot may be silent after opening."""
@@ -53,7 +53,9 @@ class AutopilotLink(Link):
 
     def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
         context, params = seat.context, seat.params
-        contact = self.contact = Contact(seat, profile, port, self._ground_truth(seat, profile))
+        contact = self.contact = AutopilotState(
+            seat, profile, port, self._ground_truth(seat, profile)
+        )
         resumes = params.after_failsafe == "resume"
         self.offboard = OffboardControl(
             profile, contact.status, contact.requests, params.arming_time, params.rate, resumes,
@@ -80,9 +82,9 @@ class AutopilotLink(Link):
                 profile, contact.status, contact.requests, contact.parameters, output
             )
         if params.simulator:
-            self.rig = Rig(context.vehicle, self._rigged)
+            self.rig = ActiveFaults(context.vehicle, self._rigged)
         self._capacity = LineCapacity(params)
-        self._upkeep = Upkeep(contact, self._streams(frozenset()), names)
+        self._stream_requests = StreamRequests(contact, self._streams(frozenset()), names)
         self._now: Time = 0
         self._due: Time = 0
         self._reread: Time = 0
@@ -94,14 +96,14 @@ class AutopilotLink(Link):
         """Take in messages, decide, and send what is due. Raises DriverError."""
         self._now = now
         if self.contact.listen(now):
-            self._upkeep.begin_anew()
+            self._stream_requests.begin_anew()
         self.offboard.update(self.contact.age(now), self.contact.silence, now)
         self._stream_setpoint(now)
         if now >= self._due:
             self._due = now + OFTEN
             self._learn_hover_throttle(now)
             self._watch_parameters(now)
-            self._upkeep.step(now)
+            self._stream_requests.step(now)
             self.delay = self.contact.sync.round_trip
         self._publish_state()
 
@@ -131,7 +133,7 @@ class AutopilotLink(Link):
     def cut(self, now: Time) -> None:
         self.offboard.cut(now)
         self.offboard.update(self.contact.age(now), self.contact.silence, now)
-        self._upkeep.step(now)
+        self._stream_requests.step(now)
         self._publish_state()
 
     def disarm_by_force(self, now: Time) -> None:
@@ -167,7 +169,7 @@ class AutopilotLink(Link):
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         for name, rate in self._streams(kinds).items():
-            self._upkeep.stream(name, rate, self._now)
+            self._stream_requests.stream(name, rate, self._now)
 
     def reclaim(self, now: Time) -> None:
         self.offboard.reclaim(now)
@@ -201,7 +203,7 @@ class AutopilotLink(Link):
     def close(self) -> None:
         """Put the streams back to what they were before us, and the mode of a disarmed vehicle,
         unless somebody else has it."""
-        self._upkeep.close()
+        self._stream_requests.close()
         contact, before = self.contact, self.offboard.modes.before
         is_ours = self.override is None and not contact.status.armed
         if not is_ours or before is None or before == contact.status.mode:

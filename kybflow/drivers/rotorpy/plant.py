@@ -18,7 +18,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.geometry import GRAVITY, Vec3, from_heading, heading_of
 from kybflow.core.signals import Truth
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.steps.aboard import Numbers
+from kybflow.drivers.sim.steps.onboard_state import Numbers
 from kybflow.world.vehicle_context import VehicleContext
 
 try:

@@ -12,9 +12,9 @@ from kybflow.core.geometry import ZERO, Quat, distance, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.rotorpy.plant import Plant
 from kybflow.drivers.sim.contacts import FORGOTTEN
-from kybflow.drivers.sim.sensors import NOTHING, ImuErrors, feel
-from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
+from kybflow.drivers.sim.sensors import NOTHING, ImuErrors, imu_sample
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
+from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
@@ -33,7 +33,7 @@ class RotorpyWorld(Session):
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
         self._rate: int = round(rates.pop())
         self._dt = 1.0 / self._rate
-        self.aboard = Aboard(len(seats), lambda count, width: [(0.0,) * width] * count)
+        self.onboard = OnboardState(len(seats), lambda count, width: [(0.0,) * width] * count)
         self._seats = [seat.context for seat in seats]
         self._vehicles = [
             SimulatedVehicle(self, i, seat, generator) for i, seat in enumerate(seats)
@@ -57,14 +57,14 @@ class RotorpyWorld(Session):
     @property
     def now(self) -> Time:
         """The time of the last physics step."""
-        return self.aboard.steps * NS // self._rate
+        return self.onboard.steps * NS // self._rate
 
     def advance(self, now: Time) -> None:
         last = ((now + 1) * self._rate - 1) // NS
-        if self.aboard.steps >= last:
+        if self.onboard.steps >= last:
             return
         self._blow(now)
-        while self.aboard.steps < last:
+        while self.onboard.steps < last:
             self._step()
         for index, vehicle in enumerate(self._vehicles):
             for touch in self._touches(index):
@@ -74,7 +74,7 @@ class RotorpyWorld(Session):
                     vehicle.tell_touch(touch)
 
     def _step(self) -> None:
-        on, row = self.aboard, self._errors.take(1)
+        on, row = self.onboard, self._errors.take(1)
         for i, (vehicle, plant) in enumerate(zip(self._vehicles, self._plants, strict=True)):
             before, most = plant.truth, on.thrusts[i]
             asked = tuple(u * f for u, f in zip(on.controls[i], most, strict=True))
@@ -83,7 +83,7 @@ class RotorpyWorld(Session):
                 given / f if f else 0.0 for given, f in zip(plant.thrusts, most, strict=True)
             )
             velocity = (*before.velocity, *before.angular_velocity)
-            felt = feel(_rows(before.attitude), velocity, moved, self._errors.block[row][i])
+            felt = imu_sample(_rows(before.attitude), velocity, moved, self._errors.block[row][i])
             on.filters[i], rates = estimate(on.filters[i], on.setpoints[i], felt, self._shares)
             on.gyros[i], rates = smooth(on.gyros[i], rates)
             on.loops[i], wanted = control(
@@ -91,7 +91,7 @@ class RotorpyWorld(Session):
             )
             on.controls[i] = on.delayed(i, wanted)
             if vehicle.listens:
-                vehicle.feel(felt)
+                vehicle.add_imu(felt)
         on.steps += 1
         for vehicle in self._vehicles:
             if vehicle.due <= self.now:
@@ -104,9 +104,9 @@ class RotorpyWorld(Session):
         jets = jets_of(self._vehicles)
         for i, vehicle in enumerate(self._vehicles):
             if vehicle.is_blown:
-                self.aboard.winds[i] = vehicle.blown(now, elapsed, jets)
+                self.onboard.winds[i] = vehicle.blown(now, elapsed, jets)
                 thrust = vehicle.thrust
-                self.aboard.pushes[i] = vehicle.pushed(elapsed, thrust)
+                self.onboard.pushes[i] = vehicle.pushed(elapsed, thrust)
                 self._errors.shake(i, vehicle.vibration(thrust))
 
     def _touches(self, index: int) -> Iterator[Touch]:
@@ -135,7 +135,7 @@ class RotorpyWorld(Session):
         vehicle = self._vehicles[index]
         self._plants[index].load(vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload)
         self._errors.bias(index, vehicle.imu_bias)
-        self.aboard.winds[index], self.aboard.pushes[index] = ZERO, NOTHING
+        self.onboard.winds[index], self.onboard.pushes[index] = ZERO, NOTHING
 
     def grip(self, index: int, is_open: bool, armed: bool) -> bool:
         """Nobody carries anything."""

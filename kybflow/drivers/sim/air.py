@@ -8,7 +8,7 @@ from math import exp, exp2, hypot, pi, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, add
-from kybflow.drivers.sim.steps.aboard import Numbers
+from kybflow.drivers.sim.steps.onboard_state import Numbers
 from kybflow.world.vehicle_context import Airframe
 
 GUST_TIME = 1.0

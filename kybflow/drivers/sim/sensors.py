@@ -17,7 +17,7 @@ import numpy
 
 from kybflow.core.geometry import GRAVITY, LEVEL, Quat, Vec3, integrate, multiply
 from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
-from kybflow.drivers.sim.steps.aboard import Numbers
+from kybflow.drivers.sim.steps.onboard_state import Numbers
 from kybflow.world.battery import BatteryCharge
 from kybflow.world.vehicle_context import Airframe
 
@@ -62,7 +62,9 @@ def vibrations(generator: numpy.random.Generator, deviations: list[float]) -> It
         last = block[-1:]
 
 
-def feel(rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Numbers) -> Numbers:
+def imu_sample(
+    rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Numbers
+) -> Numbers:
     """What an IMU at the body's origin measures of a physics step: turn rate and specific force
     along body x, y, z, with its errors. rotation: body to world, row by row. velocity,
     acceleration: a free joint's. All of them before the step."""

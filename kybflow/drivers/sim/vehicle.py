@@ -38,10 +38,10 @@ from kybflow.drivers.sim.sensors import (
     draw,
     draw_blocks,
 )
-from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
 from kybflow.drivers.sim.steps.onboard import AttitudeController
+from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import constants
-from kybflow.parts import Link, Override, Rig, Seat
+from kybflow.parts import ActiveFaults, Link, Override, Seat
 from kybflow.parts.link import Touch
 from kybflow.world.vehicle_context import LEGS, Airframe
 
@@ -57,7 +57,7 @@ class Surroundings(Protocol):
     """What a vehicle asks of the world that it is in (`kybflow.drivers.sim.world`). index: the
     vehicle's place there."""
 
-    aboard: Aboard
+    onboard: OnboardState
 
     @property
     def now(self) -> Time: ...
@@ -73,7 +73,7 @@ class SimulatedVehicle(Link):
     """A vehicle in a world, and the link to it. `index` is its place there. `is_wired`: who reads
     and commands it sits on board, so that a fault of the link does not come between."""
 
-    rig: Rig
+    rig: ActiveFaults
     is_wired = False
 
     def __init__(
@@ -95,9 +95,11 @@ class SimulatedVehicle(Link):
         self.imu_bias = NOTHING
         self._dt = 1.0 / p.physics
         self.controller = AttitudeController(
-            context.airframe, own.loop, context.heading, self._dt, world.aboard, index
+            context.airframe, own.loop, context.heading, self._dt, world.onboard, index
         )
-        world.aboard.constants[index] = constants(context.airframe, self.body, own.inflow, self._dt)
+        world.onboard.constants[index] = constants(
+            context.airframe, self.body, own.inflow, self._dt
+        )
         stamps = Stamps(own.stamps, p.stamp_jitter, p.mocap_loss, streams[6])
         self.capture = PoseSampler(
             p.mocap_rate, p.mocap_latency, p.mocap_position_noise, p.mocap_attitude_noise,
@@ -108,7 +110,7 @@ class SimulatedVehicle(Link):
         self.battery = SimulatedBattery(context.airframe, p.battery, p.battery_rate)
         self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
-        self.rig = Rig(context.vehicle, self._rigged)
+        self.rig = ActiveFaults(context.vehicle, self._rigged)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
         self._push = ZERO
@@ -158,8 +160,8 @@ class SimulatedVehicle(Link):
     @property
     def thrust(self) -> float:
         """What its rotors give, N."""
-        aboard, index = self._world.aboard, self._index
-        return _given(aboard.rotors[index], aboard.thrusts[index])
+        onboard, index = self._world.onboard, self._index
+        return _given(onboard.rotors[index], onboard.thrusts[index])
 
     def jet(self) -> Jet | None:
         """The air that it blows down; None where that acts on nobody."""
@@ -194,10 +196,10 @@ class SimulatedVehicle(Link):
 
     def _load(self, now: Time) -> None:
         """Drain the battery by what the rotors give, and let their thrust sag with it."""
-        aboard, index, battery = self._world.aboard, self._index, self.battery
-        given = _given(aboard.rotors[index], self._thrusts())
+        onboard, index, battery = self._world.onboard, self._index, self.battery
+        given = _given(onboard.rotors[index], self._thrusts())
         battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
-        aboard.thrusts[index] = self._thrusts()
+        onboard.thrusts[index] = self._thrusts()
 
     def _thrusts(self) -> Numbers:
         """The largest thrust of each rotor, on the battery as it is."""
@@ -214,7 +216,7 @@ class SimulatedVehicle(Link):
         """Whether its watchdog brings it down, step by step."""
         return self._receiver.descent is not None
 
-    def feel(self, felt: Numbers) -> None:
+    def add_imu(self, felt: Numbers) -> None:
         """Take what its IMU measured in a step."""
         self._imu.add(felt)
         self._receiver.come_down(felt[-1], self._dt)

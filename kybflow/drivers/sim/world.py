@@ -15,7 +15,7 @@ from kybflow.drivers.sim.contacts import Contacts
 from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_text
 from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.sensors import NOTHING
-from kybflow.drivers.sim.steps.aboard import Aboard
+from kybflow.drivers.sim.steps.onboard_state import OnboardState
 from kybflow.drivers.sim.steps.stepper import rows, stepper
 from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
 from kybflow.drivers.sim.viewer import Viewer
@@ -39,7 +39,7 @@ class SimulatedWorld(Session):
         if len(rates) != 1:
             raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
         self._rate: int = round(rates.pop())
-        self.aboard = Aboard(len(seats), rows())
+        self.onboard = OnboardState(len(seats), rows())
         self._vehicles = [
             SimulatedVehicle(self, i, seat, generator) for i, seat in enumerate(seats)
         ]
@@ -54,7 +54,7 @@ class SimulatedWorld(Session):
         self._moving = tuple(enumerate(balls.values()))
         self._parcels = _parcels(self.model, self.data, seats)
         sources = [vehicle.imu_source for vehicle in self._vehicles]
-        self._stepper = stepper(self.model, self.data, self.aboard, sources)
+        self._stepper = stepper(self.model, self.data, self.onboard, sources)
         self._positions, self._velocities = self.data.qpos.data, self.data.qvel.data
         self._truths: dict[int, Truth] = {}
         self._listeners: list[tuple[int, SimulatedVehicle]] = []
@@ -70,7 +70,7 @@ class SimulatedWorld(Session):
     @property
     def now(self) -> Time:
         """The time of the last physics step."""
-        return self.aboard.steps * NS // self._rate
+        return self.onboard.steps * NS // self._rate
 
     def find_listeners(self) -> None:
         """Find out which vehicles want what their IMU measures in each step."""
@@ -78,11 +78,11 @@ class SimulatedWorld(Session):
 
     def advance(self, now: Time) -> None:
         last = ((now + 1) * self._rate - 1) // NS
-        if self.aboard.steps >= last:
+        if self.onboard.steps >= last:
             return
         for place, ball in self._moving:
             self.data.mocap_pos[place] = ball.at(now / NS)
-        while self.aboard.steps < last:
+        while self.onboard.steps < last:
             self._step(last)
         if self._parcels:
             for parcel in self._parcels.values():
@@ -92,7 +92,7 @@ class SimulatedWorld(Session):
         if data.ncon:
             for index, touch in self._contacts.begun(data, now):
                 self._vehicles[index].tell_touch(touch)
-        if data.time * self._rate < self.aboard.steps - 0.5:
+        if data.time * self._rate < self.onboard.steps - 0.5:
             raise DriverError("the simulation diverged and MuJoCo started it again")
         if self._viewer is not None:
             self._viewer.show(now)
@@ -100,20 +100,20 @@ class SimulatedWorld(Session):
     def _step(self, last: int) -> None:
         """Step on until something is to be measured, `last` at the latest; one step where a
         vehicle's watchdog flies by what is felt in each."""
-        aboard, listeners, due = self.aboard, self._listeners, self._due
+        onboard, listeners, due = self.onboard, self._listeners, self._due
         if self._winds:
-            if self._next_wind <= aboard.steps:
+            if self._next_wind <= onboard.steps:
                 self._blow()
             due = min(due, self._next_wind)
-        steps = max(1, min(last, due) - aboard.steps)
+        steps = max(1, min(last, due) - onboard.steps)
         if listeners and any(vehicle.falls for _, vehicle in listeners):
             steps = 1
         self._stepper.advance(steps)
         self._truths = {}
         for index, vehicle in listeners:
             for sample in self._stepper.felt(index):
-                vehicle.feel(sample)
-        if self._due <= aboard.steps:
+                vehicle.add_imu(sample)
+        if self._due <= onboard.steps:
             self._measure(self.now)
 
     def close(self) -> None:
@@ -166,7 +166,7 @@ class SimulatedWorld(Session):
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self._stepper.errors.bias(index, vehicle.imu_bias)
-        self.aboard.winds[index], self.aboard.pushes[index] = ZERO, NOTHING
+        self.onboard.winds[index], self.onboard.pushes[index] = ZERO, NOTHING
         self._winds, self._next_wind = self._blowing(), 0
         self._truths = {}
 
@@ -186,15 +186,15 @@ class SimulatedWorld(Session):
     def _blow(self) -> None:
         """Give each vehicle the wind along its body's axes, what else pushes it, and how much it
         vibrates, until `_next_wind`."""
-        now = (self.aboard.steps + 1) * NS // self._rate
-        self._next_wind = self.aboard.steps + max(1, round(self._rate / WINDS))
+        now = (self.onboard.steps + 1) * NS // self._rate
+        self._next_wind = self.onboard.steps + max(1, round(self._rate / WINDS))
         elapsed, self._blown = (now - self._blown) / NS, now
         jets = jets_of([vehicle for _, vehicle in self._winds])
         for index, vehicle in self._winds:
             to_body = conjugate(self.truth(index).attitude)
-            self.aboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed, jets))
+            self.onboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed, jets))
             thrust = vehicle.thrust
-            self.aboard.pushes[index] = vehicle.pushed(elapsed, thrust)
+            self.onboard.pushes[index] = vehicle.pushed(elapsed, thrust)
             self._stepper.errors.shake(index, vehicle.vibration(thrust))
 
 

@@ -18,7 +18,7 @@ from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import entries_of
-from kybflow.parts.fault import Rig
+from kybflow.parts.fault import ActiveFaults
 
 _LATE: Time = 1000 * NS
 """When whatever rises has risen."""
@@ -188,9 +188,9 @@ def _first_span(part: PartPlan) -> Span:
     return next((entry.value.span for entry in written), part.span)
 
 
-def _rig_under(fault: FaultPlan) -> Rig:
+def _rig_under(fault: FaultPlan) -> ActiveFaults:
     """The vehicle's rig with the fault's effects."""
-    rig = Rig(fault.vehicle)
+    rig = ActiveFaults(fault.vehicle)
     try:
         effects = fault.part.cls(fault.part.params, Random(0)).effects(rig.vehicle)
     except Exception:  # a part may raise anything: `fault_failed` tells it when it is injected

@@ -99,10 +99,10 @@ class Filter:
         """Another's estimate, on which the vehicle flies."""
         self._gate.flown = estimate
 
-    def feel(self, imu: Imu) -> None:
+    def add_imu(self, imu: Imu) -> None:
         """Go on by an IMU sample."""
-        self._replay.feel(imu)
-        self._still.feel(imu)
+        self._replay.add_imu(imu)
+        self._still.add_imu(imu)
 
     def take(self, fixes: Sequence[Fix], now: Time) -> None:
         """Take what was true before the newest IMU sample; the rest waits for it."""
@@ -243,7 +243,7 @@ class Standstill:
         self._seconds = 0.0
         self._force, self._turn = ZERO, ZERO
 
-    def feel(self, imu: Imu) -> None:
+    def add_imu(self, imu: Imu) -> None:
         moves = (
             abs(norm(imu.specific_force) - GRAVITY) > REST_FORCE
             or norm(imu.angular_velocity) > REST_TURN

@@ -154,13 +154,13 @@ class Replay:
         """Whether the IMU has not come to `time` yet."""
         return not self._samples or time > self._samples[-1].time
 
-    def feel(self, imu: Imu) -> None:
+    def add_imu(self, imu: Imu) -> None:
         """Go on by an IMU sample; one that is not newer than the last is left out."""
         samples = self._samples
         since = samples[-1].time if samples else imu.time - round(imu.dt * NS)
         if imu.time <= since:
             return
-        self._vibration.feel(imu.specific_force, imu.angular_velocity, imu.dt)
+        self._vibration.add_imu(imu.specific_force, imu.angular_velocity, imu.dt)
         if since // STEP != imu.time // STEP:
             self._felt = self._vibration.noise.variances()
         sample = _Sample(since, imu.time, imu.specific_force, imu.angular_velocity, self._felt)

@@ -24,7 +24,7 @@ class Vibration:
         self._declared = declared
         self._force, self._turn = Scatter(), Scatter()
 
-    def feel(self, force: Vec3, turn: Vec3, dt: float) -> None:
+    def add_imu(self, force: Vec3, turn: Vec3, dt: float) -> None:
         """Take note of a sample over `dt` seconds: specific force and turn rate."""
         self._force.see(force, dt)
         self._turn.see(turn, dt)

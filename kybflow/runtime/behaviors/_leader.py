@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, heading_of, scale
-from kybflow.core.signals import NS, Heard, Tick
+from kybflow.core.signals import NS, NeighbourState, Tick
 
 _BESIDE = 0.3
 """Metres from its setpoint within which a vehicle follows it."""
@@ -46,7 +46,7 @@ class Leader:
         return None
 
 
-def _now(news: Heard, age: float) -> Leading:
+def _now(news: NeighbourState, age: float) -> Leading:
     estimate, wanted = news.estimate, news.setpoint
     assert estimate is not None
     position, velocity = estimate.position, estimate.velocity

@@ -40,8 +40,8 @@ class Question(NamedTuple):
     shown: Shown
 
 
-class Departure(NamedTuple):
-    """Who gave commands is gone, and their lease with them."""
+class ClientDisconnected(NamedTuple):
+    """A client has disconnected; its lease ends with it."""
 
     by: str
 
@@ -67,7 +67,7 @@ class RecordedCommand(NamedTuple):
     take: bool
 
 
-Item = GivenCommand | Question | Departure | ServerFailure | ClientsRefused
+Item = GivenCommand | Question | ClientDisconnected | ServerFailure | ClientsRefused
 
 
 class CommandQueue:
@@ -109,7 +109,7 @@ class CommandQueue:
 
     def leave(self, by: str) -> None:
         """Release the lease if `by` holds it, because their connection has ended."""
-        self._put(Departure(by), bounded=False)
+        self._put(ClientDisconnected(by), bounded=False)
 
     def complain(self, reason: str) -> None:
         """Tell, as the event `commands_failed`, that commands are not served as they should be."""

@@ -23,15 +23,15 @@ from kybflow.parts.observables import is_in
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
     OVER,
+    ClientDisconnected,
     ClientsRefused,
     CommandQueue,
-    Departure,
     GivenCommand,
     Question,
     ServerFailure,
 )
 from kybflow.runtime.commanding.lease import Lease
-from kybflow.runtime.commanding.legal import NOT_FLYING, Watched
+from kybflow.runtime.commanding.legal import NOT_FLYING, RunView
 from kybflow.runtime.commanding.orders import (
     PREFIX,
     Answer,
@@ -61,7 +61,7 @@ class Commander:
 
     def __init__(
         self,
-        watched: Watched,
+        watched: RunView,
         controls: RunControls,
         give_up: Callable[[], None],
         queue: CommandQueue,
@@ -110,7 +110,7 @@ class Commander:
                 case Question(shown):
                     situation = situation or self.situation(now, flying=flying)
                     shown(situation)
-                case Departure(by):
+                case ClientDisconnected(by):
                     if by == self._lease.holder:
                         self._hear(GivenCommand(ReleaseLease(), by), now, flying=flying)
                 case ServerFailure(reason):

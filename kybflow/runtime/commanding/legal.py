@@ -23,8 +23,8 @@ NOT_FLYING = "the preflight is not over"
 """Why most commands are refused before the first tick."""
 
 
-class Watched(NamedTuple):
-    """What there is to look at."""
+class RunView(NamedTuple):
+    """What the situation of a run is read from."""
 
     plan: Plan
     vehicles: Sequence[Vehicle]

@@ -95,7 +95,7 @@ class Fusion(Estimator[FusionParams]):
         for measurement in measurements:
             if type(measurement) is Imu and _is_sound(measurement):
                 self._turn = measurement.angular_velocity
-                self.filter.feel(measurement)
+                self.filter.add_imu(measurement)
         self.filter.take(self._read(measurements), now)
         self.refusal = self.filter.refusal
         return self._estimate(now)

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from kybflow.core.signals import NS, Answer, Heard, Time
+from kybflow.core.signals import NS, Answer, NeighbourState, Time
 
 _KEPT = NS // 2
 
@@ -20,11 +20,11 @@ class Broadcasts:
     """The news of the last half second, by vehicle, and the newest before it."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, deque[Heard]] = {}
-        self._found: dict[tuple[str, Time], Heard | None] = {}
+        self._kept: dict[str, deque[NeighbourState]] = {}
+        self._found: dict[tuple[str, Time], NeighbourState | None] = {}
         self._answers: dict[Hashable, Any] = {}
 
-    def note(self, vehicle: str, news: Heard) -> None:
+    def note(self, vehicle: str, news: NeighbourState) -> None:
         """Keep what a vehicle publishes."""
         kept = self._kept.setdefault(vehicle, deque())
         kept.append(news)
@@ -34,7 +34,7 @@ class Broadcasts:
             self._found.clear()
             self._answers.clear()
 
-    def heard(self, vehicle: str, by: Time) -> Heard | None:
+    def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
         """Return the newest of `vehicle` at `by` or before."""
         key = (vehicle, by)
         if key not in self._found:

@@ -13,7 +13,7 @@ from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Measurement, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import FaultPlan
-from kybflow.parts import Effect, Filter, Rig
+from kybflow.parts import ActiveFaults, Effect, Filter
 from kybflow.parts.events import FaultEnded, FaultFailed, FaultInjected
 from kybflow.parts.fault import Air
 from kybflow.runtime.events import Events
@@ -30,7 +30,7 @@ class Injection:
     def __init__(
         self,
         faults: Sequence[FaultPlan],
-        rigs: Mapping[str, Rig],
+        rigs: Mapping[str, ActiveFaults],
         conditions: Conditions,
         events: Events,
         seed: int,
@@ -109,7 +109,7 @@ class _Working:
         self, plan: FaultPlan, began: Time, fail: Callable[[FaultPlan, str, Exception], None]
     ) -> None:
         self.plan, self.failed = plan, False
-        self.effects: list[tuple[Rig, Effect]] = []
+        self.effects: list[tuple[ActiveFaults, Effect]] = []
         self._fail = fail
         lasts = plan.duration
         self._until = None if lasts is None else began + round(lasts * NS)

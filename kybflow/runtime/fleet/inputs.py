@@ -80,7 +80,9 @@ class Inputs:
         if self._felt:
             steered = [push for vehicle in vehicles for push in vehicle.pushes()]
             for one, link in self._felt:
-                one.feel(link, _felt([push for name, push in steered if name == one.plan.name]))
+                one.apply_force(
+                    link, _felt([push for name, push in steered if name == one.plan.name])
+                )
 
     def end(self, now: Time, why: str) -> None:
         """Note that nothing more is heard, so that a record's last deflection doesn't go on where
@@ -134,9 +136,9 @@ class _Input:
             self._emit()
         return reading if self.trouble is None else None
 
-    def feel(self, link: FeltLink, push: Vec3 | None) -> None:
+    def apply_force(self, link: FeltLink, push: Vec3 | None) -> None:
         try:
-            link.feel(push if self.trouble is None else None)
+            link.apply_force(push if self.trouble is None else None)
         except Exception as error:  # an input must not stop the flight
             self._unfelt = InputTrouble(described(error))
 

@@ -47,13 +47,13 @@ from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.tick_builder import TickBuilder
 from kybflow.world.vehicle_context import VehicleContext
 
-PATIENCE: Time = 10 * NS
+LONGEST_REFUSAL: Time = 10 * NS
 """How long a landing may be refused before it has failed."""
 UNCLEAR: Time = NS // 2
 """How long after its rotors stopped it may not show yet that a vehicle falls."""
 REPEATED: Time = NS // 10
 """How long no transition may have been refused until another refusal is reported."""
-LIGHT, DEEP = 0.5, 0.05
+DESCENT_THRUST, DESCENT_DEPTH = 0.5, 0.05
 """A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
 whatever is in the air."""
 _SAFE = frozenset({"brake", "landed"})
@@ -109,7 +109,7 @@ class BehaviorRunner:
         self._off = 0.0
         self._touch_down: TouchDown | None = None
         self._waits_for: str | None = None
-        self._unwelcome: Time = -NS
+        self._objected: Time = -NS
 
     def begin(self, conditions: Callable[[Expression], Callable[[], bool]]) -> None:
         """Enter the first state."""
@@ -299,11 +299,11 @@ class BehaviorRunner:
     def _is_pushed(self, tick: Tick) -> bool:
         """Whether what the vehicle was asked for last must bring it down, were it in the air."""
         if self._given is not None:
-            return self._given.thrust < LIGHT * self.entry().context.airframe.hover_thrust
+            return self._given.thrust < DESCENT_THRUST * self.entry().context.airframe.hover_thrust
         followed, known = tick.setpoint, tick.estimate
         if followed is None or followed.position is None or known is None:
             return False
-        return followed.position[2] < known.position[2] - DEEP
+        return followed.position[2] < known.position[2] - DESCENT_DEPTH
 
     def _refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
         """Return why a claim that the vehicle has landed is refused; the first one is reported."""
@@ -315,7 +315,7 @@ class BehaviorRunner:
         if refused_for == 0:
             refused = LandingRefused(behavior=self.machine.state, reason=reason)
             self._events.emit(refused, self._name, self.state.at)
-        elif refused_for > PATIENCE and self.behavior.needs_estimate:
+        elif refused_for > LONGEST_REFUSAL and self.behavior.needs_estimate:
             self.fail(f"it has landed, it says, but {reason}")
         return reason
 
@@ -432,7 +432,7 @@ class BehaviorRunner:
         behavior: Behavior[Any] = state.behavior.cls(self.params_of(state.name, values), entry)
         return behavior
 
-    def unwelcome(self, state: StatePlan, values: Values = ()) -> str | None:
+    def entry_objection(self, state: StatePlan, values: Values = ()) -> str | None:
         """Return why nothing should lead to `state` now, with `values` in place of its own; None
         when something may."""
         params = self.params_of(state.name, values)
@@ -443,12 +443,12 @@ class BehaviorRunner:
         """Whether a `next` may lead to a state now; the first of several refusals in a row is
         reported."""
         state, now = self.plan.states[name], self._events.now
-        reason = self.unwelcome(state)
+        reason = self.entry_objection(state)
         if reason is not None:
-            if now - self._unwelcome > REPEATED:
+            if now - self._objected > REPEATED:
                 refused = SwitchRefused(state=name, by="mission", reason=reason)
                 self._events.emit(refused, self._name, self.state.at)
-            self._unwelcome = now
+            self._objected = now
         return reason is None
 
     def misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:

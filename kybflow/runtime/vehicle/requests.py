@@ -265,7 +265,7 @@ class Requests:
         held = None if _comes_down(plan) else self._held(by)
         fit = held or unfit(plan, entry.flight, entry.estimate is not None)
         fit = fit or self._runner.misplaced(plan, entry.estimate)
-        return fit or (self._misled if values else self._runner.unwelcome)(plan, values)
+        return fit or (self._misled if values else self._runner.entry_objection)(plan, values)
 
     def pause_objection(self) -> str | None:
         """Return why a pause would be refused now: the failsafe has the vehicle."""
@@ -344,7 +344,7 @@ class Requests:
         try:
             params = self._runner.params_of(state.name, values)
             reason = self._judge.objection(self._plan.name, state.name, params, points)
-            return reason or self._runner.unwelcome(state, values)
+            return reason or self._runner.entry_objection(state, values)
         except Exception as error:  # a part may raise anything, and nothing has changed yet
             return described(error)
 

@@ -17,8 +17,8 @@ from kybflow.core.signals import (
     Alarm,
     Battery,
     Estimate,
-    Heard,
     InputReadings,
+    NeighbourState,
     Reaction,
     SeenObstacles,
     Setpoint,
@@ -239,7 +239,7 @@ class Vehicle:
         said = self.runner.behavior.says if self.runner.begun else None
         if said is not None and said.time == self.now:
             self._observer.measurement(self.now, said)
-        broadcasts.note(self.name, Heard(self.now, self.estimate, self.followed, said))
+        broadcasts.note(self.name, NeighbourState(self.now, self.estimate, self.followed, said))
 
     def pushes(self) -> Iterator[tuple[str, Vec3 | None]]:
         """Yield each input that steers it now, with what the hand should feel, None

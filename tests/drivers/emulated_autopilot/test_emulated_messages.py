@@ -125,7 +125,7 @@ def test_a_collision_saturates_what_its_imu_says():
     bench = Bench("ardupilot")
     bench.run(0.1)
     hit = bench.pilot.state.estimator.imu._replace(specific_force=(900.0, 0.0, -900.0))
-    bench.pilot.feel(hit, bench.now)
+    bench.pilot.add_measurement(hit, bench.now)
     said = MAKERS["RAW_IMU"](bench.pilot)
     assert (said.xacc, said.zacc) == (32767, 32767)
 

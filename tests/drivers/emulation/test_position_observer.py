@@ -23,7 +23,7 @@ def test_sightings_teach_a_speed_and_an_acceleration():
     observer, dt = PositionObserver(), 0.02
     for step in range(1, 400):
         t = step * dt
-        observer.feel(ZERO, dt, round(t * NS))
+        observer.add_imu(ZERO, dt, round(t * NS))
         observer.correct(observer.off((0.1 * t * t, 0.3 * t, 0.0), round(t * NS)), (4.0,) * 3, dt)
     assert observer.velocity == pytest.approx((0.2 * t, 0.3, 0.0), abs=0.02)
 
@@ -36,9 +36,9 @@ def test_what_is_seen_levels_the_attitude_of_a_vehicle_that_accelerates():
     felt = Imu(0, dt, (0.0, 0.0, GRAVITY / cos(tilt)), (0.0, off, 0.0))
     for step in range(1, 4001):
         t = step * dt
-        attitude.feel(felt, observer.bias)
+        attitude.add_imu(felt, observer.bias)
         x, y, z = rotate(attitude.value, felt.specific_force)
-        observer.feel((x, y, z - GRAVITY), dt, round(t * NS))
+        observer.add_imu((x, y, z - GRAVITY), dt, round(t * NS))
         seen = (0.5 * GRAVITY * tan(tilt) * t * t, 0.0, 0.0)
         observer.correct(observer.off(seen, round(t * NS)), (4.0,) * 3, dt)
     assert attitude.rate == pytest.approx(ZERO, abs=0.001)

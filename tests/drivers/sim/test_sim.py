@@ -239,11 +239,11 @@ def test_thrust_follows_its_command_with_the_rotors_lag_and_saturates():
     _, now = push(session, link, 0.3, thrust(4.0))
     link.send(thrust(100.0), now)
     session.advance(now + NS // 500 * 10)
-    led = session.aboard.rotors[0][0]
+    led = session.onboard.rotors[0][0]
     expected = 1.0 - (1.0 - 4.0 / 24.0) * exp(-0.020 / 0.05)
     assert led == pytest.approx(expected, abs=0.03)
     push(session, link, 0.5, thrust(100.0), now + NS // 500 * 10)
-    assert max(session.aboard.rotors[0]) <= 1.0
+    assert max(session.onboard.rotors[0]) <= 1.0
 
 
 def test_rotor_drag_is_mass_normalised_and_wind_relative():
@@ -286,7 +286,7 @@ def test_the_battery_empties_in_the_airframes_endurance_and_thrust_sags_with_it(
     assert reports[0].remaining > 0.99
     assert 1.0 - reports[1].remaining == pytest.approx(12.0 / 60.0, rel=0.25)
     assert reports[1].voltage < reports[0].voltage - 0.3
-    assert session.aboard.thrusts[0][0] < 0.96 * frame.thrust
+    assert session.onboard.thrusts[0][0] < 0.96 * frame.thrust
 
 
 def test_what_flies_differs_from_what_its_maker_says_within_the_model_error():

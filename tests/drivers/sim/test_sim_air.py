@@ -36,8 +36,8 @@ def hovering(*heights, **facts):
     states = session.data.qpos.reshape(len(heights), 7)
     for index, height in enumerate(heights):
         states[index, :3] = (0.0, 0.0, height)
-        session.aboard.rotors[index] = session.aboard.controls[index] = (HOLDS,) * 4
-        session.aboard.loops[index] = (*ZERO, HOLDS, *ZERO)
+        session.onboard.rotors[index] = session.onboard.controls[index] = (HOLDS,) * 4
+        session.onboard.loops[index] = (*ZERO, HOLDS, *ZERO)
     session.refit(0)  # forgets where they stood
     push(session, session.links["a"], 0.04, thrust(HOVER))
     return session, session.data.qvel.reshape(len(heights), 6)[:, 2].tolist()
@@ -97,7 +97,7 @@ def test_a_vehicle_below_another_is_pushed_down_and_more_below_two() -> None:
     sinks = (0.0, near, sqrt(near**2 + far**2))
     expected = [2.0 * FRAME.drag * speed * 0.04 for speed in sinks]
     assert lost == pytest.approx(expected, rel=0.06, abs=1e-9)
-    assert [session.aboard.winds[i][2] for i in range(3)] == pytest.approx(
+    assert [session.onboard.winds[i][2] for i in range(3)] == pytest.approx(
         [-speed for speed in sinks], rel=0.02
     )
 

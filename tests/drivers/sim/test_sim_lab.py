@@ -70,7 +70,7 @@ def test_what_the_imu_feels_of_the_rotors_goes_with_their_thrust(share: float) -
     felt = samples(session, link, share * HOVER).std(axis=0)
     expected = share * numpy.array((DEG, DEG, DEG, 0.6, 0.6, 1.0))
     assert felt == pytest.approx(expected, rel=0.1, abs=1e-9)
-    assert (numpy.std(session.aboard.controls[0]) > 1e-4) == (share > 0.0)
+    assert (numpy.std(session.onboard.controls[0]) > 1e-4) == (share > 0.0)
 
 
 def test_what_an_imu_adds_up_of_the_rotors_stays_small() -> None:
@@ -91,9 +91,9 @@ def test_wind_from_below_lifts_where_rotors_feel_it(inflow: float, rises: float)
 
 
 def test_a_gyroscopes_filter_halves_the_power_at_its_cut_off() -> None:
-    aboard = world().aboard
-    AttitudeController(FRAME, Loop(FRAME, cut_off=50.0), 0.0, 0.0005, aboard, 0)
-    gyro, passed = aboard.gyros[0], []
+    onboard = world().onboard
+    AttitudeController(FRAME, Loop(FRAME, cut_off=50.0), 0.0, 0.0005, onboard, 0)
+    gyro, passed = onboard.gyros[0], []
     for step in range(4000):
         rate = sin(2.0 * pi * 50.0 * step * 0.0005)
         gyro, (x, _, _) = smooth(gyro, (rate, 0.0, 0.0))
@@ -108,12 +108,12 @@ def test_controls_reach_the_rotors_after_the_dead_time() -> None:
     for _ in range(20):
         for flown, own in ((session, link), (prompt, other)):
             push(flown, own, 0.004, thrust(HOVER), flown.now)
-        seen.append((session.aboard.rotors[0][0] > 0.0, prompt.aboard.rotors[0][0] > 0.0))
+        seen.append((session.onboard.rotors[0][0] > 0.0, prompt.onboard.rotors[0][0] > 0.0))
     assert [late for _, late in seen].index(True) + 5 == [late for late, _ in seen].index(True)
 
 
 def test_a_fault_that_ends_loses_no_command_that_is_late_by_itself() -> None:
-    controller = AttitudeController(FRAME, Loop(FRAME), 0.0, 0.002, world().aboard, 0)
+    controller = AttitudeController(FRAME, Loop(FRAME), 0.0, 0.002, world().onboard, 0)
     receiver = Receiver(controller, FRAME, watched=False)
     receiver.delay(thrust(1.0), 0, NS // 10)
     receiver.put_off(NS)
@@ -130,7 +130,7 @@ def test_commands_arrive_late_in_their_order() -> None:
         link.send(thrust(HOVER), now)
         now += PERIOD
         session.advance(now)
-        begun = now / NS if session.aboard.setpoints[0][0] else None
+        begun = now / NS if session.onboard.setpoints[0][0] else None
     assert 0.008 < begun < 0.04
 
 
@@ -156,6 +156,6 @@ def test_motion_capture_takes_another_body_for_the_vehicle() -> None:
 
 
 def test_the_on_board_gains_are_those_of_another_airframe() -> None:
-    right, wrong = (lab(loop_error=error)[0].aboard.gains[0] for error in (0.0, 0.1))
+    right, wrong = (lab(loop_error=error)[0].onboard.gains[0] for error in (0.0, 0.1))
     assert right != wrong
     assert wrong == pytest.approx(right, rel=0.4)

@@ -102,14 +102,14 @@ def test_a_battery_that_sags_reports_less_and_gives_less_at_once():
     session, link, now = in_flight()
     measured, now = push(session, link, 0.2, thrust(HOVER), now)
     before = [m for m in measured if isinstance(m, Battery)][-1]
-    gain = session.aboard.thrusts[0][0]
+    gain = session.onboard.thrusts[0][0]
     sag = Effect(sag=0.4)
     link.rig.begin(sag, now)
     measured, now = push(session, link, 0.3, thrust(HOVER), now)
     after = [m for m in measured if isinstance(m, Battery)][-1]
     assert after.remaining == pytest.approx(before.remaining - 0.4, abs=0.01)
     assert after.voltage < before.voltage - 0.5
-    assert session.aboard.thrusts[0][0] == pytest.approx(gain * 0.92**2, rel=0.02)
+    assert session.onboard.thrusts[0][0] == pytest.approx(gain * 0.92**2, rel=0.02)
     link.rig.end(sag)
     measured, _ = push(session, link, 0.3, thrust(HOVER), now)
     after = [m for m in measured if isinstance(m, Battery)][-1]
@@ -133,12 +133,12 @@ def test_late_commands_take_effect_late_and_the_newest_counts():
         session, link, now = in_flight()
         link.rig.begin(Effect(late=late), now)
         _, now = push(session, link, 0.1, thrust(HOVER), now)
-        before = session.aboard.controls[0][0]
+        before = session.onboard.controls[0][0]
         for i in range(50):
             link.send(thrust(16.0), now)
             now += PERIOD
             session.advance(now)
-            if session.aboard.controls[0][0] > 1.2 * before:
+            if session.onboard.controls[0][0] > 1.2 * before:
                 return i * PERIOD / NS
         return None
 

@@ -66,16 +66,16 @@ def test_they_are_mujocos_own(parcel):
             link.rig.begin(Effect(rotors=(0.9, 1.0, 1.0, 1.0)), now)
         turn = from_euler(0.4 * sin(0.01 * step), 0.3 * sin(0.02 * step), 0.0)
         link.send(STOPPED if step > 1300 else thrust(12.0 + 8.0 * sin(0.03 * step), turn, 1.0), now)
-        controls, thrusts = session.aboard.controls[0], session.aboard.thrusts[0]
+        controls, thrusts = session.onboard.controls[0], session.onboard.thrusts[0]
         now += STEP
         session.advance(now)
-        data.ctrl[:] = (*controls, *session.aboard.winds[0][:2])
+        data.ctrl[:] = (*controls, *session.onboard.winds[0][:2])
         model.actuator_gainprm[:4, 0] = thrusts
         mujoco.mj_step(model, data)
         imu = next(m for m in link.read(now) if isinstance(m, Imu))
         felt = (*imu.angular_velocity, *imu.specific_force)
         assert felt == pytest.approx(tuple(data.sensordata), abs=1e-9)
-        assert session.aboard.rotors[0] == pytest.approx(tuple(data.act), abs=1e-12)
+        assert session.onboard.rotors[0] == pytest.approx(tuple(data.act), abs=1e-12)
         farthest = max(farthest, numpy.abs(session.data.qpos[:7] - data.qpos).max())
     assert farthest < 1e-9
     assert abs(data.qpos[0]) > 0.5

@@ -64,7 +64,7 @@ def test_a_vehicle_that_nobody_commands_any_more_comes_down_gently(height, seed)
     fastest, _ = left_alone(session, link, now)
     assert 0.1 < fastest <= 1.2
     assert link.truth().position[2] == pytest.approx(0.0, abs=0.02)
-    assert max(session.aboard.controls[0]) == 0.0
+    assert max(session.onboard.controls[0]) == 0.0
     assert tilt_of(link.truth().attitude) < 0.1
 
 
@@ -120,14 +120,14 @@ def test_it_takes_an_error_of_its_accelerometer_at_rest_for_no_motion(error):
     now = lift(session, link, 1.5, 4.0, now)
     fastest, _ = left_alone(session, link, now, 8.0)
     assert 0.0 < fastest <= 1.5
-    assert max(session.aboard.controls[0]) == 0.0
+    assert max(session.onboard.controls[0]) == 0.0
 
 
 def test_it_waits_250_ms_and_then_heeds_only_who_cuts_its_rotors():
     session, link, now = in_flight()
-    held = session.aboard.controls[0][0]
+    held = session.onboard.controls[0][0]
     session.advance(now + NS // 4 - NS // 100)
-    assert session.aboard.controls[0][0] == pytest.approx(held, rel=0.05)
+    assert session.onboard.controls[0][0] == pytest.approx(held, rel=0.05)
     now += NS
     session.advance(now)
     _, now = push(session, link, 0.5, thrust(20.0), now)
@@ -138,7 +138,7 @@ def test_it_waits_250_ms_and_then_heeds_only_who_cuts_its_rotors():
     assert link.controller.armed, "it is in the air"
     link.cut(now)
     _, now = push(session, link, 0.1, STOPPED, now)
-    assert max(session.aboard.controls[0]) == 0.0
+    assert max(session.onboard.controls[0]) == 0.0
     push(session, link, 1.0, thrust(20.0), now)
     assert link.truth().velocity[2] > 1.0
 

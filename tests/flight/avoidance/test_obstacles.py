@@ -10,7 +10,7 @@ import pytest
 from part_bench import SITE, estimate
 
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import NS, Answer, Estimate, Heard, SeenObstacle, Tick, Time
+from kybflow.core.signals import NS, Answer, Estimate, NeighbourState, SeenObstacle, Tick, Time
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.runtime.behaviors.formation.room import FormationRoom
 from kybflow.world.moving_sphere import MovingSphere
@@ -28,9 +28,9 @@ class Radio:
     """A neighbour `b` says one thing only."""
 
     def __init__(self, time: Time, known: Estimate | None) -> None:
-        self.news = Heard(time, known, None, None)
+        self.news = NeighbourState(time, known, None, None)
 
-    def heard(self, vehicle: str, by: Time) -> Heard | None:
+    def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
         return self.news if vehicle == "b" else None
 
     def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:

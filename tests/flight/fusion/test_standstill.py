@@ -14,7 +14,7 @@ def test_a_sample_that_is_not_newer_does_not_count(again: int) -> None:
     still = Standstill()
     for step in range(300):
         time = step * NS // 200
-        still.feel(Imu(time, 0.005, (0.0, 0.0, GRAVITY), ZERO))
-        still.feel(Imu(time + again, 0.005, (0.05, 0.0, GRAVITY), ZERO))
+        still.add_imu(Imu(time, 0.005, (0.0, 0.0, GRAVITY), ZERO))
+        still.add_imu(Imu(time + again, 0.005, (0.05, 0.0, GRAVITY), ZERO))
     assert still.holds(NS)
     assert still._force[0] == 0.0

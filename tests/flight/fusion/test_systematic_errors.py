@@ -37,7 +37,7 @@ def standing(seconds: float) -> tuple[Replay, int]:
     count = 0
     for step in range(1, round(250 * seconds)):
         now = step * NS // 250
-        replay.feel(Imu(now, 0.004, (0.0, 0.0, GRAVITY), ZERO))
+        replay.add_imu(Imu(now, 0.004, (0.0, 0.0, GRAVITY), ZERO))
         if step % 25 == 0:
             x, y, z = (chance.gauss(0.0, 0.002) for _ in range(3))
             fix = Fix(now, (PLACE + x, y, z), from_euler(0.0, 1.5 * TURN, 0.0), NOISE, slopes())

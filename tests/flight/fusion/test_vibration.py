@@ -26,7 +26,7 @@ def shaken(force: float, turn: float) -> Vibration:
     for step in range(1250):
         t = step * DT
         moved, turned = (5.0 * sin(6.0 * t), 0.0, 9.81), (0.0, 3.0 * sin(8.0 * t), 1.0)
-        vibration.feel(noisy(moved, force), noisy(turned, turn), DT)
+        vibration.add_imu(noisy(moved, force), noisy(turned, turn), DT)
     return vibration
 
 

@@ -12,7 +12,7 @@ from part_bench import SITE, at_rest, estimate
 
 from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance
-from kybflow.core.signals import NS, Done, Failed, Heard, InputReading, Setpoint, Tick
+from kybflow.core.signals import NS, Done, Failed, InputReading, NeighbourState, Setpoint, Tick
 from kybflow.flight.formation.shapes import centroid
 from kybflow.parts import AXES, Entry
 from kybflow.runtime.behaviors.follow import Follow, FollowParams
@@ -74,7 +74,7 @@ class Swarm:
                 if name not in silent:
                     said = self.flown[name].says if name in self.flown else None
                     known = estimate(self.place(name), ZERO, self.now)
-                    news = Heard(self.now, known, self.setpoints[name], said)
+                    news = NeighbourState(self.now, known, self.setpoints[name], said)
                     self.air.note(name, news)
 
     def take(self, name: str, output: Setpoint | Emitting | Done | Failed) -> None:

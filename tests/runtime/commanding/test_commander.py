@@ -17,7 +17,7 @@ from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import MOST_WAITING, CommandQueue
 from kybflow.runtime.commanding.commander import Commander
 from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.legal import Watched
+from kybflow.runtime.commanding.legal import RunView
 from kybflow.runtime.commanding.orders import Answer
 from kybflow.runtime.commanding.situation import Situation
 from kybflow.runtime.events import Events
@@ -261,7 +261,7 @@ def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
 
     slow, queue, heard, told = Slow(), CommandQueue(), [], []
     controls = RunControls({"a": slow}, None, Events((told.append,)), None, None)
-    commander = Commander(Watched(plan(held()), (), None), controls, None, queue)
+    commander = Commander(RunView(plan(held()), (), None), controls, None, queue)
     queue.ask(Switch("a", "hold"), "anna", heard.append)
     commander.step(0)
     assert heard == []
@@ -278,7 +278,7 @@ def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
 def test_whoever_asks_from_many_threads_is_answered_once_each():
     queue, heard = CommandQueue(), []
     controls = RunControls({}, None, Events(), None, lambda reason, at: None)
-    commander = Commander(Watched(plan(held()), (), None), controls, None, queue)
+    commander = Commander(RunView(plan(held()), (), None), controls, None, queue)
 
     def ask_all(name):
         for i in range(200):

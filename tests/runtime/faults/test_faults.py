@@ -9,7 +9,7 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, ZERO, distance, tilt_of
 from kybflow.core.signals import NS, Battery, Frame, Imu, Pose
-from kybflow.parts import Effect, Rig
+from kybflow.parts import ActiveFaults, Effect
 from kybflow.parts.catalog import load_catalog
 from kybflow.vision.optics import Weakness
 
@@ -51,7 +51,7 @@ def effect_of(name: str, seed: int = 1, **params) -> Effect:
     return effects_of(name, seed, **params)["a"]
 
 
-def state(rig: Rig, now: int = 10 * NS):
+def state(rig: ActiveFaults, now: int = 10 * NS):
     """Everything that a simulator obeys."""
     return (
         len(rig.filters), rig.blows, rig.wind(now), rig.push, rig.mass, rig.payload, rig.rotors,
@@ -60,7 +60,7 @@ def state(rig: Rig, now: int = 10 * NS):
     )  # fmt: skip
 
 
-def passed(rig: Rig, measurement):
+def passed(rig: ActiveFaults, measurement):
     for change in rig.filters:
         measurement = None if measurement is None else change(measurement)
     return measurement
@@ -73,7 +73,7 @@ def test_every_fault_of_the_catalog_is_here() -> None:
 
 @pytest.mark.parametrize("name", SIMPLE)
 def test_its_end_undoes_it_exactly_also_in_the_middle_of_others(name: str) -> None:
-    rig, whole = Rig("a"), state(Rig("a"))
+    rig, whole = ActiveFaults("a"), state(ActiveFaults("a"))
     first, second = effect_of(name, **SIMPLE[name]), effect_of(name, **SIMPLE[name])
     rig.begin(first, 0)
     alone = state(rig)
@@ -87,7 +87,7 @@ def test_its_end_undoes_it_exactly_also_in_the_middle_of_others(name: str) -> No
 
 def test_a_rig_says_when_it_changed() -> None:
     told: list[int] = []
-    rig = Rig("a", lambda: told.append(1))
+    rig = ActiveFaults("a", lambda: told.append(1))
     effect = Effect(mass=1.1)
     rig.begin(effect, 0)
     rig.end(effect)
@@ -95,7 +95,7 @@ def test_a_rig_says_when_it_changed() -> None:
 
 
 def test_overlapping_effects_compose() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     for effect in (effect_of("mass_change", factor=1.1), effect_of("mass_change", added=0.05)):
         rig.begin(effect, 0)
     rig.begin(effect_of("rotor_weak", left=0.8), 0)
@@ -114,20 +114,20 @@ def test_overlapping_effects_compose() -> None:
 
 
 def test_mocap_dropout_loses_poses_and_nothing_else() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("mocap_dropout"), 0)
     assert [passed(rig, m) for m in (POSE, BATTERY, IMU)] == [None, BATTERY, IMU]
 
 
 def test_mocap_dropout_loses_a_share() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("mocap_dropout", share=0.25), 0)
     kept = sum(passed(rig, POSE) is not None for _ in range(2000))
     assert kept == pytest.approx(1500, abs=60)
 
 
 def test_mocap_noise_shakes_poses_by_its_deviations() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("mocap_noise", position=0.05, attitude=0.02), 0)
     poses = [passed(rig, POSE) for _ in range(2000)]
     assert statistics.stdev(p.position[1] for p in poses) == pytest.approx(0.05, rel=0.1)
@@ -138,7 +138,7 @@ def test_mocap_noise_shakes_poses_by_its_deviations() -> None:
 
 def test_chance_comes_from_the_generator_that_is_given() -> None:
     def shaken(seed):
-        rig = Rig("a")
+        rig = ActiveFaults("a")
         rig.begin(effect_of("mocap_noise", seed), 0)
         return [passed(rig, POSE) for _ in range(3)]
 
@@ -148,7 +148,7 @@ def test_chance_comes_from_the_generator_that_is_given() -> None:
 
 
 def test_mocap_frozen_keeps_the_first_pose_and_gives_it_the_times_of_the_others() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("mocap_frozen"), 0)
     poses = [Pose(i, (0.1 * i, 0.0, 1.0), LEVEL) for i in range(3)]
     assert [passed(rig, pose) for pose in poses] == [Pose(i, *poses[0][1:]) for i in range(3)]
@@ -156,7 +156,7 @@ def test_mocap_frozen_keeps_the_first_pose_and_gives_it_the_times_of_the_others(
 
 
 def test_what_repeats_repeats_the_noise_too() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("mocap_frozen"), 0)
     rig.begin(effect_of("mocap_noise"), 0)
     first, *later = (passed(rig, POSE._replace(time=i)) for i in range(5))
@@ -165,7 +165,7 @@ def test_what_repeats_repeats_the_noise_too() -> None:
 
 
 def test_mocap_jump_moves_poses_by_its_offset() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("mocap_jump"), 0)
     rig.begin(effect_of("mocap_jump", offset=(0.0, -2.0, 0.5)), 0)
     assert passed(rig, POSE) == POSE._replace(position=(2.0, 0.0, 3.5))
@@ -173,13 +173,13 @@ def test_mocap_jump_moves_poses_by_its_offset() -> None:
 
 
 def test_camera_lost_loses_frames_and_nothing_else() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("camera_lost"), 0)
     assert [passed(rig, m) for m in (Frame(0, "down", None), POSE)] == [None, POSE]
 
 
 def test_camera_frozen_keeps_the_first_image_of_each_camera() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("camera_frozen"), 0)
     frames = [Frame(i, "down" if i % 2 else "front", i) for i in range(4)]
     kept = [passed(rig, frame) for frame in frames]
@@ -188,7 +188,7 @@ def test_camera_frozen_keeps_the_first_image_of_each_camera() -> None:
 
 
 def test_what_is_wrong_with_cameras_adds_up() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     for name, params in (
         ("tags_covered", {"share": 0.25}), ("tags_covered", {"share": 0.5}),
         ("camera_blur", {"pixels": 3.0}), ("camera_blur", {"pixels": 4.0}),
@@ -212,7 +212,7 @@ def test_mocap_swap_exchanges_two() -> None:
 
 @pytest.mark.parametrize(("name", "rise"), [("gust", 0.5), ("wind", 3.0)])
 def test_wind_rises_smoothly_from_when_it_began(name: str, rise: float) -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     began = 5 * NS
     rig.begin(effect_of(name, velocity=(2.0, -1.0, 0.5), rise=rise), began)
     speeds = [rig.wind(began + round(share * rise * NS))[0] for share in (0.0, 0.25, 0.5, 1.0, 9.0)]
@@ -221,13 +221,13 @@ def test_wind_rises_smoothly_from_when_it_began(name: str, rise: float) -> None:
 
 
 def test_a_gust_may_set_in_at_once() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("gust", velocity=(1.0, 0.0, 0.0), rise=0.0), 0)
     assert rig.wind(0) == (1.0, 0.0, 0.0)
 
 
 def test_what_is_wrong_with_battery_rotor_and_imu() -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("battery_sag", by=0.4), 0)
     rig.begin(effect_of("rotor_weak", rotor="front_right", left=0.9), 0)
     rig.begin(effect_of("imu_bias_step", accelerometer=(0.0, 0.0, 0.3)), 0)
@@ -242,6 +242,6 @@ def test_what_is_wrong_with_battery_rotor_and_imu() -> None:
     [("both", (True, True)), ("to_vehicle", (False, True)), ("from_vehicle", (True, False))],
 )
 def test_link_cut_cuts_both_ways_or_one(way: str, cut: tuple[bool, bool]) -> None:
-    rig = Rig("a")
+    rig = ActiveFaults("a")
     rig.begin(effect_of("link_cut", way=way), 0)
     assert (rig.deaf, rig.mute) == cut

@@ -12,7 +12,7 @@ from kybflow.core.signals import NS, Battery, Event
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
-from kybflow.parts import Effect, Fault, Rig
+from kybflow.parts import ActiveFaults, Effect, Fault
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.injection import Injection
 
@@ -26,7 +26,7 @@ class Flight:
         self.told: list[Event] = []
         self.holds = False
         self.asked: list[str] = []
-        self.rigs = {"a": Rig("a"), "b": Rig("b")}
+        self.rigs = {"a": ActiveFaults("a"), "b": ActiveFaults("b")}
         self.events = Events((self.told.append,))
         self.injection = Injection(faults, self.rigs, self._condition, self.events, seed)
 
@@ -229,7 +229,7 @@ def test_of_a_fault_that_cannot_be_injected_nothing_stays() -> None:
             raise ZeroDivisionError("no world has that")
 
     flight = Flight(FaultPlan(part=plan_of(Chancy), vehicle="a", time=1.0))
-    flight.rigs["a"] = flight.injection._rigs["a"] = Rig("a", changed)
+    flight.rigs["a"] = flight.injection._rigs["a"] = ActiveFaults("a", changed)
     flight.tick(1.0)
     assert [entry[1] for entry in flight.path] == ["fault_failed"]
     assert flight.rigs["a"].mass == 1.0

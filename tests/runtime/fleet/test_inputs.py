@@ -37,7 +37,7 @@ class Device(FeltLink):
     def trouble(self) -> str | None:
         return self.gone
 
-    def feel(self, push: Vec3 | None) -> None:
+    def apply_force(self, push: Vec3 | None) -> None:
         self.felt = push
 
     def close(self) -> None: ...

@@ -88,10 +88,10 @@ class OnboardDrone:
             "LED": self._accept, "PMODE": self._accept, "MISC": self._accept,
         }  # fmt: skip
 
-    def feel(self, measured: Measurement, now: Time) -> None:
+    def add_measurement(self, measured: Measurement, now: Time) -> None:
         """Take what the simulated sensors measured."""
         if isinstance(measured, Imu):
-            self.estimator.feel(measured)
+            self.estimator.add_imu(measured)
         elif isinstance(measured, Battery):
             self.battery.measure(measured)
 

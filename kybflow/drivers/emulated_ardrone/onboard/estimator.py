@@ -48,10 +48,10 @@ class DroneEstimator:
         self.velocity: Vec3 = ZERO
         self.felt: Imu | None = None
 
-    def feel(self, imu: Imu) -> None:
+    def add_imu(self, imu: Imu) -> None:
         """Propagate with a sample of the IMU."""
         self.felt = imu
-        self.attitude.feel(imu, None)
+        self.attitude.add_imu(imu, None)
         level = from_heading(self.attitude.heading)
         force = rotate(self.attitude.value, imu.specific_force)
         x, y, _ = rotate_back(level, force)

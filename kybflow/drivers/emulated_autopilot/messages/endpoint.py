@@ -36,9 +36,9 @@ class MavlinkEndpoint:
         self._channels.append((channel, MessageHandlers(self.autopilot, channel)))
         return channel
 
-    def feel(self, measured: Measurement, now: Time) -> None:
+    def add_measurement(self, measured: Measurement, now: Time) -> None:
         """Take what the vehicle's own sensors measured."""
-        self.autopilot.feel(measured, now)
+        self.autopilot.add_measurement(measured, now)
 
     def step(self, now: Time) -> None:
         """Hear, estimate, fly, report; at least fifty times a second."""

@@ -28,7 +28,7 @@ from kybflow.drivers.mavlink.transport.address import read_address
 from kybflow.parts import Check
 
 if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.contact import Contact
+    from kybflow.drivers.mavlink.autopilot_state import AutopilotState
     from kybflow.drivers.mavlink.params import MavlinkParams
 
 ALIVE: Time = 3 * NS
@@ -46,7 +46,7 @@ APART = 0.5
 class PreflightChecks:
     """The preflight's checks of one autopilot. params: the driver's, as the mission sets them."""
 
-    def __init__(self, contact: Contact, modes: Modes, params: MavlinkParams) -> None:
+    def __init__(self, contact: AutopilotState, modes: Modes, params: MavlinkParams) -> None:
         self._profile, self._status, self._modes = contact.profile, contact.status, modes
         self._contact = contact
         self._telemetry, self._requests = contact.telemetry, contact.requests

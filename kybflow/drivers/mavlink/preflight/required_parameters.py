@@ -15,7 +15,7 @@ from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
 from kybflow.parts import Check
 
 if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.contact import Contact
+    from kybflow.drivers.mavlink.autopilot_state import AutopilotState
     from kybflow.drivers.mavlink.params import MavlinkParams
     from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 
@@ -24,7 +24,7 @@ class RequiredParameters:
     """The preflight's lines about the parameters of one autopilot. params: the driver's, as the
     mission sets them."""
 
-    def __init__(self, contact: Contact, params: MavlinkParams) -> None:
+    def __init__(self, contact: AutopilotState, params: MavlinkParams) -> None:
         self._profile, self._parameters = contact.profile, contact.parameters
         self._contact = contact
         self._is_outside, self._system = contact.is_outside, contact.port.system

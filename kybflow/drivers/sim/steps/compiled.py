@@ -19,9 +19,9 @@ import mujoco
 import numpy
 from llvmlite import binding
 
-from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, feel
-from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
+from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, imu_sample
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
+from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import push
 
 FAILURES = (ImportError, AttributeError, OSError, RuntimeError)
@@ -50,14 +50,16 @@ class ArrayRows:
 class CompiledStepper:
     """Makes the physics steps, compiled. Raises one of `FAILURES` where that can't be done."""
 
-    def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuSource]) -> None:
-        count = aboard.count
-        self._aboard, self.errors = aboard, ImuErrors(sources, numpy.ascontiguousarray)
+    def __init__(
+        self, model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]
+    ) -> None:
+        count = onboard.count
+        self._onboard, self.errors = onboard, ImuErrors(sources, numpy.ascontiguousarray)
         self._felt, self._first, self._last = self.errors.block, 0, 0
         self._numbers = (
             data.qpos, data.qvel, data.qacc, data.qfrc_applied,
             numpy.array(shares(model.opt.timestep)), numpy.empty((count, 9)),
-            numpy.empty((count, 6)), *(table.array for table in aboard.tables),
+            numpy.empty((count, 6)), *(table.array for table in onboard.tables),
         )  # fmt: skip
         addresses = (array.ctypes.data for array in self._numbers)
         found = (self._felt.ctypes.data, model._address, data._address, *addresses)
@@ -65,21 +67,21 @@ class CompiledStepper:
         self._address, self._owners = ctypes.addressof(self._memory), (model, data)
         self._unused = ctypes.c_void_p()
         self._nothing = ctypes.addressof(self._unused)
-        self._engine = _loaded(_kept(_fingerprint((push, feel, estimate, smooth, control))))
+        self._engine = _loaded(_kept(_fingerprint((push, imu_sample, estimate, smooth, control))))
         # ctypes passes whole numbers soonest as addresses
         kind = ctypes.PYFUNCTYPE(None, *[ctypes.c_void_p] * 6)
         self._kernel = kind(self._engine.get_function_address(_NAME))
 
     def advance(self, count: int) -> None:
         """Make `count` steps."""
-        aboard, errors, nothing = self._aboard, self.errors, self._nothing
+        onboard, errors, nothing = self._onboard, self.errors, self._nothing
         self._first = first = errors.take(count)
         self._last = last = first + count
         if errors.block is not self._felt:
             self._felt = errors.block
             self._memory[0] = self._felt.ctypes.data
-        self._kernel(nothing, nothing, first, last, aboard.count, self._address)
-        aboard.steps += count
+        self._kernel(nothing, nothing, first, last, onboard.count, self._address)
+        onboard.steps += count
 
     def felt(self, vehicle: int) -> list[Numbers]:
         """What a vehicle's IMU measured in each step of the last `advance`."""

@@ -14,9 +14,9 @@ from numba import njit, types
 from numba.core.errors import NumbaError
 from numba.cpython.unsafe.tuple import tuple_setitem
 
-from kybflow.drivers.sim.sensors import feel
-from kybflow.drivers.sim.steps.aboard import LONGEST
+from kybflow.drivers.sim.sensors import imu_sample
 from kybflow.drivers.sim.steps.onboard import control, estimate, smooth
+from kybflow.drivers.sim.steps.onboard_state import LONGEST
 from kybflow.drivers.sim.steps.rotors import push
 
 
@@ -32,7 +32,9 @@ def _put_in(numbers: Any, row: Any, values: Any) -> None:
 
 
 _compiled = njit(error_model="numpy", _nrt=False)
-_push, _feel, _estimate, _smooth, _control = map(_compiled, (push, feel, estimate, smooth, control))
+_push, _imu_sample, _estimate, _smooth, _control = map(
+    _compiled, (push, imu_sample, estimate, smooth, control)
+)
 _row, _put = map(_compiled, (_row_of, _put_in))
 _NUMBERS = types.CPointer(types.float64)
 _mj_step = types.ExternalFunction("mj_step", types.void(_NUMBERS, _NUMBERS))
@@ -64,7 +66,7 @@ def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
         _mj_step(model, data)
         for i in range(count):
             here = step * count + i
-            sample = _feel(
+            sample = _imu_sample(
                 _row(rotations, i, _9), _row(before, i, _6),
                 _row(accelerations, 2 * i, _3), _row(errors, here, _6),
             )  # fmt: skip

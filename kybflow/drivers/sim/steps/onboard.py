@@ -37,7 +37,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command
-from kybflow.drivers.sim.steps.aboard import LONGEST, Aboard, Numbers
+from kybflow.drivers.sim.steps.onboard_state import LONGEST, Numbers, OnboardState
 from kybflow.world.inner_loop import DAMPING, INTEGRAL
 from kybflow.world.vehicle_context import Airframe
 
@@ -80,19 +80,25 @@ class AttitudeController:
     enough."""
 
     def __init__(
-        self, airframe: Airframe, loop: Loop, heading: float, dt: float, aboard: Aboard, index: int
+        self,
+        airframe: Airframe,
+        loop: Loop,
+        heading: float,
+        dt: float,
+        onboard: OnboardState,
+        index: int,
     ) -> None:
-        self._dt, self._aboard, self._index = dt, aboard, index
+        self._dt, self._onboard, self._index = dt, onboard, index
         self._held: float | None = None
         self._share = 0.25 / airframe.thrust
         self.armed = False
         self.rest, self._lifted, self._steps = GRAVITY, 0.0, 0
-        aboard.setpoints[index] = (0.0, *LEVEL, *ZERO, 0.0, 0.0)
-        aboard.filters[index] = (*from_heading(heading), *ZERO, 0.0)
-        aboard.gains[index] = tuple(_gains(loop.airframe, dt))
-        aboard.gyros[index] = (*ZERO, *ZERO, _share(loop.cut_off, dt))
-        aboard.is_slow = aboard.is_slow or loop.cut_off > 0.0 or loop.dead_time > 0.0
-        aboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
+        onboard.setpoints[index] = (0.0, *LEVEL, *ZERO, 0.0, 0.0)
+        onboard.filters[index] = (*from_heading(heading), *ZERO, 0.0)
+        onboard.gains[index] = tuple(_gains(loop.airframe, dt))
+        onboard.gyros[index] = (*ZERO, *ZERO, _share(loop.cut_off, dt))
+        onboard.is_slow = onboard.is_slow or loop.cut_off > 0.0 or loop.dead_time > 0.0
+        onboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
 
     def gained(self) -> tuple[float, float]:
         """The upward speed that the IMU has felt since the last call or since it was armed, m/s,
@@ -103,8 +109,8 @@ class AttitudeController:
 
     def _since(self) -> tuple[float, int]:
         """The sum of the upward specific force since the last mark, and its steps."""
-        aboard = self._aboard
-        return aboard.filters[self._index][-1] - self._lifted, aboard.steps - self._steps
+        onboard = self._onboard
+        return onboard.filters[self._index][-1] - self._lifted, onboard.steps - self._steps
 
     def _mark(self, lifted: float, steps: int) -> None:
         self._lifted, self._steps = self._lifted + lifted, self._steps + steps
@@ -125,11 +131,11 @@ class AttitudeController:
             self._mark(lifted, steps)
             self.armed = armed
         lift = self._share * thrust
-        self._aboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)
+        self._onboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)
 
     def attitude(self) -> Quat:
         """The attitude that the filter believes in, body to world."""
-        w, x, y, z, _, _, _, _ = self._aboard.filters[self._index]
+        w, x, y, z, _, _, _, _ = self._onboard.filters[self._index]
         return (w, x, y, z)
 
     def _holding(self, attitude: Quat) -> Quat:

@@ -1,4 +1,4 @@
-"""Physics steps of all vehicles: rotors push, MuJoCo moves, IMUs feel, the on-board laws answer."""
+"""Physics steps of all vehicles: rotors push, MuJoCo moves, IMUs measure, on-board laws answer."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import mujoco
 import numpy
 
 from kybflow.core.errors import described
-from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, feel
-from kybflow.drivers.sim.steps.aboard import Aboard, Numbers
+from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, imu_sample
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
+from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import push
 
 _PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
@@ -24,11 +24,13 @@ class Stepper:
     """Makes the physics steps, in Python around MuJoCo's. sources: of the errors of each vehicle's
     IMU, which become `errors`."""
 
-    def __init__(self, model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuSource]) -> None:
-        self._model, self._data, self._aboard = model, data, aboard
+    def __init__(
+        self, model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]
+    ) -> None:
+        self._model, self._data, self._onboard = model, data, onboard
         self.errors = ImuErrors(sources, numpy.ndarray.tolist)
         self._felt: list[list[Numbers]] = []
-        count = aboard.count
+        count = onboard.count
         self._positions = data.qpos[: 7 * count].reshape(count, 7)
         self._velocities = data.qvel[: 6 * count].reshape(count, 6)
         self._accelerations = data.qacc[: 6 * count].reshape(count, 6)[:, :3]
@@ -41,7 +43,7 @@ class Stepper:
 
     def advance(self, count: int) -> None:
         """Make `count` steps."""
-        on, model, data, part = self._aboard, self._model, self._data, self._shares
+        on, model, data, part = self._onboard, self._model, self._data, self._shares
         rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
         setpoints, gains, gyros, self._felt = on.setpoints, on.gains, on.gyros, []
         first, is_slow = self.errors.take(count), on.is_slow
@@ -55,7 +57,9 @@ class Stepper:
                 _PACK(self._forces, _SIZE * i, *force)
                 rotations.append(rotation)
             mujoco.mj_step(model, data)
-            felt = list(map(feel, rotations, velocities, self._accelerations.tolist(), errors))
+            felt = list(
+                map(imu_sample, rotations, velocities, self._accelerations.tolist(), errors)
+            )
             for i, sample in enumerate(felt):
                 filters[i], rates = estimate(filters[i], setpoints[i], sample, part)
                 if is_slow:
@@ -76,21 +80,21 @@ def rows() -> Callable[[int, int], Any]:
     return lambda count, width: [(0.0,) * width] * count
 
 
-def stepper(model: Any, data: Any, aboard: Aboard, sources: Sequence[ImuSource]) -> Any:
+def stepper(model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]) -> Any:
     """The fastest stepper that there is: the compiled one where Numba is installed. Warns where it
     can't be compiled; a flight is the same without, only slower."""
     if not _is_fast():
-        return Stepper(model, data, aboard, sources)
+        return Stepper(model, data, onboard, sources)
     from kybflow.drivers.sim.steps.compiled import FAILURES, CompiledStepper
 
     try:
-        return CompiledStepper(model, data, aboard, sources)
+        return CompiledStepper(model, data, onboard, sources)
     except FAILURES as error:
         reason = described(error)
         warnings.warn(
             f"Numba can't compile the physics steps: {reason}; Python makes them", stacklevel=2
         )
-        return Stepper(model, data, aboard, sources)
+        return Stepper(model, data, onboard, sources)
 
 
 def _is_fast() -> bool:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from kybflow.core.events import BehaviorEvent
 from kybflow.core.geometry import Vec3, add, distance, scale
-from kybflow.core.signals import NS, Estimate, Heard, Stamp, Tick, Time
+from kybflow.core.signals import NS, Estimate, NeighbourState, Stamp, Tick, Time
 from kybflow.flight.formation.frame import MovingFrame, mean_frame
 
 WAITING = -1
@@ -144,7 +144,7 @@ class Members:
         return tick.neighbours.once(question, listened)
 
     def _member(
-        self, name: str, news: Heard | None, now: Time, freshness: float, doubt: float
+        self, name: str, news: NeighbourState | None, now: Time, freshness: float, doubt: float
     ) -> Member | None:
         if news is None or not isinstance(news.said, InFormation) or news.said.key != self.key:
             return None

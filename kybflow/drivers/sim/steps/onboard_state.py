@@ -17,7 +17,7 @@ class Rows(Protocol):
     def __setitem__(self, vehicle: int, numbers: Numbers) -> None: ...
 
 
-class Aboard:
+class OnboardState:
     """The rows of `count` vehicles. steps: how many physics steps have been made. is_slow: one of
     their on-board loops filters its gyroscope or has a dead time.
 

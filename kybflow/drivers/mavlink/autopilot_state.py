@@ -1,13 +1,13 @@
-"""One autopilot on its port: what it last reported, its parameters and clock, and the upkeep of the
-link to it.
+"""The state of one autopilot on its port: its last messages, its parameters and its clock, and what
+keeps the link to it alive.
 
-Upkeep means heartbeats, streams that are asked for, parameters that are read, clocks that are
-compared, commands that are sent again. All of it happens in the engine's tick and stops with it.
-Two heartbeats are sent: a ground station's, without which PX4 sends no texts, and an onboard
-computer's. What an autopilot may have forgotten, because it rebooted or was not heard for a while,
-is asked for again. What it sends unasked, often, and nobody reads is switched off, unless somebody
-else listens on the same wire. When the link is closed, every stream comes as often again as it did
-unasked; a program that is killed leaves them as they are."""
+The link is kept alive in the engine's tick: it sends heartbeats, requests streams, reads
+parameters, compares clocks and repeats commands that were not acknowledged. It sends two
+heartbeats: one of a ground station, without which PX4 sends no status texts, and one of an onboard
+computer. After a reboot or a silence it makes all its requests again. A stream that the autopilot
+sends by default, often, and that nobody reads is switched off, unless another program uses the same
+connection. Closing the link restores the default rate of every stream; a program that is killed
+leaves the rates as they are."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
 
 
-class Contact:
+class AutopilotState:
     """One autopilot. `status`, `telemetry`, `parameters`: what it reported. `requests`: commands
     to it. `sync`: the comparison of its clock with ours. `silence`: the newest interval without a
     message. `truth`: the ground truth of its simulator, None on hardware."""
@@ -208,13 +208,15 @@ STOPPED, USUAL = -1.0, 0.0
 """In place of an interval: never; as often as without a request."""
 
 
-class Upkeep:
+class StreamRequests:
     """Keeps the link to one autopilot alive.
 
     rates: the streams to request, Hz. names: the parameters to read.
     """
 
-    def __init__(self, contact: Contact, rates: Mapping[str, float], names: Sequence[str]) -> None:
+    def __init__(
+        self, contact: AutopilotState, rates: Mapping[str, float], names: Sequence[str]
+    ) -> None:
         self._port, self._status, self._clock = contact.port, contact.status, contact.clock
         self._target = contact.target
         self._requests, self._parameters = contact.requests, contact.parameters
