@@ -1,15 +1,16 @@
-"""The failsafe of one vehicle: turns the alarms of supervisors and processors into one reaction.
+"""The failsafe of one vehicle: decides which reaction follows an alarm.
 
-Severest first: `cut`, `land_blind`, `land`, `go_home`, `brake`, `warn`. A persistent alarm is
-reported once. `brake` holds the vehicle until every alarm that braked it has been silent for 1 s;
-an alarm that returns within 5 s of the release holds it for good. A reaction from `go_home` upwards
-latches: only a severer one takes effect until the vehicle is reset in `fault`, on the ground.
-Without an estimate, `land_blind` replaces any reaction that needs a position. It becomes `land`
-when there has been an estimate for 0.5 s and no alarm that asks for it, because what it lands by,
-the IMU alone, may be wrong too; not where a landing by the estimate failed or a person asked for
-it. `brake` doesn't stop a vehicle that comes down to land for its estimate's sake: waiting in the
-air makes that no better. A part that raises lands its vehicle; a supervisor that raises is not
-called again.
+`RESPONSES` lists what each reaction does; the rules that depend on what came before are these:
+
+- An alarm that persists is reported once.
+- A latched reaction gives way only to a severer one, until the vehicle is reset in `fault`, on the
+  ground. A `brake` on the way home becomes `land`.
+- A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
+  returns within 5 s of that holds the vehicle for good.
+- A vehicle that lands blind lands by its estimate (`land`) once there has been one for 0.5 s, and
+  no alarm that asks for `land_blind`: the IMU, by which it lands, may be wrong too. It stays blind
+  where a landing by the estimate failed or a person asked for `land_blind`.
+- A part that raises lands its vehicle. A supervisor that raises is not called again.
 """
 
 from __future__ import annotations
@@ -25,13 +26,32 @@ from kybflow.parts.events import FailsafeEnded, FailsafeStarted, PartFailedEvent
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_alarm
 
-STATES = {
-    Reaction.GO_HOME: "auto_home",
-    Reaction.LAND: "auto_land",
-    Reaction.LAND_BLIND: "land_blind",
-    Reaction.CUT: "fault",
-}
-"""The built-in state that each reaction enters in flight; `brake` keeps the state and holds."""
+HOLD = "hold"
+"""In place of a state: the vehicle comes to rest and holds, with its state frozen."""
+
+
+class Response(NamedTuple):
+    """What a reaction does. on_ground, in_air: the built-in state that the vehicle enters, empty
+    where the alarm changes nothing. without_estimate: the reaction that replaces it in the air.
+    latches: only a severer reaction takes effect afterwards."""
+
+    on_ground: str
+    in_air: str
+    without_estimate: Reaction
+    latches: bool
+
+
+RESPONSES = {  # severest last
+    #                             on the ground  in the air    without an estimate  latches
+    Reaction.WARN:       Response("",            "",           Reaction.WARN,       False),
+    Reaction.BRAKE:      Response("",            HOLD,         Reaction.LAND_BLIND, False),
+    Reaction.GO_HOME:    Response("fault",       "auto_home",  Reaction.LAND_BLIND, True),
+    Reaction.LAND:       Response("fault",       "auto_land",  Reaction.LAND_BLIND, True),
+    Reaction.LAND_BLIND: Response("fault",       "land_blind", Reaction.LAND_BLIND, True),
+    Reaction.CUT:        Response("fault",       "fault",      Reaction.CUT,        True),
+}  # fmt: skip
+"""For `LAND` and `LAND_BLIND`, the vehicle's own land mode replaces the state if it can be used
+(`LinkOut.prefers_land_mode`). `CUT` stops the rotors first: the vehicle counts as on the ground."""
 RELEASED_AFTER = 1.0
 """Seconds of silence of every braking alarm that end a brake."""
 AGAIN = 5.0
@@ -58,9 +78,9 @@ class RaisedAlarm(NamedTuple):
 
 
 class _Brake(NamedTuple):
-    """A braking alarm: when it was heard last, and what it said then."""
+    """A braking alarm: when it was last raised, and its reason then."""
 
-    heard: Time
+    last: Time
     reason: str
 
 
@@ -102,13 +122,13 @@ class Failsafe:
                 alarm = check(tick, airborne)
                 if alarm is None:
                     continue
-                heard = self.emit(label, checked_alarm(alarm), tick.now)
+                raised = self.emit(label, checked_alarm(alarm), tick.now)
             except Exception as error:  # a part may raise anything
                 self._checks = tuple(c for c in self._checks if c[0] != label)
                 self._hurried = tuple(c for c in self._hurried if c[0] != label)
-                heard = self.failure(PartFailed(label, error), Reaction.LAND)
-            if worst is None or heard.alarm.reaction > worst.alarm.reaction:
-                worst = heard
+                raised = self.failure(PartFailed(label, error), Reaction.LAND)
+            if worst is None or raised.alarm.reaction > worst.alarm.reaction:
+                worst = raised
         return worst
 
     def foresee(self, tick: Tick) -> list[tuple[str, str, str]]:
@@ -140,7 +160,7 @@ class Failsafe:
 
     def emit(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
         """Publish an alarm of the part `label` as an event, once for as long as it persists."""
-        heard = RaisedAlarm(alarm, self._lines.get(label, ""))
+        raised = RaisedAlarm(alarm, self._lines.get(label, ""))
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
@@ -149,11 +169,11 @@ class Failsafe:
         if waived is not None and now - waived < RELEASED_AFTER * NS:
             self._waived[alarm.event] = now
         if last is None or now - last > _QUIET:
-            self._events.emit(AlarmRaised(alarm), self._vehicle, heard.at)
-        return heard
+            self._events.emit(AlarmRaised(alarm), self._vehicle, raised.at)
+        return raised
 
-    def _emit_start(self, heard: RaisedAlarm, reaction: Reaction) -> None:
-        alarm, at = heard
+    def _emit_start(self, raised: RaisedAlarm, reaction: Reaction) -> None:
+        alarm, at = raised
         started = FailsafeStarted(
             reaction=reaction.name.lower(),
             reason=alarm.reason,
@@ -162,32 +182,31 @@ class Failsafe:
         )
         self._events.emit(started, self._vehicle, at)
 
-    def decide(self, heard: RaisedAlarm, tick: Tick, airborne: bool, state: str) -> Reaction | None:
-        """Return the reaction to an alarm, None if there is nothing to do. On the ground every
-        reaction severer than `brake` keeps the vehicle there, in `fault`."""
-        alarm = heard.alarm
-        reaction = alarm.reaction
-        if reaction is Reaction.WARN:
-            return None
+    def decide(
+        self, raised: RaisedAlarm, tick: Tick, airborne: bool, state: str
+    ) -> Reaction | None:
+        """Return the reaction to an alarm, None if it changes nothing."""
+        alarm, reaction = raised.alarm, raised.alarm.reaction
+        response = RESPONSES[reaction]
         if not airborne:
-            return reaction if reaction > Reaction.BRAKE and state != "fault" else None
-        if tick.estimate is None and reaction < Reaction.LAND_BLIND:
-            reaction = Reaction.LAND_BLIND
+            return reaction if response.on_ground not in ("", state) else None
+        if not response.in_air:
+            return None
+        if tick.estimate is None:
+            reaction = response.without_estimate
         if reaction is Reaction.LAND_BLIND:
             self._blind = tick.now
         if self.latched is Reaction.GO_HOME and reaction is Reaction.BRAKE:
-            reaction = Reaction.LAND  # a brake would end the way home: land instead
+            reaction = Reaction.LAND  # a brake would end the way home
         if self.latched is not None and reaction <= self.latched:
             return None
-        if reaction is Reaction.BRAKE:
-            if state in _NOT_BRAKED or alarm.event in self._waived or self._brakes(alarm, tick.now):
-                return None
-        else:
+        if RESPONSES[reaction].latches:
             self.latched = reaction
-            blind = reaction is Reaction.LAND_BLIND
-            self._may_see = blind and alarm.event != "part_failed"
+            self._may_see = reaction is Reaction.LAND_BLIND and alarm.event != "part_failed"
             self.clear_brake()
-        self._emit_start(heard, reaction)
+        elif state in _NOT_BRAKED or alarm.event in self._waived or self._brakes(alarm, tick.now):
+            return None
+        self._emit_start(raised, reaction)
         return reaction
 
     def sees_again(self, tick: Tick) -> bool:
@@ -228,7 +247,7 @@ class Failsafe:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""
         if not self._braking or self._for_good:
             return False
-        if any(now - brake.heard < RELEASED_AFTER * NS for brake in self._braking.values()):
+        if any(now - brake.last < RELEASED_AFTER * NS for brake in self._braking.values()):
             return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
@@ -244,7 +263,7 @@ class Failsafe:
         """Forget the brake, because somebody who knows of it brings the vehicle down: what brakes
         it now brakes it again only after it has been silent. A latched reaction becomes `safer`,
         the one that equals what was asked for."""
-        self._waived = {event: brake.heard for event, brake in self._braking.items()}
+        self._waived = {event: brake.last for event, brake in self._braking.items()}
         self.clear_brake()
         if self.latched is not None:
             self.latched = safer

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from kybflow.core.errors import PartFailed
-from kybflow.core.signals import NS, Alarm, Reaction, Setpoint, Tick, Time
+from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.landing_place import vehicle_below
 from kybflow.parts import GROUND
-from kybflow.runtime.safety.failsafe import STATES, Failsafe, RaisedAlarm
+from kybflow.runtime.safety.failsafe import HOLD, RESPONSES, Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.output import CommandOutput
 
-_BRAKE = Reaction.BRAKE
 _FALL = 2 * NS
 """How long a vehicle counts as falling after its rotors were cut."""
 
@@ -45,34 +44,36 @@ class Reactions:
         """Return whether the rotors were cut so recently that the vehicle may still fall."""
         return self._cut is not None and now - self._cut < _FALL
 
-    def react(self, heard: RaisedAlarm, tick: Tick, *, grounded: bool = False) -> bool:
+    def react(self, raised: RaisedAlarm, tick: Tick, *, grounded: bool = False) -> bool:
         """Carry out the failsafe's decision on an alarm; return whether it changed anything.
         grounded: the vehicle counts as on the ground, because nothing can fly it any more."""
         runner, airborne = self._runner, self.airborne and not grounded
-        brakes_for_sight = heard.alarm.reaction is _BRAKE and heard.alarm.event == "estimate_lost"
-        if brakes_for_sight and runner.leg.end is GROUND and _sinks(tick.setpoint):
+        if _keeps_landing(raised.alarm, runner, tick):
             return False
-        reaction = self._failsafe.decide(heard, tick, airborne, runner.machine.state)
+        reaction = self._failsafe.decide(raised, tick, airborne, runner.machine.state)
         if reaction is None:
             return False
-        if heard.alarm.is_failure:
-            self._score.failure(heard.alarm.reason)
-        if reaction is _BRAKE:
-            runner.freeze("brake")
-            return True
+        if raised.alarm.is_failure:
+            self._score.failure(raised.alarm.reason)
+        response = RESPONSES[reaction]
         if not airborne:  # its rotors rest
-            runner.go("fault", grounded=True)
-            return True
-        cuts = reaction is Reaction.CUT
-        if cuts:
-            self._cut = tick.now
-            self._link.cut(tick.now)
-        runner.go(STATES[reaction], grounded=cuts)
-        if self._link.prefers_land_mode(reaction):  # which knows nothing of vehicles below it
-            own, context = tick.estimate, runner.entry().context
-            if own is None or vehicle_below(context, own.position, tick.fleet) is None:
+            runner.go(response.on_ground, grounded=True)
+        elif response.in_air == HOLD:
+            runner.freeze("brake")
+        else:
+            cuts = reaction is Reaction.CUT
+            if cuts:
+                self._cut = tick.now
+                self._link.cut(tick.now)
+            runner.go(response.in_air, grounded=cuts)
+            if self._link.prefers_land_mode(reaction) and not self._is_above_another(tick):
                 runner.start_land_mode(tick.now)
         return True
+
+    def _is_above_another(self, tick: Tick) -> bool:
+        """Return whether another vehicle is below, of which a land mode knows nothing."""
+        own, context = tick.estimate, self._runner.entry().context
+        return own is not None and vehicle_below(context, own.position, tick.fleet) is not None
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
         """React to an alarm of the part `label`; return whether that changed anything."""
@@ -122,6 +123,10 @@ class Reactions:
             self._runner.go("auto_land")
 
 
-def _sinks(setpoint: Setpoint | None) -> bool:
-    """Whether a setpoint comes down."""
-    return setpoint is not None and setpoint.velocity is not None and setpoint.velocity[2] < 0.0
+def _keeps_landing(alarm: Alarm, runner: BehaviorRunner, tick: Tick) -> bool:
+    """Return whether an alarm would brake a descent because of its estimate, which gets no better
+    in the air."""
+    if alarm.reaction is not Reaction.BRAKE or alarm.event != "estimate_lost":
+        return False
+    velocity = None if tick.setpoint is None else tick.setpoint.velocity
+    return runner.leg.end is GROUND and velocity is not None and velocity[2] < 0.0
