@@ -8,14 +8,13 @@ does not hold.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf
+from math import inf, sqrt
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.dsl.expressions import tree
 from kybflow.dsl.plan import ExpectationPlan
-from kybflow.parts.observables import OBSERVABLES, Unavailable, View
+from kybflow.parts.observables import OBSERVABLES, Unavailable, View, is_in
 from kybflow.runtime.conditions import OPERATORS, bind, value_of
-from kybflow.runtime.statistics import Samplers
 
 Now = Callable[[], float]
 
@@ -55,7 +54,7 @@ class Judge:
         self, plans: Sequence[ExpectationPlan], views: Mapping[str, View], now: Now
     ) -> None:
         self._plans = tuple(plans)
-        samplers = Samplers(views, lambda a: value_of(a.value, views, a.vehicle, now))
+        samplers = _Samplers(views, lambda a: value_of(a.value, views, a.vehicle, now))
         self._expectations = [_expectation(p, views, now, samplers) for p in plans]
         self._samples = samplers.groups()
         self._samples += [e.sample for e in self._expectations if not isinstance(e, _AtTheEnd)]
@@ -74,7 +73,7 @@ class Judge:
 
 
 def _expectation(
-    plan: ExpectationPlan, views: Mapping[str, View], now: Now, samplers: Samplers
+    plan: ExpectationPlan, views: Mapping[str, View], now: Now, samplers: _Samplers
 ) -> Expectation:
     match plan.expression:
         case tree.Compare(operator, tree.Aggregate() as left, right):
@@ -103,7 +102,7 @@ class _Statistic(_AtTheEnd):
     """`mean(mk.position_error in eight) < 3.4 cm`; the samplers collect the values."""
 
     def __init__(
-        self, operator: str, left: tree.Aggregate, right: object, samplers: Samplers
+        self, operator: str, left: tree.Aggregate, right: object, samplers: _Samplers
     ) -> None:
         self._operator = operator
         self._left = _reader(left, samplers)
@@ -214,7 +213,7 @@ class _InTime(_AtTheEnd):
 _ORDERS: Mapping[str, float] = {"<": 1.0, "<=": 1.0, ">": -1.0, ">=": -1.0}
 
 
-def _reader(value: object, samplers: Samplers) -> Callable[[], float | None]:
+def _reader(value: object, samplers: _Samplers) -> Callable[[], float | None]:
     if isinstance(value, tree.Quantity):
         constant = value.value
         return lambda: constant
@@ -247,3 +246,106 @@ def _unit(value: Any) -> str:
     if isinstance(value, tree.MissionTime):
         return "s"
     return "" if isinstance(value, tree.Word) else "m"
+
+
+class _Statistics:
+    """Mean, root mean square, minimum and maximum of the added values; None before the first."""
+
+    __slots__ = ("count", "high", "low", "squares", "total")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.total = self.squares = 0.0
+        self.low, self.high = inf, -inf
+
+    def add(self, value: float) -> None:
+        self.count += 1
+        self.total += value
+        self.squares += value * value
+        if value < self.low:  # noqa: PLR1730 - `min` costs three times as much, every tick
+            self.low = value
+        if value > self.high:  # noqa: PLR1730
+            self.high = value
+
+    def mean(self) -> float | None:
+        return self.total / self.count if self.count else None
+
+    def rms(self) -> float | None:
+        return sqrt(self.squares / self.count) if self.count else None
+
+    def min(self) -> float | None:
+        return self.low if self.count else None
+
+    def max(self) -> float | None:
+        return self.high if self.count else None
+
+
+_Source = tuple[object, str | None, str | None]
+"""(value, vehicle, state); aggregates with equal sources share one sampler."""
+
+
+class _Samplers:
+    """One sampler for each value in each state, however many aggregates read it."""
+
+    def __init__(
+        self, views: Mapping[str, View], read: Callable[[tree.Aggregate], Callable[[], float]]
+    ) -> None:
+        self._views = views
+        self._read = read
+        self._known: dict[_Source, _Statistics] = {}
+        self._by_state: dict[tuple[str | None, str | None], list[_Sampler]] = {}
+
+    def statistics(self, aggregate: tree.Aggregate) -> _Statistics:
+        """Return the statistics that `aggregate` reads."""
+        place = (aggregate.vehicle, aggregate.state)
+        source = (aggregate.value, *place)
+        if source not in self._known:
+            sampler = _Sampler(self._read(aggregate))
+            self._known[source] = sampler.statistics
+            self._by_state.setdefault(place, []).append(sampler)
+        return self._known[source]
+
+    def groups(self) -> list[Callable[[], None]]:
+        """Return the functions to call once a tick; each checks a vehicle's state only once."""
+        return [
+            _group(
+                self._views[vehicle] if vehicle is not None else None,
+                state,
+                [sampler.sample for sampler in samplers],
+            )
+            for (vehicle, state), samplers in self._by_state.items()
+        ]
+
+
+class _Sampler:
+    """Adds a value to its statistics in each tick in which the value is available."""
+
+    def __init__(self, read: Callable[[], float]) -> None:
+        self.statistics = _Statistics()
+        self._read = read
+        self._add = self.statistics.add
+
+    def sample(self) -> None:
+        try:
+            self._add(self._read())
+        except Unavailable:
+            return
+
+
+def _group(
+    view: View | None, state: str | None, samples: list[Callable[[], None]]
+) -> Callable[[], None]:
+    def always() -> None:
+        for sample in samples:
+            sample()
+
+    if view is None or state is None:
+        return always
+    watched = view
+
+    def while_in_state() -> None:
+        if is_in(watched.behavior, state):
+            for sample in samples:
+                sample()
+
+    return while_in_state

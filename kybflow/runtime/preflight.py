@@ -131,11 +131,11 @@ def _streams(vehicle: Vehicle) -> Iterator[PreflightResult]:
             reason += f", {LEAST_RATE:.0f} Hz needed"
         if green and kind is Imu and not knowledge.resting.is_known:
             green, reason = False, f"{reason}, not yet {LONG} s at rest"
-        trouble, left_out = knowledge.sensing.trouble(kind), knowledge.sensing.left_out(kind)
+        trouble, refused = knowledge.sensing.trouble(kind), knowledge.sensing.refused(kind)
         if trouble is not None:
             green, reason = False, f"{reason}: {trouble}"
-        if left_out and not green:
-            reason = f"{reason}; {left_out} were left out as implausible"
+        if refused and not green:
+            reason = f"{reason}; {refused} were left out as implausible"
         yield PreflightResult(vehicle.name, f"{kind_name(kind)} stream", green, reason, at[kind])
 
 

@@ -1,20 +1,20 @@
-"""The bodies of motion capture: what is wrong with one, by its poses alone, whatever gives them.
+"""Monitors the bodies of motion capture by their poses alone, for any system that gives them.
 
-lost: no pose for longer than a bound, or than three of the stream's own intervals where that is
-longer. froze: fresh stamps, but bit by bit the same pose while the vehicle is in the air; noise
-and motion make that impossible for a body that is seen. On the ground the same is said where poses
-have wavered there before, as real ones do: a vehicle whose take-off is not seen would go on to
-climb. Where they have not, what stands still is measured without noise, as a simulator can.
+lost: no pose for longer than a bound, or than three intervals of the stream if that is longer.
+froze: fresh stamps with bit-identical poses while the vehicle is in the air, which noise and motion
+make impossible for a body that is seen. It also counts on the ground if the poses have wavered
+there before, as real ones do: a vehicle whose take-off is not seen would go on to climb. Poses that
+have never wavered come from a simulator without noise.
 jumped: three poses in a row are where no flight could have brought the vehicle since the last one
-(`kybflow.flight.pose_track`). swapped: it jumped to where another body was: within `near` + `pace`
-times the time since of its last place, or of the one that it has just left; or it comes back after
-more than `MEMORY` where another vehicle believes itself to be. Then its poses, which agree with
-one another but are another's, are withheld until it jumps or is lost again.
+(`kybflow.flight.pose_track`).
+swapped: the body jumped to within `near` + `pace` t of where another body was t seconds before, or
+of the place that the other has just left; or it returns after more than `MEMORY` where another
+vehicle's estimate is. Its poses are withheld until it jumps again or is lost.
 
-Then a pose that is the one before it bit by bit is no measurement and is withheld, from the first
-on, so that an estimate ages from when its body froze, not from when that is reported; once it
-was reported, also on the ground, until the pose changes. All others pass: whether the vehicle can
-be there is for the estimators to say (`kybflow.flight.pose_gate`).
+A repeated pose is no measurement and is withheld from the first one on, so that the estimate ages
+from when its body froze and not from the report. On the ground it is withheld only after the
+report, until the pose changes. All other poses pass: the estimators decide whether the vehicle can
+be there (`kybflow.flight.pose_gate`).
 """
 
 from __future__ import annotations
@@ -33,12 +33,11 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.findings import Trouble, nearest
 
 WAVERS = 30
-"""So many poses in a row on the ground, each a little beside the last one, are measured with
-noise."""
+"""Poses in a row on the ground, each a little off the last one, that show a noisy measurement."""
 STILL = 0.01
 """Metres between two poses of a vehicle that stands."""
 MEMORY = 0.25
-"""Seconds for which a body is near where it was."""
+"""Seconds for which the last place of a body counts."""
 _MEMORY = round(MEMORY * NS)
 _NO_ATTITUDE: Quat = (0.0, 0.0, 0.0, 0.0)
 
@@ -63,15 +62,14 @@ class Bodies:
         self._believed: dict[str, Callable[[], Estimate | None]] = {}
 
     def know(self, name: str, estimate: Callable[[], Estimate | None]) -> None:
-        """Take note of what gives the estimate that a vehicle flies on."""
+        """Register what returns the estimate that a vehicle flies on."""
         self._believed[name] = estimate
 
     def judge(
         self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
     ) -> tuple[list[Pose], list[VehicleEvent]]:
-        """The new poses of a body, oldest first: those that are measurements, and what is found.
-        To be asked whenever poses have come, and without any from `due` on. in_air: whether its
-        vehicle is."""
+        """Judge the new poses of a body, oldest first; return those that are measurements, and the
+        findings. Called whenever poses arrive, and without any from `due` on."""
         body = self._bodies.get(name)
         if body is None:
             body = self._bodies[name] = _Body(now)
@@ -94,7 +92,7 @@ class Bodies:
         return passed, findings
 
     def due(self, name: str) -> Time:
-        """When a body is lost should nothing come; to be asked once it was judged."""
+        """Return when a body that was judged counts as lost if no pose arrives."""
         return self._bodies[name].due
 
     def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
@@ -104,7 +102,7 @@ class Bodies:
         body.trouble.count_anew()
 
     def _follow(self, name: str, body: _Body, pose: Pose, findings: list[VehicleEvent]) -> None:
-        """A pose that is a new one: does the body recover, did it jump?"""
+        """Process a new pose: detect a recovery, a jump or a swap."""
         if body.trouble.finding is not None and body.trouble.is_over():
             findings.append(BodyRecovered())
         last = body.track.last
@@ -126,8 +124,8 @@ class Bodies:
         body.left, body.of = last, self._believer(name, first) if body.of else other
 
     def _believer(self, name: str, pose: Pose) -> str:
-        """The other vehicle that believes itself to be at `pose`; empty where none does, or where
-        the body's own vehicle is nearer."""
+        """Return the other vehicle whose estimate is at `pose`; empty if there is none, or the
+        body's own vehicle is nearer."""
         believed = ((other, estimate()) for other, estimate in self._believed.items())
         near = self._bounds.near
         places = ((o, e.position, near + 4.0 * e.spread) for o, e in believed if e is not None)
@@ -135,7 +133,7 @@ class Bodies:
         return "" if whose == name else whose
 
     def _others(self, name: str, pose: Pose) -> Iterator[tuple[str, Vec3, float]]:
-        """Where the other bodies were at about the time of `pose`."""
+        """Yield where the other bodies were at about the time of `pose`."""
         for other, body in self._bodies.items():
             for place in () if other == name else (body.track.last, body.left):
                 t = 0.0 if place is None else abs(pose.time - place.time) / NS
@@ -144,10 +142,10 @@ class Bodies:
 
 
 class _Body:
-    """What is remembered of one. stamp: of its newest pose. interval: the shorter of the last two
-    between poses, None before. due: when it is lost should nothing come. changed: since when, in
-    the air, the pose is the same. track: where it is, left: where it was before it jumped. of: the
-    vehicle whose poses it gets, empty where they are its own."""
+    """The state of one body. stamp: the time of its newest pose. interval: the shorter one of the
+    last two between poses, None before the third. due: when it is lost if no pose arrives. changed:
+    when the pose last changed. left: where it was before it jumped. of: the vehicle whose poses it
+    receives, empty if they are its own."""
 
     __slots__ = (
         "_before", "_last", "_wavered", "began", "changed", "due", "interval", "left", "of",
@@ -168,8 +166,8 @@ class _Body:
         self._wavered = 0
 
     def expect(self, unknown: Time, lost: Time) -> Time:
-        """Note when the body is lost should nothing come: after three intervals and at least
-        `lost`, or after `unknown` without an interval. Return the time of what came last."""
+        """Set `due`: three intervals and at least `lost` after the last pose, or `unknown` without
+        an interval. Return the time of the last pose."""
         newest = self.stamp if self.stamp > self.began else self.began
         timeout = unknown
         if self.interval is not None:
@@ -179,7 +177,7 @@ class _Body:
         return newest
 
     def repeats(self, pose: Pose, in_air: bool) -> bool:
-        """Take note of a newer pose; whether it is the last one, bit by bit, and must not be."""
+        """Note a newer pose; return whether it repeats the last one and must be withheld."""
         stamp, position, attitude = pose
         last, self._last = self._last, pose
         if last is not None:
@@ -204,10 +202,10 @@ def _is_sound(pose: Pose) -> bool:
 
 
 class BodyMonitor:
-    """Emits what is found of one vehicle's body, and withholds the poses that are no measurements.
-    `bodies` judges those of the whole fleet; `estimate` gives what the vehicle flies on. Poses that
-    no estimator asks for are judged where they come, and nobody misses them. due: when to be asked
-    without any."""
+    """Emits the findings on one vehicle's body and withholds the poses that are no measurements.
+    `bodies` judges those of the whole fleet; `estimate` returns what the vehicle flies on. Poses
+    that no estimator uses are judged too, but are never lost. due: when `measured` must be called
+    even without poses."""
 
     def __init__(
         self,
@@ -227,8 +225,7 @@ class BodyMonitor:
     def measured(
         self, measurements: Sequence[Measurement], now: Time, in_air: bool
     ) -> Sequence[Measurement]:
-        """The measurements without the poses that are no measurements. in_air: whether the vehicle
-        is."""
+        """Return the measurements without the poses that are withheld."""
         poses = [m for m in measurements if type(m) is Pose] if measurements else ()
         if not poses and now < self.due:
             return measurements

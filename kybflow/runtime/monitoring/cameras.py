@@ -1,17 +1,17 @@
-"""The cameras of a vehicle: what is wrong with their frames, and with what they show.
+"""Monitors the cameras of a vehicle: their frames, and the poses that are found in them.
 
 By the times and the images of a camera's frames. lost: no frame for longer than
 
     max(SILENT, 3 / rate),   rate = the camera's frames a second
 
-froze: frames with fresh times whose image is the one before it, in the air, for longer than
+froze: in the air, frames with fresh times and identical images for longer than
 
     max(SAME, 1.5 / rate)
 
-The noise of a sensor makes two equal images impossible, so 1,200 pixels or so of each are enough to
-compare. An image of one brightness is none that froze: it is dark, or blinded. On the ground
-nothing is said of it, as a simulated sensor without noise gives the same again while it stands. A
-camera counts from its first frame on. Why there was none, its sensor knows.
+The noise of a sensor makes two equal images impossible, so that comparing some 1,200 pixels of each
+is enough. An image of uniform brightness has not frozen: it is dark, or blinded. On the ground
+images may repeat, as those of a simulated sensor without noise do. A camera counts from its first
+frame on; its sensor reports why there was none.
 
 By the poses that were found in the frames. tags lost: frames arrive in the air, and for longer than
 
@@ -21,15 +21,15 @@ no pose was found in them; found: poses are found again. jumped: a pose is furth
 
     NEAR + 4 s + 4 p
 
-from where the vehicle believed to be when the frame was taken (s: the estimate's spread, p: the
-pose's standard deviation), and the next poses go on from there; a single one is an error, and no
-finding. The estimate had not seen the frame then: in most vehicles it is what the IMU predicts. So
-it looks when a camera was knocked aside, and when the floor was. swapped: it jumped, and the pose
-is within that of where another vehicle believed to be.
+from the vehicle's estimate at the time of the frame (s: the estimate's spread, p: the pose's
+standard deviation), and the next poses go on from there; a single one is a measurement error. That
+estimate did not include the frame yet: in most vehicles it is what the IMU predicts. A camera that
+was knocked aside looks like this, and so does a floor that was moved. swapped: it jumped, and the
+pose is within that distance of another vehicle's estimate.
 
-recovered: so many good frames in a row since it was lost or froze. After a jump: the poses went
-back, or were lost meanwhile, and so many in a row are where the vehicle believes itself to be.
-Where an estimator followed the camera they are not, and another jump is reported.
+recovered: `CONFIRMED` good frames in a row after a loss or a freeze. After a jump: the poses went
+back, or were lost meanwhile, and as many in a row agree with the vehicle's estimate. If an
+estimator followed the camera they don't, and another jump is reported.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ _AND = ", "
 
 
 class CameraStreams:
-    """The frames of one vehicle's cameras. due: when one of them is lost should nothing come."""
+    """The frames of one vehicle's cameras. due: when the next one is lost if no frame arrives."""
 
     def __init__(self, cameras: Mapping[str, Camera]) -> None:
         self._cameras = cameras
@@ -82,44 +82,43 @@ class CameraStreams:
 
     @property
     def wrong(self) -> dict[str, VehicleEvent]:
-        """What was reported last of each camera that has not recovered."""
+        """The present fault of each camera that has one."""
         found = {name: stream.trouble.finding for name, stream in self._streams.items()}
         return {name: finding for name, finding in found.items() if finding is not None}
 
     def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[VehicleEvent]:
-        """What is found with these new frames. To be asked whenever some have come, and without any
-        from `due` on. in_air: whether the vehicle is."""
+        """Judge new frames; return the findings. Called whenever frames arrive, and without any
+        from `due` on."""
         findings: list[VehicleEvent] = []
         for frame in frames:
             stream = self._streams.get(frame.camera)
             if stream is None:
                 stream = _CameraStream(frame.camera, self._cameras[frame.camera].rate)
                 self._streams[frame.camera] = stream
-            stream.heard = now
-            findings += stream.look(frame, in_air)
+            stream.last = now
+            findings += stream.judge(frame, in_air)
         for stream in self._streams.values():
             findings += stream.miss(now)
         waiting = (s for s in self._streams.values() if not s.trouble.is_known(CameraLostEvent))
-        self.due = min((s.heard + round(s.timeout * NS) for s in waiting), default=NEVER)
+        self.due = min((s.last + round(s.timeout * NS) for s in waiting), default=NEVER)
         return findings
 
 
 class _CameraStream:
     """The frames of one camera. timeout, freeze_timeout: seconds without a frame, or without a new
-    image, at most. heard: when its last frame came."""
+    image, at most. last: when its last frame arrived."""
 
-    __slots__ = ("_changed", "_name", "_sample", "freeze_timeout", "heard", "timeout", "trouble")
+    __slots__ = ("_changed", "_name", "_sample", "freeze_timeout", "last", "timeout", "trouble")
 
     def __init__(self, name: str, rate: float) -> None:
         self._name = name
         self.timeout, self.freeze_timeout = max(SILENT, 3.0 / rate), max(SAME, 1.5 / rate)
-        self.heard: Time = 0
+        self.last: Time = 0
         self.trouble = Trouble()
         self._changed: Time = 0
         self._sample: Any = None
 
-    def look(self, frame: Frame, in_air: bool) -> Iterator[VehicleEvent]:
-        """What is found with the next frame."""
+    def judge(self, frame: Frame, in_air: bool) -> Iterator[VehicleEvent]:
         trouble = self.trouble
         if self._repeats(frame) and (in_air or trouble.is_known(CameraFroze)):
             since = (frame.time - self._changed) / NS
@@ -133,26 +132,26 @@ class _CameraStream:
             yield CameraRecovered(camera=self._name)
 
     def miss(self, now: Time) -> Iterator[VehicleEvent]:
-        """What is found where no frame comes."""
-        silence = (now - self.heard) / NS
+        """Report a camera whose frames stay away."""
+        silence = (now - self.last) / NS
         if silence > self.timeout and not self.trouble.is_known(CameraLostEvent):
             self.trouble.count_anew()
             lost = CameraLostEvent(camera=self._name, value=silence, bound=self.timeout)
             yield self.trouble.found(lost)
 
     def _repeats(self, frame: Frame) -> bool:
-        """Take note of a frame; whether its image is the one before it."""
+        """Note a frame; return whether its image repeats the one before it."""
         step = max(1, frame.image.shape[1] // _ACROSS)
         sample, last = frame.image[::step, ::step], self._sample
         if last is None or not numpy.array_equal(sample, last):
-            self._sample = sample.copy()  # who took the image may write the next one over it
+            self._sample = sample.copy()  # the next image may be written over this one
             return False
         return bool(sample.min() != sample.max())
 
 
 class _Place(NamedTuple):
-    """Where a camera's frames show the vehicle. bound: how far off that might be, value: how far it
-    is, metres."""
+    """Where a camera's frames show the vehicle. value, bound: its distance from the estimate, and
+    the largest plausible one, metres."""
 
     time: Time
     position: Vec3
@@ -160,13 +159,13 @@ class _Place(NamedTuple):
     bound: float
 
     def follows(self, last: _Place) -> bool:
-        """Whether the body of `last` can be here."""
+        """Return whether a vehicle can have come here from `last`."""
         return distance(self.position, last.position) <= reach((self.time - last.time) / NS)
 
 
 class Sightings:
-    """What one vehicle's cameras show. lost: whether no tags are found. is_blind: whether no pose
-    was found in the newest frames."""
+    """The poses that one vehicle's cameras show. lost: no tags were found for too long. is_blind:
+    no pose was found in the newest frames."""
 
     def __init__(self, vehicle: str, cameras: Mapping[str, Camera], fleet: EstimateHistory) -> None:
         self._vehicle, self._fleet = vehicle, fleet
@@ -177,12 +176,12 @@ class Sightings:
 
     @property
     def wrong(self) -> dict[str, CameraJumped]:
-        """What was reported last of each camera, as long as it goes on."""
+        """The present jump of each camera that has jumped."""
         found = {name: track.trouble.finding for name, track in self._tracks.items()}
         return {name: event for name, event in found.items() if isinstance(event, CameraJumped)}
 
     def judge(self, sighting: Sighting, in_air: bool) -> list[VehicleEvent]:
-        """What is found with a new sighting. in_air: whether the vehicle is."""
+        """Judge a new sighting; return the findings."""
         time, located = sighting.frames[0].time, sighting.located
         self.is_blind = located is None
         if located is None:
@@ -205,7 +204,7 @@ class Sightings:
         return findings
 
     def _agreed(self, cameras: str) -> Iterator[VehicleEvent]:
-        """Cameras that told a good pose together: what each did wrong alone is over."""
+        """Note a good pose that several cameras gave together for each of them alone."""
         for name, track in self._tracks.items():
             if name != cameras and name in cameras.split(_AND) and track.trouble.is_over():
                 yield CameraRecovered(camera=name)
@@ -229,15 +228,14 @@ class Sightings:
         return _Place(time, located.position, off, NEAR + 4.0 * (believed.spread + deviation))
 
     def _whose(self, place: _Place) -> str:
-        """The other vehicle that believed to be where `place` is; empty when none did."""
+        """Return the other vehicle whose estimate was at `place`, empty if none was."""
         others = self._fleet.others(self._vehicle, place.time)
         return nearest(place.position, ((o, b.position, NEAR + 4.0 * b.spread) for o, b in others))
 
 
 class _Track:
-    """The poses of one camera, or of several that told them together. `trouble.good` counts since
-    they went back, or came again after `timeout` seconds. elsewhere: those that may become a
-    jump."""
+    """The poses of one camera, or of several that gave them together. `trouble.good` counts since
+    they went back, or returned after `timeout` seconds."""
 
     def __init__(self, timeout: float) -> None:
         self._timeout = round(timeout * NS)
@@ -248,7 +246,7 @@ class _Track:
     def follow(
         self, place: _Place, camera: str, whose: Callable[[_Place], str]
     ) -> Iterator[VehicleEvent]:
-        """What is found with the next one. whose: the vehicle that is there."""
+        """Judge the next place. whose: returns the other vehicle that is there."""
         trouble, elsewhere = self.trouble, self._elsewhere
         last, self._last = self._last, place
         went = last is not None and (
@@ -275,7 +273,7 @@ class _Track:
 
 
 def _names(located: Located) -> str:
-    """The cameras whose frames told it."""
+    """Return the cameras whose frames gave this pose."""
     names = (view.camera.name for view in located.views if len(view.tags))
     return _AND.join(dict.fromkeys(names))
 
@@ -288,9 +286,8 @@ class SeeingEstimator(Protocol):
 
 
 class CameraMonitor:
-    """Emits what is found of one vehicle's cameras, and withholds frozen frames; estimators know
-    nothing of it. `fleet` is where the vehicles believe to be. Where no estimator asks for frames,
-    nobody misses them, and nothing is reported."""
+    """Emits the findings on one vehicle's cameras and withholds frozen frames from its estimators.
+    Nothing is reported if no estimator uses frames."""
 
     def __init__(self, plan: VehiclePlan, fleet: EstimateHistory, events: Events) -> None:
         self._name, self._events = plan.name, events
@@ -305,12 +302,12 @@ class CameraMonitor:
 
     @property
     def is_blind(self) -> bool:
-        """Whether frames arrive, and the newest tell no pose."""
+        """Whether frames arrive, but no pose was found in the newest."""
         return self._sightings.is_blind
 
     @property
     def trouble(self) -> str | None:
-        """What is known to be wrong, in words; None where nothing is."""
+        """The present faults in words, None without any."""
         said = []
         for name, event in self._streams.wrong.items():
             if isinstance(event, CameraFroze):
@@ -329,8 +326,7 @@ class CameraMonitor:
     def measured(
         self, measurements: Sequence[Measurement], now: Time, in_air: bool
     ) -> Sequence[Measurement]:
-        """The measurements without the frames that froze, which show nothing of now. in_air:
-        whether the vehicle is."""
+        """Return the measurements without frozen frames."""
         frames = [m for m in measurements if type(m) is Frame] if measurements else ()
         if frames or now >= self._streams.due:
             self._emit(self._streams.judge(frames, now, in_air))
@@ -342,8 +338,8 @@ class CameraMonitor:
             return measurements
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
 
-    def see(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
-        """Judge what estimators found in the frames; a frozen image shows nothing new."""
+    def judge(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
+        """Judge the poses that estimators found in the frames, except for frozen ones."""
         fresh = []
         for estimator in estimators:
             sighting = estimator.part.sighting

@@ -1,5 +1,5 @@
-"""Where the vehicles of a fleet believed to be in the last moments. What a camera shows arrives
-late and is judged by the estimate of when it was seen."""
+"""The recent estimates of a fleet. A camera's frame arrives late and is compared with the estimate
+at the time when it was taken."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from kybflow.core.signals import NS, Estimate, Time
 
 _KEPT = 512
 CURRENT = NS // 20
-"""Nobody knows where a vehicle is whose last estimate is older."""
+"""Largest age of an estimate that still tells where a vehicle is."""
 
 
 class EstimateHistory:
-    """The estimates that the vehicles flew on, by vehicle. is_asked: whether anybody will ask;
-    estimates that are kept for nobody would only fill the processor's caches."""
+    """The estimates that the vehicles flew on. is_asked: whether they are used; else none are kept,
+    because that would fill the processor's caches."""
 
     def __init__(self) -> None:
         self.is_asked = False
@@ -29,14 +29,14 @@ class EstimateHistory:
         kept.append(estimate)
 
     def at(self, vehicle: str, time: Time) -> Estimate | None:
-        """The vehicle's estimate at `time`, or shortly before; None where it had none."""
+        """Return the vehicle's estimate at `time` or shortly before, None if it had none."""
         for estimate in reversed(self._kept.get(vehicle, ())):
             if estimate.time <= time:
                 return estimate if time - estimate.time <= CURRENT else None
         return None
 
     def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
-        """The estimate of each other vehicle that had one at `time`."""
+        """Yield the estimate of each other vehicle that had one at `time`."""
         for other in self._kept:
             estimate = None if other == vehicle else self.at(other, time)
             if estimate is not None:

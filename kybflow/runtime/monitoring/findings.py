@@ -1,10 +1,8 @@
-"""What is found wrong with something that is watched, and when that counts: the one mechanism for
-bodies of motion capture and for cameras.
+"""When a fault of a motion-capture body or of a camera counts as found, and when as over.
 
-A single odd observation is an error of measurement. What persists is a finding: `CONFIRMED`
-observations in a row that agree with one another make a jump (`kybflow.flight.pose_track`), and so
-many good ones in a row end what was wrong (`Trouble`). A jump to where another vehicle was is a
-swap (`nearest`).
+A single odd observation is a measurement error. `CONFIRMED` observations in a row that agree with
+one another are a jump (`kybflow.flight.pose_track`); as many good ones in a row end a fault
+(`Trouble`). A jump to where another vehicle was is a swap (`nearest`).
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from kybflow.flight.pose_track import CONFIRMED
 
 
 class Trouble:
-    """What is wrong with one subject, None while nothing is. good: good observations since."""
+    """finding: the present fault, None without one. good: the good observations in a row since."""
 
     __slots__ = ("finding", "good")
 
@@ -26,20 +24,20 @@ class Trouble:
         self.good = 0
 
     def found(self, finding: VehicleEvent) -> VehicleEvent:
-        """Count `finding` as wrong from now on; return it."""
+        """Set the present fault; return it."""
         self.finding = finding
         return finding
 
     def count_anew(self) -> None:
-        """Forget the good observations: the last one was not."""
+        """Restart the count of good observations after one that was not."""
         self.good = 0
 
     def is_known(self, event: type[VehicleEvent]) -> bool:
-        """Whether this was found, and goes on."""
+        """Return whether this is the present fault."""
         return isinstance(self.finding, event)
 
     def is_over(self) -> bool:
-        """Take note of a good observation; whether it confirms that the subject is well again."""
+        """Note a good observation; return whether it ends the fault."""
         self.good += 1
         if self.finding is None or self.good < CONFIRMED:
             return False
@@ -48,8 +46,8 @@ class Trouble:
 
 
 def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:
-    """The vehicle that was at `position`; empty when none was. others: (vehicle, where it was, how
-    far off that may be); of several the one nearest by that measure."""
+    """Return the vehicle that was at `position`, empty if none was. others: (vehicle, its position,
+    the distance that still counts); of several, the nearest relative to that distance."""
     best, whose = 1.0, ""
     for vehicle, place, room in others:
         share = distance(position, place) / room

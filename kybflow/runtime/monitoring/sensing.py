@@ -1,13 +1,13 @@
 """The sensors of one vehicle beside its link.
 
-What they measure comes in place of what the link measures of the same kinds. One that fails is
-reported once, until it works again, and its estimators age; the link is not blamed. It fails by
-raising, or where nothing comes and it knows why: once it has worked, or `PATIENCE` seconds after
-the start.
+Their measurements replace those of the link of the same kinds. A sensor that fails is reported
+once, until it works again; its estimators age, and the link is not affected. It has failed if it
+raises, or if it gives no measurements and knows why: once it has worked, or `CONNECTING` seconds
+after the start.
 
-What can't be true is left out, of the link as of a sensor: what is stamped more than `AHEAD` after
-now, because an estimator that took it would take nothing else until then; a frame of a camera that
-the vehicle doesn't have, and one whose image is none. The first of each is reported.
+Implausible measurements of the link and of sensors are refused: those stamped more than `AHEAD` in
+the future, because an estimator that took one would take no others until then; frames of a camera
+that the vehicle doesn't have, and frames without a grey image. The first of each is reported.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from kybflow.parts import Stream
 from kybflow.parts.events import MeasurementRefused, SensorFailed, SensorRecovered
 from kybflow.runtime.events import Events
 
-PATIENCE = 1.0
-"""Until then a sensor may still be connecting."""
+CONNECTING = 1.0
+"""Seconds that a sensor may need to connect."""
 AHEAD: Time = NS // 200
-"""By how much a stamp may be later than now: clocks are compared by estimates of their offset, and
-a tick can be late."""
+"""How far a stamp may be in the future: the offset of a clock is estimated, and a tick can be
+late."""
 _BY_TIME = attrgetter("time")
 _Note = Callable[[Sequence[Measurement], Time], None]
 
 
 class OpenSensor(NamedTuple):
-    """A sensor and what it has open."""
+    """A sensor and its open stream."""
 
     plan: SensorPlan
     stream: Stream
 
 
 class Sensing:
-    """`streams` are what is open, by the sensor's label."""
+    """streams: the open streams by the label of their sensor."""
 
     def __init__(self, plan: VehiclePlan, opened: Sequence[OpenSensor], events: Events) -> None:
         self._vehicle, self._driver = plan.name, plan.driver
@@ -53,28 +53,28 @@ class Sensing:
         self._admission = Admission(plan.name, plan.cameras, events)
         self.streams: dict[str, Stream] = {s.plan.part.label: s.stream for s in opened}
 
-    def left_of(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
-        """What of the link's measurements counts."""
+    def of_link(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
+        """Return the measurements of the link that count."""
         if self._replaced:
             measurements = [m for m in measurements if type(m) not in self._replaced]
         return self._admission.admitted(measurements, now, self._driver.name, self._driver.at)
 
-    def joined(
+    def merged(
         self, measurements: Sequence[Measurement], now: Time, note: _Note
     ) -> Sequence[Measurement]:
-        """The link's measurements with those of the sensors, which are noted first; oldest
-        first."""
+        """Return the measurements of the link and of the sensors, oldest first. Those of the
+        sensors are noted."""
         found = list(measurements)
         for sensor in self._opened:
             found += self._read(sensor, now, note)
         return sorted(found, key=_BY_TIME)
 
-    def left_out(self, kind: MeasurementKind) -> int:
-        """How many measurements of `kind` came that can't be true."""
-        return self._admission.left_out(kind)
+    def refused(self, kind: MeasurementKind) -> int:
+        """Return how many measurements of `kind` were refused."""
+        return self._admission.refused(kind)
 
     def trouble(self, kind: MeasurementKind) -> str | None:
-        """Why no measurements of `kind` can come, as far as a sensor knows."""
+        """Return why a sensor can't give measurements of `kind`, None if it knows no reason."""
         for sensor in self._opened:
             if kind in sensor.plan.part.cls.provides:
                 trouble = _trouble(sensor) or self._failed.get(_name(sensor))
@@ -93,7 +93,7 @@ class Sensing:
             return ()
         try:
             note(found, now)
-        except Exception as error:  # what it gave is no measurement
+        except Exception as error:  # it gave something other than measurements
             self._fail(sensor, f"what it gives can't be taken: {described(error)}")
             return ()
         if found:
@@ -107,12 +107,12 @@ class Sensing:
         return found
 
     def _is_late(self, now: Time) -> bool:
-        """Whether a sensor that has not worked yet should."""
+        """Return whether a sensor that has not worked yet should have."""
         self._began = now if self._began is None else self._began
-        return now - self._began >= PATIENCE * NS
+        return now - self._began >= CONNECTING * NS
 
     def _fail(self, sensor: OpenSensor, reason: str) -> None:
-        """Report it, once until the sensor works again."""
+        """Report a failure, once until the sensor works again."""
         name = _name(sensor)
         if name not in self._failed:
             self._failed[name] = reason
@@ -121,7 +121,7 @@ class Sensing:
 
 
 def _trouble(sensor: OpenSensor) -> str | None:
-    """Why nothing can come from it, as far as it knows."""
+    """Return why the sensor gives nothing, None if it knows no reason."""
     try:
         return sensor.stream.trouble()
     except Exception as error:  # a part may raise anything
@@ -129,12 +129,12 @@ def _trouble(sensor: OpenSensor) -> str | None:
 
 
 def _name(sensor: OpenSensor) -> str:
-    """The sensor's, as events say it."""
+    """Return the name of the sensor in events."""
     return sensor.plan.part.label.partition(".")[2]
 
 
 class Admission:
-    """Judges the measurements of one vehicle that has these cameras."""
+    """Refuses implausible measurements of one vehicle."""
 
     def __init__(self, vehicle: str, cameras: Collection[str], events: Events) -> None:
         self._vehicle, self._cameras, self._events = vehicle, cameras, events
@@ -144,7 +144,7 @@ class Admission:
     def admitted(
         self, measurements: Sequence[Measurement], now: Time, source: str, at: str
     ) -> Sequence[Measurement]:
-        """The measurements that count. source: who gives them, named by the mission's line `at`."""
+        """Return the measurements that count. source: their sensor or driver, at its line `at`."""
         latest = now + AHEAD
         for measurement in measurements:
             if measurement.time > latest or type(measurement) is Frame:
@@ -160,12 +160,11 @@ class Admission:
                 self._refuse(type(measurement), wrong, source, at)
         return admitted
 
-    def left_out(self, kind: MeasurementKind) -> int:
-        """How many of a kind."""
+    def refused(self, kind: MeasurementKind) -> int:
         return self._counts.get(kind, 0)
 
     def _wrong(self, measurement: Measurement, now: Time) -> tuple[str, str] | None:
-        """What is wrong with it, and in full; None where nothing is."""
+        """Return (what is wrong, the reason in words), None if nothing is."""
         ahead = measurement.time - now
         if ahead > AHEAD:
             return "time", f"stamped {ahead / NS:.3g} s in the future"
@@ -189,6 +188,6 @@ class Admission:
 
 
 def _is_grey(image: Any) -> bool:
-    """Whether it has rows and columns, and at least one of each."""
+    """Return whether an image has at least one row and one column, and a single channel."""
     shape = getattr(image, "shape", ())
     return len(shape) == 2 and 0 not in shape

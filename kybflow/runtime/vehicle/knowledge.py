@@ -97,7 +97,7 @@ class Knowledge:
         self.now = now
         measurements = self._listen(now, self._accept)
         if self.sensing.streams:
-            measurements = self.sensing.joined(measurements, now, self._note)
+            measurements = self.sensing.merged(measurements, now, self._note)
         if measurements or now >= self._body.due:
             measurements = self._body.measured(measurements, now, in_air)
         if self.cameras.is_asked:
@@ -106,7 +106,7 @@ class Knowledge:
             self.estimation.kill(self._rig.estimators)
         self.estimate = estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
-            self.cameras.see(self.estimation.candidates, in_air)
+            self.cameras.judge(self.estimation.candidates, in_air)
         if self._fleet.is_asked and estimate is not None:
             self._fleet.note(self._name, estimate)
         return estimate
@@ -132,7 +132,7 @@ class Knowledge:
     def _accepted(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
         """Note and return the link's measurements that count: those that are plausible and that no
         sensor replaces."""
-        measurements = self.sensing.left_of(measurements, now)
+        measurements = self.sensing.of_link(measurements, now)
         self._note(measurements, now)
         return measurements
 

@@ -67,7 +67,7 @@ class Watch:
             self.passed += len(self.watched.measured(frames, now, True))
             if frames:
                 self.one.part.sighting = SimpleNamespace(frames=frames, located=self.located(seen))
-            self.watched.see((self.one,), True)  # type: ignore[arg-type]
+            self.watched.judge((self.one,), True)  # type: ignore[arg-type]
             self.fleet.note("a", Estimate(now, REST, REST, LEVEL, REST, "b", 0.0, 0.01))
         return [event.name for event in self.told]
 
@@ -141,7 +141,7 @@ def test_an_estimator_that_makes_nothing_new_of_frames_says_nothing() -> None:
     for watch.k in range(6, 30):
         now = watch.k * STEP
         watch.watched.measured([Frame(now, "down", watch.noise())], now, True)
-        watch.watched.see((watch.one,), True)  # type: ignore[arg-type]
+        watch.watched.judge((watch.one,), True)  # type: ignore[arg-type]
     assert watch.told == []
 
 

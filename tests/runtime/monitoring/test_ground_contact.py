@@ -9,7 +9,7 @@ from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.dsl.plan import Plan
 from kybflow.parts import AIR, GROUND, MOVING
-from kybflow.runtime.monitoring.ground_contact import GroundContact
+from kybflow.runtime.monitoring.tracking_errors import GroundContact
 
 
 def sinking(height: float) -> Setpoint:

@@ -94,7 +94,7 @@ def imu(time: Time) -> Imu:
 
 
 def joined(sense: Sensing, link: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
-    return sense.joined(sense.left_of(link, now), now, lambda found, now: None)
+    return sense.merged(sense.of_link(link, now), now, lambda found, now: None)
 
 
 def test_its_kinds_replace_those_of_the_link() -> None:
@@ -185,7 +185,7 @@ def test_what_can_not_be_noted_is_its_failure() -> None:
         raise ValueError("this is no pose")
 
     sense, told = sensing(lambda now: [pose(now)])
-    assert sense.joined([imu(1)], 1, note) == [imu(1)]
+    assert sense.merged([imu(1)], 1, note) == [imu(1)]
     (failed,) = named(told, "sensor_failed")
     assert failed.fields["reason"] == "what it gives can't be taken: ValueError: this is no pose"
 
@@ -201,8 +201,8 @@ def test_what_is_stamped_in_the_future_is_left_out_and_told_once() -> None:
         "source": "mocap", "kind": "pose", "reason": "stamped 1 s in the future",
     }  # fmt: skip
     assert (refused.vehicle, refused.at) == ("a", "m.yaml:7")
-    assert sense.left_out(Pose) == 20
-    assert sense.left_out(Imu) == 0
+    assert sense.refused(Pose) == 20
+    assert sense.refused(Imu) == 0
 
 
 def test_so_is_what_the_link_stamps_in_the_future_kind_by_kind() -> None:
@@ -213,7 +213,7 @@ def test_so_is_what_the_link_stamps_in_the_future_kind_by_kind() -> None:
     assert [(e.fields["source"], e.fields["kind"], e.at) for e in told] == [
         ("sim", "battery", "m.yaml:9"), ("sim", "imu", "m.yaml:9"),
     ]  # fmt: skip
-    assert sense.left_out(Imu) == 4
+    assert sense.refused(Imu) == 4
 
 
 def test_frames_of_a_camera_that_the_vehicle_does_not_have_are_left_out() -> None:
