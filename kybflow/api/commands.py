@@ -8,7 +8,7 @@
         print(run.state()["vehicles"][0]["state"])
 
 Every run of `kybflow run` accepts commands. A run of `fly` needs a `CommandServer`:
-`fly(plan, request, [server.hear], servers=[server.serve])`.
+`fly(plan, request, [server.on_event], servers=[server.serve])`.
 """
 
 from kybflow.command_server.address import RunNotFound

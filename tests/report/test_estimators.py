@@ -158,7 +158,7 @@ def test_pictures_stand_camera_by_camera_in_the_page_of_their_estimator(run):
 def test_without_a_truth_nothing_is_claimed(tmp_path):
     run = read_run(write(tmp_path, truth=None))
     body = render(run)
-    assert "nobody knows better" in body
+    assert "because the truth is unknown" in body
     row = next(row for row in re.findall(r"<tr>(.*?)</tr>", body) if ">tags<" in row)
     assert re.sub(r"<[^>]+>", " ", row).split() == [
         "mk", "tags", "75.0", "%", *["\N{EN DASH}"] * 5, "40", "40",

@@ -55,7 +55,7 @@ def test_the_world_is_read_from_the_resolved_mission(tmp_path):
 def test_a_world_that_no_run_has_written_is_an_error(tmp_path, text):
     path = tmp_path / "mission.resolved.yaml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(ValueError, match="no world that can be read"):
+    with pytest.raises(ValueError, match="no readable world"):
         read_world(path)
 
 

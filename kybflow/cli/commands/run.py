@@ -149,7 +149,7 @@ def fly_plan(
         from kybflow.command_server.server import CommandServer
 
         server = CommandServer()
-        listeners.append(server.hear)
+        listeners.append(server.on_event)
         servers.append(server.serve)
     try:
         plan = with_window(plan) if live else plan
