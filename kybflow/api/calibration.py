@@ -1,5 +1,4 @@
-"""A camera's calibration from a walk over tags: what is known of the walk, and what it changes in
-the mission."""
+"""The files around a camera's calibration: recorded poses in, corrections of the mission out."""
 
 from __future__ import annotations
 
@@ -24,13 +23,12 @@ if TYPE_CHECKING:
 
 
 def is_of_a_run(frames: Path) -> bool:
-    """Whether frames are of a run's folder, which has few, made smaller and drawn over."""
+    """Return whether frames belong to a run folder, which keeps only a few, scaled and drawn on."""
     return any((above / EVENTS).is_file() for above in (frames, *frames.resolve().parents))
 
 
 def recorded_track(path: Path, vehicle: str) -> RecordedTrack:
-    """Where the body of a vehicle was, from a table of poses or from the folder of a run. Raises
-    FileError."""
+    """Read the poses of a vehicle from a table or from a run folder. Raises FileError."""
     try:
         if path.is_dir():
             rows = read_recorded_poses(path, vehicle)
@@ -48,8 +46,8 @@ def recorded_track(path: Path, vehicle: str) -> RecordedTrack:
 
 
 def corrections(plan: Plan, found: WalkCalibration, folder: Path, mission: Path) -> dict[str, str]:
-    """The corrected map, the lens, and what to change in the mission: the texts of the files that
-    `folder` gets, by name."""
+    """Return the files to write into `folder`, by name: the corrected tag map, the lens, and the
+    changes of the mission."""
     tags, lens = "tags.csv", f"{found.camera.name}.yaml"
     place = os.path.relpath(folder, mission.parent)
     corrected = {tag.key: tag for tag in found.tags}

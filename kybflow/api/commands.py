@@ -1,4 +1,4 @@
-"""Commands to a run that flies, from Python.
+"""Commands a running mission from Python.
 
     from kybflow.api.commands import connect
 
@@ -7,8 +7,8 @@
         run.switch("mk", "down")
         print(run.state()["vehicles"][0]["state"])
 
-A run that `kybflow run` started takes them. One that a program flies with `fly` does where it is
-given a `CommandServer`: `fly(plan, request, [server.hear], servers=[server.serve])`.
+Every run of `kybflow run` accepts commands. A run of `fly` needs a `CommandServer`:
+`fly(plan, request, [server.on_event], servers=[server.serve])`.
 """
 
 from kybflow.command_server.address import RunNotFound

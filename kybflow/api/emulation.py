@@ -1,5 +1,5 @@
-"""What stands in for something that is not there, for any client of it, in the wall's time:
-autopilots and drones on simulated vehicles, and motion capture that sees bodies at rest."""
+"""Serves emulated devices to any client in real time: autopilots and AR.Drones on simulated
+vehicles, and a motion-capture system that tracks bodies at rest."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 RATE, STILL_RATE = 250, 120
 APART = 2.0
-"""Metres between vehicles that no mission places."""
+"""Metres between vehicles without a mission."""
 MISSION = """kybflow: 1
 mission: emulated
 import: {std: kybflow/airframes}
@@ -47,12 +47,9 @@ VEHICLE = """  v{number}:
 
 
 def plan_of(airframe: str, count: int) -> Plan | None:
-    """The plan of `count` vehicles beside each other; None where the standard library has no such
+    """Return the plan of `count` vehicles side by side, None where the standard library has no such
     airframe."""
-    vehicles = (
-        VEHICLE.format(number=number + 1, airframe=airframe, y=APART * number)
-        for number in range(count)
-    )
+    vehicles = (VEHICLE.format(number=n + 1, airframe=airframe, y=APART * n) for n in range(count))
     with TemporaryDirectory() as folder:
         path = Path(folder) / "emulated.yaml"
         path.write_text(MISSION + "".join(vehicles), encoding="utf-8")
@@ -60,15 +57,15 @@ def plan_of(airframe: str, count: int) -> Plan | None:
 
 
 def seats_of(plan: Plan, driver: str) -> list[Seat]:
-    """The seats of the plan's vehicles in a driver, as its parameters are by default."""
+    """Return the plan's vehicles as seats of a driver with default parameters."""
     params = load_catalog().get("drivers", driver).params()
     return [Seat(context_of(plan, vehicle), params) for vehicle in plan.vehicles]
 
 
 class Wires(NamedTuple):
-    """Where emulated autopilots speak. addresses: of the first, as people write them; none for
-    those of the firmware's own simulator. system: the system id of the first. secret: of signed
-    messages."""
+    """The links of emulated autopilots. addresses: those of the first autopilot, by default the
+    addresses of the firmware's own simulator. system: the first system id. secret: the key of
+    signed messages."""
 
     addresses: Sequence[str] = ()
     system: int = 1
@@ -81,10 +78,10 @@ def autopilots(
     setup: SetupPlan,
     wires: Wires,
     seed: int,
-    tell: Callable[[str, int, list[str]], None],
+    started: Callable[[str, int, list[str]], None],
 ) -> Iterator[Fleet[MavlinkEndpoint]]:
-    """Autopilots of one firmware, each on its wires. tell: is called with the name of each, its
-    system id and its addresses. Raises DriverError."""
+    """Start autopilots of one firmware. started: called with each name, system id and addresses.
+    Raises DriverError."""
     from kybflow.drivers.emulated_autopilot.firmware import check_names, emulated_firmware
     from kybflow.drivers.mavlink.transport import open_wire
 
@@ -98,17 +95,18 @@ def autopilots(
         )
         stack.callback(fleet.close)
         for number, (seat, member) in enumerate(zip(seats, fleet.members, strict=True)):
-            said = []
+            addresses = []
             for address in wires.addresses or own:
                 wire = stack.enter_context(closing(open_wire(_shifted(address, number))))
                 member.onboard.connect(wire, wires.secret)
-                said.append(wire.address)
-            tell(seat.context.vehicle, wires.system + number, said)
+                addresses.append(wire.address)
+            started(seat.context.vehicle, wires.system + number, addresses)
         yield fleet
 
 
 def _own_address(firmware: str, number: int = 0) -> str:
-    """Where the firmware's own simulator speaks to a driver. number: of several, from 0."""
+    """Return the address at which the firmware's own simulator serves its driver. number: that of
+    the vehicle, from 0."""
     from kybflow.drivers.mavlink.firmware import profile_of
     from kybflow.drivers.mavlink.transport.address import read_address
 
@@ -117,8 +115,9 @@ def _own_address(firmware: str, number: int = 0) -> str:
 
 
 def _shifted(place: str, number: int) -> str:
-    """The address of one of several vehicles: at the driver's port of a firmware's own simulator
-    that one's next, where we listen one of its own; all ground stations share one."""
+    """Return a vehicle's address from that of the first vehicle: the simulator's next port for a
+    simulator's address, 10 ports further for an address that listens, else the address itself,
+    because all vehicles share a ground station."""
     from kybflow.drivers.mavlink.transport.address import LISTENING, read_address
 
     for firmware in firmware_names("emulated_autopilot"):
@@ -135,12 +134,12 @@ def drones(
     radio: Radio,
     host: str,
     seed: int,
-    tell: Callable[[str, str], None],
+    started: Callable[[str, str], None],
     *,
     video: bool = False,
 ) -> Iterator[Fleet[DroneEndpoint]]:
-    """AR.Drones, the first at the loopback address `host` and each at the next. video: whether each
-    sends what its camera sees. tell: is called with the name of each and its address. Raises
+    """Start AR.Drones, the first at the loopback address `host`, the others at the next ones.
+    video: whether they send camera images. started: called with each name and address. Raises
     DriverError."""
     from kybflow.drivers.emulated_ardrone import EmulatedArdrone
     from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
@@ -151,27 +150,27 @@ def drones(
         fleet = EmulatedArdrone.fleet(seats, radio, random.Random(seed))
         stack.callback(fleet.close)
         for seat, where, member in zip(seats, hosts, fleet.members, strict=True):
-            endpoint, look = member.onboard, member.vehicle.truth
+            endpoint, truth = member.onboard, member.vehicle.truth
             endpoint.connect(stack.enter_context(closing(SocketPorts(where))))
             if video:
                 configuration = endpoint.drone.configuration
-                endpoint.video = DroneVideo(seat.context, look, configuration, seed)
-            tell(seat.context.vehicle, where)
+                endpoint.video = DroneVideo(seat.context, truth, configuration, seed)
+            started(seat.context.vehicle, where)
         yield fleet
 
 
 def serve(
-    fleet: Fleet[Any], breaks: Sequence[Break], speed: float, tell: Callable[[Break, Time], None]
+    fleet: Fleet[Any], breaks: Sequence[Break], speed: float, began: Callable[[Break, Time], None]
 ) -> None:
-    """Go on in the wall's time until somebody interrupts. tell: is called with a failure as it
-    begins."""
+    """Run the fleet until a KeyboardInterrupt. speed: 1 for real time. began: called with each
+    failure when it begins."""
     clock = SimulatedClock(RATE, speed)
-    fleet.serve(iter(clock.step, None), breaks, tell)
+    fleet.serve(iter(clock.step, None), breaks, began)
 
 
-def stand_still(places: dict[str, Vec3], server: Server, seed: int) -> NoReturn:
-    """Publish bodies at rest, as noisy as the simulator's motion capture is by default, until
-    somebody interrupts. Raises CodecError for names that VRPN can't have."""
+def publish_at_rest(places: dict[str, Vec3], server: Server, seed: int) -> NoReturn:
+    """Publish bodies at rest, with the default noise of the simulator's motion capture, until a
+    KeyboardInterrupt. Raises CodecError for names that VRPN can't send."""
     from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
 
     sim = load_catalog().get("drivers", "sim").params()

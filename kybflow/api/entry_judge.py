@@ -1,5 +1,5 @@
-"""Judges in flight what a state is to be entered with, by the compiler's own checks and in its
-words: as in a mission whose vehicle begins there in that state, with those values."""
+"""Judges the values that a command gives for a state. The compiler's checks run on the mission as
+if the vehicle began in that state, with those values, where it is now."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar
 from kybflow.parts.catalog import Catalog
 
 _HERE = Span("the command", 1, 1, 1, 1)
-"""Where a person's values stand."""
+"""The place of values that a command gives."""
 
 
 class PlanEntryJudge:
@@ -62,7 +62,7 @@ class PlanEntryJudge:
         return None
 
     def _entry(self, name: str, text: str) -> MappingEntry:
-        """One value, as a mission would have it. Raises Refused for what is no YAML."""
+        """Read one value as YAML. Raises Refused."""
         found = Findings()
         node = compose(text, _HERE.file, found)
         if node is not None:

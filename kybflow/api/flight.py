@@ -1,5 +1,4 @@
-"""From a plan to a run folder: opens the drivers, flies, and writes the run's files; or only runs
-the preflight checks."""
+"""Flies a plan and writes its run folder; or only runs the preflight checks."""
 
 from __future__ import annotations
 
@@ -14,13 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from kybflow.api.entry_judge import PlanEntryJudge
-from kybflow.api.opening import (
-    Devices,
-    assemble,
-    clock_for,
-    open_devices,
-    pace_of,
-)
+from kybflow.api.opening import Devices, assemble, clock_for, open_devices, pace_of
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
@@ -41,13 +34,12 @@ from kybflow.parts.events import CommandsFailed, RecordingStopped, RehearsalSkip
 from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
-from kybflow.recording.run_folder import RunFolder, create_run_folder
+from kybflow.recording.run_folder import create_run_folder
 from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedCommand
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
-from kybflow.runtime.fleet.inputs import NoteInput, unnoted
 from kybflow.runtime.interrupts import Interrupts
 from kybflow.runtime.options import check_options
 from kybflow.runtime.preflight import PreflightResult
@@ -57,24 +49,24 @@ from kybflow.world.ground import STANDS, height_above_ground
 from kybflow.world.vehicle_context import LEGS
 
 Server = Callable[[CommandQueue, Path], AbstractContextManager[object]]
-"""Serves the commands of a run for as long as the context lasts, in the given run folder."""
+"""Makes a context that takes commands for the run in the given folder."""
 FAULT = "fault"
 COLLECTED_IN_FLIGHT = (700, 10, 10)
-"""How many new objects are searched for garbage at a time in flight, as Python has it by default;
-a program that only starts and ends may search more."""
+"""Thresholds of the garbage collector in flight: Python's defaults, because the command line raises
+them for a quick start."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
     """The settings of a run beside its plan.
 
-    speed: pace of a simulated clock, 1 for real time, None for as fast as its sensors and inputs
-    allow. options: changes of parts' parameters before take-off, as (name, value). emitted: the
-    operator's events, as (seconds, name). out: the run folder, None for one under `runs/`. sets:
-    the `NAME=VALUE` that the plan was compiled with, for `provenance.json` only. again: the
-    commands of an earlier run, given at the same ticks; inputs: what its inputs said, by name, in
-    place of the devices. skips_rehearsal: somebody wants to fly hardware without a rehearsal, which
-    is told.
+    out: the run folder, None for one under `runs/`. speed: pace of a simulated clock, 1 for real
+    time, None for as fast as the sensors and inputs allow. options: changes of parts' parameters
+    before take-off, as (name, value). emitted: the operator's events, as (seconds, name). sets: the
+    `NAME=VALUE` that the plan was compiled with, for `provenance.json` only. again: the commands of
+    an earlier run, repeated at the same ticks. inputs: the records of an earlier run, by input,
+    that replace the devices. skips_rehearsal: hardware flies without a rehearsal; the run emits an
+    event about it.
     """
 
     seed: int = 0
@@ -88,7 +80,7 @@ class RunRequest:
     skips_rehearsal: bool = False
 
     def record(self) -> dict[str, Any]:
-        """The request as `provenance.json` holds it: options as the command line takes them."""
+        """Return the content of `provenance.json`, with options as on the command line."""
         return {
             "seed": self.seed,
             "speed": self.speed,
@@ -100,7 +92,7 @@ class RunRequest:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A run that has ended. never_given: the operator's events whose time came after its end."""
+    """A run that has ended. never_given: the operator's events that were due after its end."""
 
     folder: Path
     summary: dict[str, Any]
@@ -118,23 +110,32 @@ def fly(
     observers: Sequence[Observer] = (),
     servers: Sequence[Server] = (),
 ) -> Flown:
-    """Fly `plan`. listeners hear every event, observers look at the engine between ticks, servers
+    """Fly `plan`.
+
+    listeners: called with every event. observers: called with the engine after every tick. servers:
     give commands. Raises RunFolderError when the folder can't be used, RunUnwritten when it can't
     be written, OptionRefused for an option that can't be changed, EventRefused for an event that
-    nothing waits for; whatever happens later is in the summary."""
+    nothing waits for. The summary holds every later failure.
+    """
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
     check_emitted(plan, (name for _, name in request.emitted))
     commands = CommandQueue(request.emitted, request.again)
-    record = _record(plan, request, started)
+    record = _Record(plan, request, started)
     recorder, folder = record.recorder, record.folder
     try:
         events = Events((recorder.event, folder.event, *listeners))
-        run = _Run(plan, request, events, recorder, commands, folder.input)
+        run = _Run(plan, request, events, record, commands)
+        watching: list[Observer] = [record]
+        if plan.moving:
+            watching.append(lambda e: recorder.obstacles(e.clock.now, e.moving.seen))
+        watching += observers
+        if any(vehicle.cameras for vehicle in plan.vehicles):
+            watching.append(Pictures(folder))
         if request.skips_rehearsal:
             events.emit(RehearsalSkipped())
         with Interrupts(run), _served(servers, commands, folder.path, events):
-            run.fly((record, *_obstacles(plan, recorder), *observers, *_pictures(plan, folder)))
+            run.fly(watching)
             record.close()
             wall_time_s = time.monotonic() - began
             summary = run.summary(wall_time_s, record.failed)
@@ -149,8 +150,8 @@ def fly(
 def _served(
     servers: Sequence[Server], commands: CommandQueue, folder: Path, events: Events
 ) -> Iterator[None]:
-    """Let the servers give commands. One that can't begin is reported and left out; whatever waits
-    at the end is answered."""
+    """Enter the servers. One that can't start emits an event and is left out. At the end every
+    pending command is answered."""
     with ExitStack() as stack:
         for serve in servers:
             try:
@@ -162,11 +163,17 @@ def _served(
 
 
 class _Record:
-    """The record of a run under way: recording and folder. As an observer of the engine it looks
-    once a second whether both are still in their place, and emits an event for the first loss."""
+    """The recording and the folder of a run. As an observer of the engine it checks once a second
+    that both still exist, and emits an event for the first loss."""
 
-    def __init__(self, recorder: Recorder, folder: RunFolder) -> None:
-        self.recorder, self.folder = recorder, folder
+    def __init__(self, plan: Plan, request: RunRequest, started: datetime) -> None:
+        self.folder = create_run_folder(plan, request.out, started)
+        try:
+            self.folder.describe(plan, request.record(), started)
+            self.recorder = Recorder(self.folder.log, plan)
+        except BaseException:
+            self.folder.close()
+            raise
         self._due: Time | None = 0
 
     @property
@@ -189,32 +196,21 @@ class _Record:
         self.folder.close()
 
 
-def _record(plan: Plan, request: RunRequest, started: datetime) -> _Record:
-    folder = create_run_folder(plan, request.out, started)
-    try:
-        folder.describe(plan, request.record(), started)
-        return _Record(Recorder(folder.log, plan), folder)
-    except BaseException:
-        folder.close()
-        raise
-
-
 class Inspected(NamedTuple):
     """The preflight checks of every vehicle. driver_failed: the error of a link that failed during
-    them, for example because nothing answers at the other end; None where all links work."""
+    the checks, for example because no autopilot answers; None where all links work."""
 
     lines: list[PreflightResult]
     driver_failed: str | None
 
 
 def inspect(plan: Plan, seed: int = 0) -> Inspected:
-    """Run the preflight checks of every vehicle; nothing arms and nothing is recorded. Raises
+    """Run the preflight checks of every vehicle; no vehicle arms and nothing is recorded. Raises
     DriverError where a device can't be opened, PartFailed where a part can't be made."""
-    events = Events()
     devices = open_devices(plan, seed)
     try:
         clock = clock_for(plan, pace_of(plan, None))
-        engine = assemble(plan, devices, events, clock, Score(plan))
+        engine = assemble(plan, devices, Events(), clock, Score(plan))
         lines = engine.inspect()
         failed = next((v.link_error for v in engine.vehicles if v.link_error), None)
         return Inspected(lines, failed)
@@ -222,20 +218,9 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         devices.close()
 
 
-def _obstacles(plan: Plan, recorder: Recorder) -> list[Observer]:
-    if not plan.moving:
-        return []
-    return [lambda engine: recorder.obstacles(engine.clock.now, engine.moving.seen)]
-
-
-def _pictures(plan: Plan, folder: RunFolder) -> list[Observer]:
-    return [Pictures(folder)] if any(vehicle.cameras for vehicle in plan.vehicles) else []
-
-
-def in_the_air(vehicle: Vehicle, vehicles: Iterable[Vehicle] = ()) -> bool:
-    """Whether a vehicle is in the air, by its own state or, where a simulator knows the truth, by
-    that: a vehicle that believes itself on the ground may be wrong. vehicles: all, on which or on
-    whose payloads it may lie."""
+def _is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
+    """Whether a vehicle is in the air by its own state, or by a simulator's truth where it believes
+    itself on the ground. vehicles: all, because it may lie on another or on a payload."""
     truth = vehicle.truth
     if vehicle.runner.off_ground or truth is None:
         return vehicle.runner.off_ground
@@ -251,7 +236,8 @@ def in_the_air(vehicle: Vehicle, vehicles: Iterable[Vehicle] = ()) -> bool:
 
 
 def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
-    """Where a vehicle and its payload are in truth, and how high what lies on them is."""
+    """Yield the true positions of a vehicle and its payload, each with the height of what would lie
+    on it."""
     truth, parcel = vehicle.truth, vehicle.context.payload
     if truth is not None:
         yield truth.position, truth.position[2] + LEGS
@@ -259,14 +245,10 @@ def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
             yield truth.payload, truth.payload[2] + 0.5 * parcel.size + LEGS
 
 
-def _airborne(vehicles: Sequence[Vehicle]) -> list[str]:
-    return [vehicle.name for vehicle in vehicles if in_the_air(vehicle, vehicles)]
-
-
 @contextmanager
 def _frozen_garbage() -> Iterator[None]:
-    """Exclude everything made so far from garbage collection, so that no tick waits for a search
-    through every module (0.1 s on a slow machine), nor for one through many new objects."""
+    """Exclude the objects made so far from garbage collection, because searching them takes 0.1 s
+    on a slow machine, and collect often, so that each collection is short."""
     before = gc.get_threshold()
     gc.freeze()
     gc.set_threshold(*COLLECTED_IN_FLIGHT)
@@ -278,23 +260,19 @@ def _frozen_garbage() -> Iterator[None]:
 
 
 class _Run:
-    """A run under way: what is open, and how it ended. `interrupts` counts signals while the engine
-    doesn't fly."""
+    """A run, and how it ended. `interrupts` counts signals while no engine flies."""
 
     def __init__(
         self,
         plan: Plan,
         request: RunRequest,
         events: Events,
-        recorder: Recorder,
+        record: _Record,
         commands: CommandQueue,
-        note: NoteInput = unnoted,
     ) -> None:
-        self._note = note
         self._plan, self._request = plan, request
-        self._events, self._recorder = events, recorder
+        self._events, self._record, self._commands = events, record, commands
         self._score = Score(plan)
-        self._commands = commands
         self.interrupts = 0
         self._engine: Engine | None = None
         self._reason: str | None = None
@@ -326,8 +304,8 @@ class _Run:
         plan, request, clock = self._plan, self._request, clock_for(self._plan, pace)
         engine = self._engine = assemble(
             plan, devices, self._events, clock, self._score,
-            vehicle_observer=self._recorder.vehicle, observers=observers, seed=request.seed,
-            commands=self._commands, judge=PlanEntryJudge(plan), note=self._note,
+            vehicle_observer=self._record.recorder.vehicle, observers=observers, seed=request.seed,
+            commands=self._commands, judge=PlanEntryJudge(plan), note=self._record.folder.input,
             options=request.options, interrupts=self.interrupts,
         )  # fmt: skip
         with Interrupts(engine), _frozen_garbage():
@@ -351,14 +329,15 @@ class _Run:
         self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
 
     def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
-        """The content of `summary.json`."""
+        """Return the content of `summary.json`."""
         engine = self._engine
+        vehicles = engine.vehicles if engine else ()
         ending = Ending(
             reason=self._reason,
             interrupted=engine is not None and engine.interrupts > 0,
             driver=self._driver_failed,
             recording=recording,
-            airborne=_airborne(engine.vehicles) if engine else (),
+            airborne=[vehicle.name for vehicle in vehicles if _is_airborne(vehicle, vehicles)],
             expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(
@@ -374,10 +353,10 @@ class _Run:
 
 
 def expected_faults(expectations: Iterable[ExpectationPlan]) -> frozenset[str]:
-    """The vehicles that the mission expects to end in `fault`, which is then no failure of the run.
+    """Return the vehicles that the mission expects to end in `fault`; the run then doesn't fail.
 
-    `finally sick in fault`, or `eventually`, says so, also as `sick.behavior == fault`, of a group,
-    and as a part of `and` and `or`. What stands under `not` expects the opposite.
+    An expectation names them as `finally sick in fault` or `eventually sick in fault`, also with
+    `sick.behavior == fault`, with a group, and inside `and` and `or`, but not under `not`.
     """
     return frozenset(name for plan in expectations for name in _expected(plan.expression))
 

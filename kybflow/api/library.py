@@ -1,4 +1,4 @@
-"""What installed packages ship for missions: libraries and missions, and what a file imports."""
+"""The libraries and missions that installed packages ship, and the imports of a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OWN = "kybflow"
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """A YAML file that missions import or start from, and the name by which they call it."""
+    """A YAML file that missions import or copy. name: how they refer to it."""
 
     name: str
     source: ParsedFile
@@ -37,14 +37,14 @@ class Shipped:
         return root if isinstance(root, Mapping) else None
 
     def entries(self) -> Iterator[tuple[str, str, MappingEntry]]:
-        """(section, name, entry) of everything that it offers."""
+        """Yield (section, name, entry) for everything that a mission can import from it."""
         for section in SECTIONS if self.root else ():
             for name, entry in entries_of(self.root.get(section)).items() if self.root else ():
                 yield section, name, entry
 
 
 def libraries() -> list[Shipped]:
-    """The libraries of every package."""
+    """Return the libraries of every package."""
     return [read_file(name, path) for name, path in _library_files()]
 
 
@@ -55,7 +55,7 @@ def _library_files() -> Iterator[tuple[str, Path]]:
 
 
 def missions() -> list[Shipped]:
-    """The missions of every package; those of others than kybflow with its name before theirs."""
+    """Return the missions of every package, as PACKAGE/NAME except for kybflow's own."""
     return [
         read_file(path.stem if package == OWN else f"{package}/{path.stem}", path)
         for package, folder in _homes()
@@ -64,7 +64,7 @@ def missions() -> list[Shipped]:
 
 
 def hollow() -> list[str]:
-    """The packages that promise missions, and of which no file is installed."""
+    """Return the packages that declare libraries but install none of their files."""
     shipped = {one.name.partition("/")[0] for one in (*libraries(), *missions())}
     return sorted({entry.name for entry in entry_points(group=GROUP)} - shipped - {OWN})
 
@@ -78,13 +78,13 @@ def _homes() -> Iterator[tuple[str, Path]]:
 
 
 def read_file(name: str, path: Path) -> Shipped:
-    """The file at `path`, called `name`."""
+    """Read the file at `path`."""
     return Shipped(name, read(path, str(path)), path)
 
 
 class Import(NamedTuple):
-    """An import of a file: its name there, the text that names the library, and that library, None
-    where there is none."""
+    """An import: its name in the file, the library as written there, and that library, None where
+    it doesn't exist."""
 
     name: str
     written: str
@@ -92,27 +92,20 @@ class Import(NamedTuple):
 
 
 def imports_of(one: Shipped) -> Iterator[Import]:
-    """The imports of a file."""
     root = one.path.parent
     for name, entry in entries_of(one.root.get("import") if one.root else None).items():
-        text = _from(entry.value)
-        if text is not None:
+        text = entry.value.get("from") if isinstance(entry.value, Mapping) else entry.value
+        if isinstance(text, Scalar):
             place = find(text, LibraryPath(one.path, str(one.path)), root, Findings())
             yield Import(name, text.text, _library(text.text, place) if place else None)
 
 
 def _library(written: str, place: LibraryPath) -> Shipped:
-    """The library at `place`, called as every mission may import it."""
+    """Return the library at `place`, under the name by which any mission may import it."""
     shipped = (name for name, path in _library_files() if path.samefile(place.path))
     return read_file(next(shipped, written), place.path)
 
 
-def _from(node: Node) -> Scalar | None:
-    """What an import names."""
-    inner = node.get("from") if isinstance(node, Mapping) else node
-    return inner if isinstance(inner, Scalar) else None
-
-
 def text_of(node: Node | None) -> str:
-    """The text of a scalar, empty for anything else."""
+    """Return the text of a scalar, an empty one for anything else."""
     return node.text if isinstance(node, Scalar) else ""

@@ -6,10 +6,10 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from kybflow.api.watching import watching_streams
 from kybflow.core.errors import DriverError, FileError, KybflowError, described
 from kybflow.core.signals import Sticks
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
@@ -29,15 +29,31 @@ from kybflow.runtime.options import Options
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.requests import EntryJudge
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.sensors._simulated_ball import SimulatedBall
+from kybflow.sensors.simulated_motion_capture import (
+    SimulatedMotionCapture,
+    SimulatedMotionCaptureParams,
+)
 from kybflow.world.vehicle_context import VehicleContext
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
+_SIMULATED = PartPlan(
+    "simulated_motion_capture",
+    SimulatedMotionCapture,
+    SimulatedMotionCaptureParams(),
+    "simulated_motion_capture",
+)
+"""The motion capture for moving obstacles where all vehicles are simulated and none is tracked by a
+system that could see them."""
 
 
 class Devices(NamedTuple):
-    """The open devices: the drivers' sessions, each vehicle's sensors beside them, and the inputs,
-    by name. vehicles: those that are built on them, which inputs may listen to. watching: what
-    sees each moving obstacle."""
+    """The open devices.
+
+    sessions: the drivers'. sensors: those of each vehicle that its driver doesn't open. inputs: by
+    name. vehicles: those that are built on the devices; inputs may read their sticks. watching: the
+    pose stream of each moving obstacle, by name.
+    """
 
     sessions: list[Session]
     sensors: dict[str, list[OpenSensor]]
@@ -46,7 +62,7 @@ class Devices(NamedTuple):
     watching: dict[str, Stream]
 
     def close(self) -> list[str]:
-        """Close everything; a text for each device that could not be closed."""
+        """Close everything; return a message for each device that can't be closed."""
         streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
         devices: list[Stream | Session | InputLink] = [
             *self.inputs.values(), *streams, *self.watching.values(), *self.sessions,
@@ -61,21 +77,20 @@ class Devices(NamedTuple):
 
 
 def with_window(plan: Plan) -> Plan:
-    """The plan with its drivers' own view switched on. Raises KybflowError where there is none."""
+    """Switch on the drivers' own view. Raises KybflowError where a driver has none."""
     vehicles = []
     for vehicle in plan.vehicles:
         driver = vehicle.driver
         if not hasattr(driver.params, "live"):
             raise KybflowError(f"the driver `{driver.name}` has no view of its own for --live")
-        params = replace(driver.params, live=True)
-        driver = replace(driver, params=params)
+        driver = replace(driver, params=replace(driver.params, live=True))
         vehicles.append(replace(vehicle, driver=driver))
     return replace(plan, vehicles=tuple(vehicles))
 
 
 def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan | None:
-    """A sensor, an input or a driver that needs real time although all vehicles are simulated; None
-    for none. again: the inputs that a record stands in for."""
+    """Return a sensor, an input or a driver that needs real time although all vehicles are
+    simulated, None where there is none. again: the inputs that are replayed from a record."""
     if not plan.simulated:
         return None
     sensors = (s.part for v in plan.vehicles for s in v.sensors)
@@ -85,8 +100,8 @@ def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan |
 
 
 def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING) -> float | None:
-    """The pace of the simulated clock: what was asked for, else real time where a sensor, a person
-    or a driver needs that. Raises DriverError for a pace that they can't keep."""
+    """Return the pace of the simulated clock: real time where a part needs that, else what was
+    asked for. Raises DriverError where the two differ."""
     part = real_time_part(plan, again)
     if part is None:
         return asked
@@ -97,19 +112,26 @@ def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING)
 
 
 def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> Devices:
-    """Open everything that the plan names. again: for each input that isn't opened, what an earlier
-    run recorded of it. Raises DriverError, and nothing is open then."""
-    devices = Devices(_open_sessions(plan, seed), {}, {}, {}, {})
-    links = _links(devices)
+    """Open everything that the plan names. again: the record of each input that is replayed rather
+    than opened. Raises DriverError, with nothing left open."""
+    devices = Devices([], {}, {}, {}, {})
     try:
+        _open_sessions(plan, seed, devices.sessions)
+        links = _links(devices)
         for vehicle in plan.vehicles:
             opened = devices.sensors[vehicle.name] = []
             context, link = context_of(plan, vehicle), links[vehicle.name]
             for sensor in vehicle.sensors:
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
-                opened.append(OpenSensor(sensor, _stream(sensor.part, context, link, own)))
+                opened.append(OpenSensor(sensor, _stream(sensor.part, context, own, link)))
         context = context_of(plan, plan.vehicles[0])
-        devices.watching.update(watching_streams(plan, links, context, seed))
+        for name, ball in plan.moving.items():
+            tracked, part = plan.watching.get(name, ("", _SIMULATED))
+            own = random.Random(f"{seed} obstacle {name}")
+            opens = partial(_stream, part, context._replace(vehicle=name), own)
+            is_simulated = part.cls.simulated
+            stream = SimulatedBall(ball, opens) if is_simulated else opens(links[tracked])
+            devices.watching[name] = stream
         for plan_input in plan.inputs:
             devices.inputs[plan_input.name] = _input(plan_input, devices, again)
     except BaseException:
@@ -118,7 +140,7 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
     return devices
 
 
-def _stream(part: PartPlan, context: VehicleContext, link: Link, own: random.Random) -> Stream:
+def _stream(part: PartPlan, context: VehicleContext, own: random.Random, link: Link) -> Stream:
     try:
         stream: Stream = part.cls.open(part.params, context, link, own)
     except DriverError as error:
@@ -147,25 +169,19 @@ def _links(devices: Devices) -> dict[str, Link]:
     return {name: link for session in devices.sessions for name, link in session.links.items()}
 
 
-def _open_sessions(plan: Plan, seed: int) -> list[Session]:
-    """One session for each driver, with every vehicle that flies on it."""
+def _open_sessions(plan: Plan, seed: int, sessions: list[Session]) -> None:
+    """Add a session for each driver, with every vehicle that flies on it."""
     generator = random.Random(seed)
     by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
     for vehicle in plan.vehicles:
         by_driver.setdefault(vehicle.driver.cls, []).append(vehicle)
-    sessions: list[Session] = []
-    try:
-        for driver, vehicles in by_driver.items():
-            seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
-            sessions.append(driver.open(seats, generator))
-    except BaseException:
-        Devices(sessions, {}, {}, {}, {}).close()
-        raise
-    return sessions
+    for driver, vehicles in by_driver.items():
+        seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
+        sessions.append(driver.open(seats, generator))
 
 
 def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
-    """The facts about a vehicle and its surroundings that its parts may use."""
+    """Return what a vehicle's parts may know of it and its surroundings."""
     return VehicleContext(
         vehicle.name,
         vehicle.airframe,
@@ -203,13 +219,20 @@ def assemble(
     options: Sequence[tuple[str, str]] = (),
     interrupts: int = 0,
 ) -> Engine:
-    """The engine that flies, inspects or rehearses `plan` on the open devices, with all that it
-    needs. vehicle_observer: gives the observer of a vehicle's name. judge: judges the values that
-    states are asked for with. note: takes what the inputs say. options: values for options, as
-    (name, value). interrupts: the signals so far. Raises PartFailed where a part can't be made,
-    OptionRefused for an option that can't be changed."""
+    """Build the engine that flies, inspects or rehearses `plan` on the open devices.
+
+    vehicle_observer: makes the observer of the vehicle of that name. judge: checks the values that
+    a state is requested with. note: receives the readings of the inputs. options: values of options
+    as (name, value). interrupts: the number of signals so far. Raises PartFailed where a part can't
+    be made, OptionRefused for an option that can't be changed.
+    """
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
-    broadcasts, inputs = _broadcasts(plan), Inputs(plan.inputs, devices.inputs, events, note)
+    inputs = Inputs(plan.inputs, devices.inputs, events, note)
+    behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
+    listening = [cls for cls in behaviors if cls.hears]
+    for cls in listening:
+        cls.prepare()
+    broadcasts = Broadcasts() if listening else None
     moving = MovingObstacles(plan.moving, events, devices.watching)
     settable = Options(devices.vehicles, events)
     for vehicle in plan.vehicles:
@@ -226,15 +249,6 @@ def assemble(
     for option, value in options:
         settable.set(option, value, "command line")
     return engine
-
-
-def _broadcasts(plan: Plan) -> Broadcasts | None:
-    """What the vehicles will publish to each other, None where nobody would listen."""
-    behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
-    listening = [cls for cls in behaviors if cls.hears]
-    for cls in listening:
-        cls.prepare()
-    return Broadcasts() if listening else None
 
 
 def clock_for(plan: Plan, speed: float | None) -> Clock:

@@ -1,4 +1,4 @@
-"""Records what a person does with an input of a mission, without flying."""
+"""Records an input of a mission without flying."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.inputs import Inputs
 
 RATE = 250
-"""How often it looks, Hz."""
+"""Sampling rate, Hz."""
 Shown = Callable[[Time, InputReading | None, str], None]
-"""Receives what is new: what the input says, or None and why it says nothing."""
+"""Receives each change: the reading, or None and the reason why there is none."""
 
 
 class InputUnknown(KybflowError):
@@ -48,9 +48,9 @@ def record_input(
     shown: Shown,
     clock: Clock | None = None,
 ) -> int:
-    """Record an input until `seconds` have passed or somebody interrupts; return how many rows the
-    table in `out` has. Raises DriverError where the device can't be opened, RunUnwritten where the
-    table can't be written."""
+    """Record an input into the table `out` until `seconds` have passed or a KeyboardInterrupt;
+    return the number of rows. Raises DriverError where the device can't be opened, RunUnwritten
+    where the table can't be written."""
     axes: tuple[str, ...] = plan.part.cls.axes(plan.part.params)
     rows = 0
 
@@ -61,7 +61,8 @@ def record_input(
         shown(now, reading, why)
         rows += 1
 
-    device = closing(plan.part.cls.open(plan.part.params, _nobody))  # before the table is emptied
+    # the device opens before the table is emptied
+    device = closing(plan.part.cls.open(plan.part.params, _no_sticks))
     with suppress(KeyboardInterrupt), device as link, closing(_table(out)) as file:
         clock = WallClock(RATE) if clock is None else clock
         file.write(head(axes).encode())
@@ -84,7 +85,7 @@ def _table(out: Path) -> GrowingFile:
         raise RunUnwritten(f"`{out}` can't be written: {error.strerror}") from error
 
 
-def _nobody(vehicle: str) -> None:
+def _no_sticks(vehicle: str) -> None:
     raise DriverError(
-        f"the sticks that `{vehicle}` hears are recorded where it flies: in `inputs/` of the run"
+        f"the sticks of `{vehicle}` reach only a run, which records them in its folder `inputs/`"
     )

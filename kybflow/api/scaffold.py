@@ -1,4 +1,4 @@
-"""`kybflow new`: a mission of one's own, copied from one that an installed package ships."""
+"""`kybflow new`: copies a mission that an installed package ships."""
 
 from __future__ import annotations
 
@@ -18,25 +18,27 @@ from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
 from kybflow.parts.catalog import load_catalog
 
 SCHEMA = "mission.schema.json"
-"""The schema that an editor completes from, beside the missions of a folder."""
+"""The JSON schema for editors, in the folder of the missions."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,59}\Z", re.ASCII)
 _LINE = f"# yaml-language-server: $schema={SCHEMA}\n"
 
 
 class _Change(NamedTuple):
-    """A piece of one line and the text that replaces it."""
-
     span: Span
     text: str
 
 
 def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
-    """Write the mission `name` into `folder`, from the shipped one called `origin`, with the files
-    that it names, and the schema for editors where there is none; the files written, in the order
-    attached files, mission, schema. Raises KybflowError, and overwrites nothing."""
+    """Copy the shipped mission `origin` into `folder` as `name`, with the files that it uses, and
+    the schema for editors where there is none. Return the files written: attached files, mission,
+    schema. Never overwrites a file. Raises KybflowError."""
     if not _NAME.match(name):
         raise KybflowError(f"`{name}` can't be the name of a mission: letters, digits and `_`")
-    one, path, schema = _shipped(origin), folder / f"{name}.yaml", folder / SCHEMA
+    path, schema, known = folder / f"{name}.yaml", folder / SCHEMA, {m.name: m for m in missions()}
+    one = known.get(origin.removeprefix(f"{OWN}/").removesuffix(".yaml"))
+    if one is None or one.root is None:
+        hint = did_you_mean(origin, known)
+        raise KybflowError(f"no package ships a mission `{origin}`; {hint}")
     sources = {folder / file: one.path.parent / file for file in _attached(one)}
     wanted = {target: source.read_text(encoding="utf-8") for target, source in sources.items()}
     wanted = {file: text for file, text in wanted.items() if not _holds(file, text)}
@@ -52,7 +54,7 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
 
 
 def _attached(one: Shipped) -> Iterator[str]:
-    """The files that the mission names, relative to its folder."""
+    """Yield the files that the mission uses, relative to its folder."""
     plan = compile_mission(one.path, catalog=load_catalog()).plan
     for source in plan.sources if plan is not None else ():
         path = Path(source.path)
@@ -75,17 +77,8 @@ def _write(path: Path, text: str) -> None:
         raise KybflowError(f"`{path}` can't be written: {error.strerror}") from None
 
 
-def _shipped(origin: str) -> Shipped:
-    known = {one.name: one for one in missions()}
-    found = known.get(origin.removeprefix(f"{OWN}/").removesuffix(".yaml"))
-    if found is None or found.root is None:
-        hint = did_you_mean(origin, known)
-        raise KybflowError(f"no package ships a mission `{origin}`; {hint}")
-    return found
-
-
 def _rewritten(one: Shipped, name: str) -> str:
-    """The mission's text with its new name, imports of installed libraries and our schema."""
+    """Return the mission's text with its new name, imports by package and the schema line."""
     lines = one.source.text.splitlines(keepends=True)
     for change in sorted(_changes(one, name), key=lambda c: c.span.column, reverse=True):
         span, at = change.span, change.span.line - 1

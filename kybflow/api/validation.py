@@ -1,4 +1,4 @@
-"""Validation: what the compiler finds in missions, as text for people and for programs."""
+"""Validation: the compiler's findings in missions, as text for people and for programs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from kybflow.parts.catalog import load_catalog
 
 @dataclass(frozen=True, slots=True)
 class ValidatedFile:
-    """One file after its validation, and how long that took."""
+    """A file after its validation. milliseconds: the time that the validation took."""
 
     path: str
     result: Result
@@ -27,7 +28,7 @@ class ValidatedFile:
 
     @property
     def reports(self) -> list[str]:
-        """A text for each finding and, for a valid file, a last line."""
+        """A text for each finding and, for a valid file, a line that says so."""
         texts = render_all(self.result.diagnostics, self.result.texts)
         count = len(texts)
         if self.valid:
@@ -44,7 +45,6 @@ class ValidatedFile:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """The findings for programs."""
         return {
             "path": self.path,
             "valid": self.valid,
@@ -54,8 +54,7 @@ class ValidatedFile:
 
 
 def findings(result: Result, path: Path) -> list[str]:
-    """A text for each finding of a compilation; where a mission is needed, that `path` is a library
-    is one."""
+    """Return a text for each finding of a compilation that needs a mission: a library is none."""
     found = render_all(result.diagnostics, result.texts)
     if result.plan is None and result.valid:
         found.append(f"{path} is a library, no mission")
@@ -67,19 +66,12 @@ def validate_paths(
 ) -> Iterator[ValidatedFile]:
     """Validate each of `paths`; a folder stands for the missions and libraries in it and below."""
     catalog = load_catalog()
-    for path in _missions(paths):
+    files = (mission_files(path) if os.path.isdir(path) else (path,) for path in paths)
+    for path in chain.from_iterable(files):
         begin = time.perf_counter()
         result = check_mission(path, catalog=catalog, target=target, sets=sets)
         took = (time.perf_counter() - begin) * 1e3
         yield ValidatedFile(str(path), result, took, result.valid)
-
-
-def _missions(paths: Iterable[Path]) -> Iterator[Path]:
-    for path in paths:
-        if os.path.isdir(path):
-            yield from mission_files(path)
-        else:
-            yield path
 
 
 def _as_json(files: Sequence[ValidatedFile]) -> str:

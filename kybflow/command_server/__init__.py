@@ -1,8 +1,7 @@
 """Commands to a run from other programs of the same user, over a local socket.
 
-`protocol` is pure: bytes to values and back. `address` makes the socket in a folder that only its
-user may enter, and finds it again; `connected_client` is one client as the server sees it; `server`
-serves a run in a thread of its own, which hands values to the run's command queue and never holds
-up the tick; `client` gives commands, without loading anything that flies. The command line and the
-API join a server with a flight; `kybflow.runtime.commanding` decides what a command means.
+`protocol` converts bytes to values and back. `address` creates and finds the socket, in a folder
+that only its user may enter. `server` serves a run in its own thread, which never holds up the
+tick; `connected_client` is one client of it. `client` gives commands without importing anything
+that flies. `kybflow.runtime.commanding` executes the commands.
 """

@@ -1,8 +1,8 @@
-"""Where a run's socket is: in a folder that only its user may enter, and how it is found again.
+"""Creates the socket of a run, and finds it again.
 
-The folder is `$XDG_RUNTIME_DIR/kybflow`, or `/tmp/kybflow-UID` where there is none of the user's.
-The socket has the name of the run's folder, whose `control.json` says where it is. A socket whose
-run was killed is removed by the next run.
+The folder of sockets is `$XDG_RUNTIME_DIR/kybflow`, or `/tmp/kybflow-UID` where the user has no
+such directory; only the user may enter it. A socket has the name of its run folder, and the file
+`control.json` there holds its path. The next run removes the socket of a run that was killed.
 """
 
 from __future__ import annotations
@@ -23,39 +23,39 @@ from kybflow.core.files import CONTROL, write_whole
 
 SUFFIX = ".sock"
 LONGEST_PATH = 107
-"""The bytes that the path of a socket may have (`sun_path` in unix(7), without its end)."""
+"""The most bytes of a socket's path (`sun_path` in unix(7), without the final zero)."""
 _ROOM = 40
-"""The bytes that a folder must leave for the name of a socket."""
+"""Bytes that a folder's path must leave for the name of a socket."""
 _TEMPORARY = "/tmp"
 _PEER = struct.Struct("3i")
 """SO_PEERCRED of socket(7): pid, uid, gid."""
 
 
 class AddressError(KybflowError):
-    """There is no place for a socket; the message says why."""
+    """No socket can be created; the message says why."""
 
 
 class RunNotFound(KybflowError):
-    """No run, or more than one, is what was named; the message says what there is."""
+    """No run, or more than one, has the given name; the message lists the runs."""
 
 
 class PeerProcess(NamedTuple):
-    """The process at the other end of a socket, by the kernel. pid: 0 for one that can't be seen
-    from here, such as that of another container."""
+    """The process at the other end of a socket, as the kernel reports it. pid: 0 for a process in
+    another container."""
 
     pid: int
     uid: int
 
 
 def peer_of(connected: socket.socket) -> PeerProcess:
-    """Return who is at the other end. Raises OSError."""
-    said = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
-    pid, uid, _ = _PEER.unpack(said)
+    """Return the process at the other end. Raises OSError."""
+    data = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+    pid, uid, _ = _PEER.unpack(data)
     return PeerProcess(pid, uid)
 
 
 def folders() -> Iterator[Path]:
-    """Yield the folders where this user's sockets may be, the better one first."""
+    """Yield the folders where this user's sockets may be, the preferred one first."""
     given = os.environ.get("XDG_RUNTIME_DIR", "")
     if os.path.isabs(given) and _is_own(given):
         path = Path(given, "kybflow")
@@ -77,7 +77,7 @@ def _is_private(path: Path) -> bool:
 
 
 def private_folder() -> Path:
-    """Return the folder for sockets, made if need be. Raises AddressError."""
+    """Return the folder of sockets, and create it if necessary. Raises AddressError."""
     reasons = []
     for path in folders():
         try:
@@ -92,35 +92,34 @@ def private_folder() -> Path:
 
 
 def listen(name: str, backlog: int) -> tuple[socket.socket, Path]:
-    """Return a socket that listens, called after the run `name`, and its path. Raises
-    AddressError."""
+    """Return a listening socket for the run `name`, and its path. Raises AddressError."""
     folder = private_folder()
     remove_stale(folder)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
-    unborn = folder / f".{os.getpid()}-{id(listener):x}"
+    temporary = folder / f".{os.getpid()}-{id(listener):x}"
     try:
-        listener.bind(os.fspath(unborn))
-        unborn.chmod(0o600)
+        listener.bind(os.fspath(temporary))
+        temporary.chmod(0o600)
         listener.listen(backlog)
-        # whatever has the suffix listens or is dead: nobody sees a socket that is about to listen
-        return listener, _published(unborn, folder, name)
+        # a socket gets the suffix only after it listens, so that no other run takes it for stale
+        return listener, _published(temporary, folder, name)
     except OSError as error:
         listener.close()
         reason = error.strerror or error
         raise AddressError(f"no socket can be made in `{folder}`: {reason}") from None
     finally:
         with suppress(OSError):
-            unborn.unlink()
+            temporary.unlink()
 
 
-def _published(unborn: Path, folder: Path, name: str) -> Path:
-    """Give a socket its name, with a number where another run has it."""
+def _published(temporary: Path, folder: Path, name: str) -> Path:
+    """Link a socket to its name, with a number where another run has that name."""
     room = LONGEST_PATH - len(os.fsencode(folder)) - len(f"/-99{SUFFIX}")
     short = os.fsdecode(os.fsencode(name)[:room])
     for number in range(1, 100):
         path = folder / f"{short}{f'-{number}' if number > 1 else ''}{SUFFIX}"
         with suppress(FileExistsError):
-            os.link(unborn, path)
+            os.link(temporary, path)
             return path
     raise OSError(errno.EEXIST, "too many runs have the same name")
 
@@ -134,7 +133,7 @@ def remove_stale(folder: Path) -> None:
 
 
 def is_served(path: Path) -> bool:
-    """Return whether anybody listens at a socket, without waiting."""
+    """Return whether a process listens at a socket, without waiting."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         try:
             return probe.connect_ex(os.fspath(path)) in (0, errno.EAGAIN)
@@ -143,18 +142,19 @@ def is_served(path: Path) -> bool:
 
 
 def write_address(folder: Path, path: Path) -> None:
-    """Write into a run's folder where its socket is. Raises OSError."""
+    """Write the path of the socket into the run folder. Raises OSError."""
     text = json.dumps({"kybflow": 1, "socket": os.fspath(path), "pid": os.getpid()})
     write_whole(folder / CONTROL, text.encode() + b"\n")
 
 
 def find_run(run: str | None) -> Path:
-    """Return the socket of a run: its folder, its name or the beginning of that before a `-`; None
-    for the only one that flies. Raises RunNotFound."""
+    """Return the socket of a run. run: its folder, its name, or the name's beginning before a `-`;
+    None for the only running one. Raises RunNotFound."""
     if run is not None and os.path.exists(Path(run) / CONTROL):
         return _address_in(Path(run))
     flying = sorted({path for folder in folders() for path in _served_in(folder)})
-    fitting = flying if run is None else _fitting(run, flying)
+    whole = [path for path in flying if run in (None, _name(path))]
+    fitting = whole or [path for path in flying if _name(path).startswith(f"{run}-")]
     if len(fitting) == 1:
         return fitting[0]
     if run is not None and not fitting and os.path.isdir(run):
@@ -174,21 +174,15 @@ def _served_in(folder: Path) -> Iterator[Path]:
                 yield path
 
 
-def _fitting(run: str, flying: list[Path]) -> list[Path]:
-    whole = [path for path in flying if _name(path) == run]
-    return whole or [path for path in flying if _name(path).startswith(f"{run}-")]
-
-
 def _name(path: Path) -> str:
     return path.name.removesuffix(SUFFIX).encode(errors="backslashreplace").decode()
 
 
 def _address_in(folder: Path) -> Path:
     try:
-        said = json.loads((folder / CONTROL).read_text(encoding="utf-8"))
-        path = Path(said["socket"])
+        path = Path(json.loads((folder / CONTROL).read_text(encoding="utf-8"))["socket"])
     except (OSError, ValueError, LookupError, TypeError):
-        raise RunNotFound(f"`{folder / CONTROL}` doesn't say where the run is") from None
+        raise RunNotFound(f"`{folder / CONTROL}` has no path of a socket") from None
     if not is_served(path):
-        raise RunNotFound(f"the run in `{folder}` was killed: nobody answers at `{path}`")
+        raise RunNotFound(f"the run in `{folder}` was killed: no process listens at `{path}`")
     return path

@@ -1,4 +1,4 @@
-"""Commands a run from another program, over its socket."""
+"""Commands a run from another program."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.runtime.commanding.orders import Answer
 
 TIMEOUT = 60.0
-"""Seconds to wait for an answer. A run gives it within two ticks, once its devices are open."""
+"""Seconds to wait for an answer. A run answers within two ticks once its devices are open."""
 _LONGEST_REPLY = 1 << 24
 _AT_ONCE = 1 << 16
 _TIMEVAL = struct.Struct("ll")
@@ -33,12 +33,12 @@ class RunUnreachable(KybflowError):
 
 
 class RunClient:
-    """A connection to a run that flies, to be used as a context. Every command returns the Answer
-    of one that was accepted, and raises CommandRefused for one that was not, RunUnreachable when
-    the run doesn't answer any more.
+    """A connection to a run, to be used as a context. Every command returns the Answer of an
+    accepted command. It raises CommandRefused for a refused one, and RunUnreachable when the run no
+    longer answers.
 
-    name: who commands, for the run's record and for others that are refused meanwhile.
-    keeps_lease: they hold the lease on when the connection is closed.
+    name: the client's name in the run's record and for other clients. keeps_lease: the client keeps
+    the lease when the connection closes.
     """
 
     def __init__(self, address: Path, name: str, *, keeps_lease: bool = False) -> None:
@@ -47,10 +47,8 @@ class RunClient:
         self._lines = LineBuffer(_LONGEST_REPLY)
         self._last_id = 0
         try:
-            said = self._asked(
-                protocol.introduction(self._next_id(), name, keeps_lease=keeps_lease)
-            )
-            _accepted(said)
+            own = protocol.introduction(self._next_id(), name, keeps_lease=keeps_lease)
+            _accepted(self._asked(own))
         except BaseException:
             self.close()
             raise
@@ -62,11 +60,11 @@ class RunClient:
         self.close()
 
     def close(self) -> None:
-        """Hang up. The lease is free then."""
+        """Close the connection and, without `keeps_lease`, free the lease."""
         self._channel.close()
 
     def command(self, words: str, *, take: bool = False) -> Answer:
-        """Give a command as the command line spells it, such as `switch mk hold`."""
+        """Give a command in the words of the command line, such as `switch mk hold`."""
         return _accepted(self._asked(protocol.command(self._next_id(), words, take=take)))
 
     def emit(self, event: str, *, take: bool = False) -> Answer:
@@ -74,8 +72,8 @@ class RunClient:
         return self.command(f"emit {event}", take=take)
 
     def switch(self, vehicle: str, state: str, *, take: bool = False, **values: object) -> Answer:
-        """Let a vehicle enter a state, with other values of its parameters where some are given, as
-        `position=[1, 0, 1]` or `speed="50 cm/s"`."""
+        """Let a vehicle enter a state. values: of its parameters, such as `position=[1, 0, 1]` or
+        `speed="50 cm/s"`."""
         written = (f" {name}={_written(value)}" for name, value in values.items())
         return self.command(f"switch {vehicle} {state}{''.join(written)}", take=take)
 
@@ -120,16 +118,16 @@ class RunClient:
         return self.command("release")
 
     def state(self) -> dict[str, Any]:
-        """Return what the run does and what is legal now, as `kybflow command state --json`."""
-        said = self._asked(protocol.question(self._next_id(), "state"))
-        _accepted(said)
-        state: dict[str, Any] = said["state"]
+        """Return the state of the run and its legal commands, as `kybflow command state --json`."""
+        reply = self._asked(protocol.question(self._next_id(), "state"))
+        _accepted(reply)
+        state: dict[str, Any] = reply["state"]
         return state
 
     def watch(self) -> Iterator[dict[str, Any]]:
-        """Yield each event from now on, as `events.jsonl` holds it, until the run is over. A record
-        of the event `missed` stands for those that came too fast. It has a connection of its own,
-        so that commands can be given meanwhile."""
+        """Yield each event from now on until the run is over, as in `events.jsonl`. A record of the
+        event `missed` replaces those that came too fast. The events have their own connection, so
+        that this one can give commands meanwhile."""
         watcher = RunClient(self._address, "watcher")
         _accepted(watcher._asked(protocol.question(watcher._next_id(), "watch")))
         return watcher._watched()
@@ -137,11 +135,11 @@ class RunClient:
     def _watched(self) -> Iterator[dict[str, Any]]:
         with self:
             self._channel.settimeout(None)
-            while (said := self._read()) is not None:
-                if "event" in said:
-                    yield said["event"]
-                elif "missed" in said:
-                    yield {"event": "missed", "fields": {"count": said["missed"]}}
+            while (reply := self._read()) is not None:
+                if "event" in reply:
+                    yield reply["event"]
+                elif "missed" in reply:
+                    yield {"event": "missed", "fields": {"count": reply["missed"]}}
 
     def _next_id(self) -> int:
         self._last_id += 1
@@ -152,17 +150,17 @@ class RunClient:
         try:
             self._channel.sendall(line)
         except TimeoutError:
-            raise RunUnreachable(f"the run hears nothing for {TIMEOUT:g} s") from None
+            raise RunUnreachable(f"the run reads nothing for {TIMEOUT:g} s") from None
         except OSError:
-            pass  # it may have said why it hung up
-        while (said := self._read()) is not None:
-            if said.get("id") in (self._last_id, None):
-                return said
+            pass  # its last message may say why it hung up
+        while (reply := self._read()) is not None:
+            if reply.get("id") in (self._last_id, None):
+                return reply
         raise RunUnreachable("the run is over")
 
     def _read(self) -> dict[str, Any] | None:
-        """Return what the run says next, None when it hangs up."""
-        while (said := self._next_reply()) is None:
+        """Return the next message of the run, None when it hangs up."""
+        while (reply := self._next_reply()) is None:
             try:
                 data = self._channel.recv(_AT_ONCE)
             except TimeoutError:
@@ -172,20 +170,20 @@ class RunClient:
             if not data:
                 return None
             self._lines.feed(data)
-        return said
+        return reply
 
     def _next_reply(self) -> dict[str, Any] | None:
-        """Return what the run has said, None while no more of it has arrived."""
+        """Return the next received message, None where there is none."""
         try:
             line = self._lines.next()
             return None if line is None else protocol.read_reply(line)
         except MessageUnreadable as error:
-            raise RunUnreachable(f"what the run says can't be read: {error}") from None
+            raise RunUnreachable(f"the run sends an unreadable message: {error}") from None
 
 
 def connect(run: str | Path | None = None, name: str | None = None) -> RunClient:
-    """Connect to a run that flies: its folder, the folder's name, the part of that before a `-`
-    (the mission's name), or None for the only one. Raises RunNotFound or RunUnreachable."""
+    """Connect to a run. run: its folder, the folder's name, the name's part before a `-` (the
+    mission's name), or None for the only run. Raises RunNotFound or RunUnreachable."""
     program = os.path.basename(sys.argv[0]) or "python"
     own = printable(f"{user_name(os.geteuid())}, {program}, process {os.getpid()}")
     address = find_run(None if run is None else os.fspath(run))
@@ -193,8 +191,8 @@ def connect(run: str | Path | None = None, name: str | None = None) -> RunClient
 
 
 def commander_here() -> str:
-    """Return who commands from here: the user, and the terminal or the session, so that all
-    commands from one shell are of one commander."""
+    """Return a client's name from the user and the terminal or session, so that all commands of one
+    shell share a lease."""
     try:
         place = f"at {os.ttyname(0).removeprefix('/dev/')}"
     except OSError:
@@ -203,14 +201,14 @@ def commander_here() -> str:
 
 
 def printable(name: str) -> str:
-    """Return a name that a commander may have."""
+    """Make a text a valid name of a client."""
     shown = "".join(letter if letter.isprintable() else "?" for letter in name)
     return shown[: protocol.LONGEST_NAME]
 
 
 def _connected(address: Path) -> socket.socket:
     channel = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    # with a time-out of Python's, a socket doesn't wait for others that connect at the same time
+    # with Python's timeout, connect() fails at once where others connect at the same time
     channel.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TIMEVAL.pack(int(TIMEOUT), 0))
     try:
         channel.connect(os.fspath(address))
@@ -219,7 +217,7 @@ def _connected(address: Path) -> socket.socket:
             raise RunUnreachable(f"`{address}` is another user's")
     except OSError as error:
         channel.close()
-        raise RunUnreachable(f"nobody answers at `{address}`: {error.strerror or error}") from None
+        raise RunUnreachable(f"no run answers at `{address}`: {error.strerror or error}") from None
     except RunUnreachable:
         channel.close()
         raise
@@ -227,7 +225,7 @@ def _connected(address: Path) -> socket.socket:
 
 
 def _written(value: object) -> str:
-    """A value as a mission has it."""
+    """Format a value as in a mission."""
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_written, value))}]"
     if value is None or isinstance(value, bool):
@@ -235,7 +233,7 @@ def _written(value: object) -> str:
     return str(value)
 
 
-def _accepted(said: dict[str, Any]) -> Answer:
-    if not said.get("accepted"):
-        raise CommandRefused(str(said.get("reason", "")))
-    return Answer(True, str(said.get("reason", "")))
+def _accepted(reply: dict[str, Any]) -> Answer:
+    if not reply.get("accepted"):
+        raise CommandRefused(str(reply.get("reason", "")))
+    return Answer(True, str(reply.get("reason", "")))

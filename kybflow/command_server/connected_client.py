@@ -1,4 +1,4 @@
-"""One client of the command server: what it has sent, what it is to be sent, and who it is."""
+"""One client of the command server: its name, its received lines and its pending output."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from kybflow.command_server.protocol import (
 )
 
 MOST_UNANSWERED = 8
-"""How many requests of one client may wait for their answers; it is not heard meanwhile."""
+"""The most pending answers of one client; the server reads no more of it until they are sent."""
 MOST_UNREAD = 1 << 20
-"""Bytes that a client may leave unread before it is let go."""
-_PATIENCE = 1 << 16
-"""Bytes that a client may leave unread and still be heard."""
+"""Bytes of unread output at which the server drops a client."""
+_MOST_PENDING = 1 << 16
+"""Bytes of unread output at which the server stops reading from a client."""
 _AT_ONCE = 1 << 14
 
 
 class ConnectedClient:
-    """channel: connected, never waits. since: when it was accepted, s. is_guest: it came when there
-    was no room, and only what makes the flight safer is heard of it."""
+    """A connected client. channel: non-blocking. since: time of its connection, s. is_restricted:
+    it connected when the server was full, and may only make the flight safer."""
 
     def __init__(self, channel: socket.socket, peer: PeerProcess, since: float) -> None:
         self.since = since
         self.name = f"{user_name(peer.uid)}, process {peer.pid}"
-        self.is_guest = self.was_refused = False
+        self.is_restricted = self.was_refused = False
         self.is_introduced = False
         self.keeps_lease = False
         self.has_asked = False
@@ -50,7 +50,7 @@ class ConnectedClient:
 
     @property
     def has_lines(self) -> bool:
-        """Whether something that was received can be heard now."""
+        """Whether a received line can be read now."""
         return (self._has_lines or self.held is not None) and self._may_speak
 
     @property
@@ -63,11 +63,11 @@ class ConnectedClient:
 
     @property
     def _may_speak(self) -> bool:
-        return self.unanswered < MOST_UNANSWERED and len(self._out) < _PATIENCE
+        return self.unanswered < MOST_UNANSWERED and len(self._out) < _MOST_PENDING
 
     @property
     def is_done(self) -> bool:
-        """Whether it has hung up and nothing of it is left to do."""
+        """Whether it has hung up and nothing is pending."""
         left = self._has_lines or self.held is not None or self.unanswered or self._out
         return self.is_gone or (self._ended and not left)
 
@@ -81,7 +81,7 @@ class ConnectedClient:
         return len(self._out) > MOST_UNREAD
 
     def receive(self) -> None:
-        """Take in what has arrived."""
+        """Receive what has arrived."""
         try:
             data = self._channel.recv(_AT_ONCE)
         except BlockingIOError:
@@ -93,7 +93,7 @@ class ConnectedClient:
         self._has_lines = bool(data)
 
     def next_request(self) -> Request | None:
-        """Return the next request; None while there is none. Raises MessageUnreadable."""
+        """Return the next request, None where there is none. Raises MessageUnreadable."""
         if self.held is not None:
             request, self.held = self.held, None
             return request
@@ -104,12 +104,12 @@ class ConnectedClient:
         return read_request(line)
 
     def send(self, line: bytes) -> None:
-        """Send a line, now or when the client reads again."""
+        """Send a line, as soon as the client reads."""
         self._out += line
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as the client reads."""
+        """Send pending output, as far as the client reads."""
         try:
             while self._out:
                 del self._out[: self._channel.send(self._out)]

@@ -1,18 +1,18 @@
-"""The messages between a run and those who command it: JSON objects, one a line, in UTF-8.
+"""The messages between a run and its clients: JSON objects in UTF-8, one per line.
 
-    {"id": 1, "name": "anna at pts/3", "keeps_lease": true}       who gives the commands that follow
-    {"id": 2, "command": "switch mk hold", "take": true}          a command in its one spelling
-    {"id": 3, "ask": "state"}                                     what the run does, what is legal
-    {"id": 4, "ask": "watch"}                                     every event from now on
+    {"id": 1, "name": "anna at pts/3", "keeps_lease": true}       names the client
+    {"id": 2, "command": "switch mk hold", "take": true}          gives a command
+    {"id": 3, "ask": "state"}                                     asks for the state of the run
+    {"id": 4, "ask": "watch"}                                     asks for every event from now on
 
     {"id": 2, "accepted": false, "reason": "`mk` has no state `hold`"}
     {"id": 3, "accepted": true, "reason": "", "state": {...}}
-    {"event": {"t_s": 3.24, "event": "landed", ...}}              to those who watch
-    {"missed": 12}                                                so many events were not sent
+    {"event": {"t_s": 3.24, "event": "landed", ...}}              an event, to clients that watch
+    {"missed": 12}                                                the number of events not sent
 
-`keeps_lease` and `take` may be left out and are false then. Each request has one answer; that to
-what can't be read has the id null. A client that says no name commands as the user and the process
-that the kernel says it is.
+`keeps_lease` and `take` are optional and false by default. Each request has one answer; the answer
+to an unreadable request has the id null. A client without a name is named after the user and the
+process that the kernel reports.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from kybflow.core.errors import CommandUnreadable
 from kybflow.runtime.commanding.orders import Answer, Order, parse
 
 LONGEST_LINE = 16 * 1024
-"""The bytes that a line to the server may have: a command of the most letters, each escaped."""
+"""The most bytes of a line to the server: the longest command with every letter escaped."""
 LONGEST_NAME = 80
-"""The letters that a commander's name may have."""
+"""The most letters of a client's name."""
 MOST_ID = 2**53
 
 
 class MessageUnreadable(ValueError):
-    """A line is no request; the message says why. id: that of the request, where it can be told."""
+    """A line is no request; the message says why. id: that of the request, where it is known."""
 
     def __init__(self, reason: str, id: int | None = None) -> None:
         super().__init__(reason)
@@ -42,7 +42,7 @@ class MessageUnreadable(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Introduction:
-    """Who gives the commands that follow. keeps_lease: they keep the lease when they hang up."""
+    """Names the client. keeps_lease: it keeps the lease when it disconnects."""
 
     id: int
     name: str
@@ -51,7 +51,7 @@ class Introduction:
 
 @dataclass(frozen=True, slots=True)
 class OrderRequest:
-    """A command. take: take the lease from another."""
+    """A command. take: take the lease from another client."""
 
     id: int
     order: Order
@@ -60,14 +60,14 @@ class OrderRequest:
 
 @dataclass(frozen=True, slots=True)
 class StateRequest:
-    """What does the run do, and what is legal now?"""
+    """Asks for the state of the run and its legal commands."""
 
     id: int
 
 
 @dataclass(frozen=True, slots=True)
 class WatchRequest:
-    """Tell every event from now on."""
+    """Asks for every event from now on."""
 
     id: int
 
@@ -79,12 +79,12 @@ _ASKED: Mapping[str, type[StateRequest | WatchRequest]] = {
     "watch": WatchRequest,
 }
 _MAY_HAVE: Mapping[str, str | None] = {"name": "keeps_lease", "command": "take", "ask": None}
-"""What makes a message a request, and what it may have beside that."""
+"""The key of each kind of request, and its optional key."""
 
 
 class LineBuffer:
-    """Cuts a stream of bytes into lines, however the bytes arrive. It holds no more than one line
-    beside what was fed last; a line that is too long is left out."""
+    """Cuts a stream of bytes into lines. It buffers at most one line beside the newest data, and
+    drops a line that is too long."""
 
     def __init__(self, longest: int) -> None:
         self._longest = longest
@@ -93,12 +93,11 @@ class LineBuffer:
         self._skips = False
 
     def feed(self, data: bytes) -> None:
-        """Append bytes as they arrive."""
         self._bytes += data
 
     def next(self) -> bytes | None:
-        """Return the next line that isn't empty, without its end; None while there is no more.
-        Raises MessageUnreadable in place of one that is too long."""
+        """Return the next non-empty line without its end, None where there is none. Raises
+        MessageUnreadable for a line that is too long."""
         while True:
             end = self._bytes.find(b"\n", self._searched)
             if end < 0:
@@ -118,12 +117,12 @@ class LineBuffer:
 
     @property
     def has_more(self) -> bool:
-        """Whether a line has begun whose end has not arrived."""
+        """Whether a line has begun but not ended."""
         return bool(self._bytes) or self._skips
 
 
 def read_request(line: bytes) -> Request:
-    """Return what a client asks. Raises MessageUnreadable."""
+    """Read a request. Raises MessageUnreadable."""
     message = _object(line)
     number = _id_of(message)
     kinds = [key for key in _MAY_HAVE if key in message]
@@ -156,7 +155,7 @@ def _request(id: int, kind: str, value: str, flagged: bool) -> Request:
         return Introduction(id, value.strip(), flagged)
     if kind == "ask":
         if value not in _ASKED:
-            raise MessageUnreadable("one can ask for `state` and `watch`", id)
+            raise MessageUnreadable("`ask` is neither `state` nor `watch`", id)
         return _ASKED[value](id)
     try:
         return OrderRequest(id, parse(value), flagged)
@@ -167,14 +166,14 @@ def _request(id: int, kind: str, value: str, flagged: bool) -> Request:
 def _object(line: bytes) -> dict[str, Any]:
     try:
         message = json.loads(
-            line.decode("utf-8"), parse_constant=_no_number, object_pairs_hook=_without_twins
+            line.decode("utf-8"), parse_constant=_no_number, object_pairs_hook=_unique
         )
     except MessageUnreadable:
         raise
     except (ValueError, RecursionError):
-        raise MessageUnreadable("this is no line of JSON") from None
+        raise MessageUnreadable("the line is no JSON") from None
     if not isinstance(message, dict):
-        raise MessageUnreadable("this is no JSON object")
+        raise MessageUnreadable("the line is no JSON object")
     return message
 
 
@@ -182,11 +181,11 @@ def _no_number(_: str) -> NoReturn:
     raise MessageUnreadable("JSON has no NaN and no infinity")
 
 
-def _without_twins(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+def _unique(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise MessageUnreadable(f"{_shown(key)} stands there twice")
+            raise MessageUnreadable(f"{_shown(key)} is there twice")
         found[key] = value
     return found
 
@@ -216,22 +215,22 @@ def answer(id: int | None, answer: Answer) -> bytes:
 
 
 def state(id: int, state: str) -> bytes:
-    """Write the answer to `state`, which is given as JSON, for it may go to many."""
+    """Write the answer to `state`. state: as JSON, because many clients may get it."""
     return f'{{"id": {id}, "accepted": true, "reason": "", "state": {state}}}\n'.encode()
 
 
 def event(record: Mapping[str, Any]) -> bytes:
-    """Write an event, as `events.jsonl` holds it."""
+    """Write an event as in `events.jsonl`."""
     return _line({"event": record})
 
 
 def missed(count: int) -> bytes:
-    """Write how many events were not sent to one who watches."""
+    """Write the number of events that a watching client didn't get."""
     return _line({"missed": count})
 
 
 def read_reply(line: bytes) -> dict[str, Any]:
-    """Return what the server says. Raises MessageUnreadable."""
+    """Read a message of the server. Raises MessageUnreadable."""
     return _object(line)
 
 

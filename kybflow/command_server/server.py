@@ -1,9 +1,9 @@
 """Serves the commands of a run over a local socket.
 
-One thread accepts, reads, hands requests to the run's command queue and brings back what the tick
-answers. The tick only appends to a deque: it never waits for this thread and calls no socket. This
-thread works in rounds, with a bound for what it does in each, so that whoever floods the socket
-gets answers more slowly and takes no time from the flight.
+One thread accepts clients, puts their commands into the run's command queue and sends the answers
+of the tick. The tick only appends to a deque; it never waits for the thread and uses no socket. The
+thread works in bounded rounds, so that a client that floods the socket slows down its own answers
+but not the flight.
 """
 
 from __future__ import annotations
@@ -39,47 +39,47 @@ from kybflow.runtime.commanding.lease import is_for_anyone
 from kybflow.runtime.commanding.orders import Answer
 from kybflow.runtime.commanding.situation import Situation
 
-MOST_CLIENTS, GUESTS = 64, 8
-"""How many clients are heard, and how many more where those don't make room: of these nothing is
-heard but what makes the flight safer, so that nobody's crowd keeps it from landing."""
+MOST_CLIENTS, MOST_RESTRICTED = 64, 8
+"""The most clients, and the most restricted ones beyond them. A restricted client may only give
+commands that make the flight safer, so that a landing is possible however many clients connect."""
 BACKLOG = 16
 ROUND = 0.004
 """Seconds from one round of work to the next."""
 LINES, COMMANDS, NEWCOMERS = 16, 1, 8
-"""How many messages are heard, commands given and clients accepted in a round."""
-ANSWER_PERIOD, WATCH_PERIOD, LOOK_PERIOD = 0.002, 0.02, 0.05
-"""Seconds between looks for answers of the tick while any is owed, for events while somebody
-watches, and between two questions for the situation."""
+"""The most messages, commands and new clients in a round."""
+ANSWER_PERIOD, WATCH_PERIOD, STATE_PERIOD = 0.002, 0.02, 0.05
+"""Seconds between checks for answers while any is pending, between checks for events while a client
+watches, and between two requests for the situation."""
 IDLE_CLIENT = 1.0
-"""Seconds after which a client that has asked nothing, and a guest, makes room for another."""
+"""Seconds after which a client without a request, or a restricted one, makes room for another."""
 MOST_EVENTS = 2000
-"""How many events wait to be sent to those who watch."""
-TOLD_EVERY = 10.0
-"""Seconds between two events that say what was refused."""
-FAREWELL = 0.3
-"""Seconds that clients have to read what is left when the run is over."""
+"""The most events that wait to be sent to watching clients."""
+REPORT_PERIOD = 10.0
+"""Seconds between two events that report refusals."""
+CLOSE_TIME = 0.3
+"""Seconds that clients have to read their last messages after the run."""
 
 UNREADABLE = "messages that can't be read"
-CUT = "clients that hung up in the middle of a message"
-STRANGERS = "clients of another user"
-CROWD = f"clients beyond the {MOST_CLIENTS} that may be connected"
-SLOW = "clients that didn't read what they asked for"
+CUT_OFF = "clients that hung up in the middle of a message"
+OTHER_USERS = "clients of another user"
+TOO_MANY = f"clients beyond the {MOST_CLIENTS} that may be connected"
+SLOW_READERS = "clients that didn't read what they asked for"
 
 
 class CommandServer:
-    """`fly` is given `hear` as a listener and `serve` as a server. refused: how often what was
-    refused, in the words that the event `clients_refused` uses."""
+    """Serves a run: give `fly` its `on_event` as a listener and its `serve` as a server. refused:
+    the number of refusals by cause, in the words of the event `clients_refused`."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
-        self._told: Counter[str] = Counter()
-        self._telling = Lock()
+        self._reported: Counter[str] = Counter()
+        self._report_lock = Lock()
         self._events: deque[Event] = deque()
         self._missed = 0
         self._is_watched = False
 
-    def hear(self, event: Event) -> None:
-        """Keep an event for those who watch."""
+    def on_event(self, event: Event) -> None:
+        """Keep an event for the clients that watch."""
         if self._is_watched:
             if len(self._events) < MOST_EVENTS:
                 self._events.append(event)
@@ -96,7 +96,7 @@ class CommandServer:
             commands.complain(f"`{folder / CONTROL}` can't be written: {error.strerror}")
         wake, woken = socket.socketpair()
         loop = _Loop(self, listener, woken, commands)
-        commands.last_words.append(self.untold)
+        commands.last_words.append(self.unreported)
         thread = Thread(target=loop.run, name="commands", daemon=True)
         thread.start()
         try:
@@ -110,23 +110,23 @@ class CommandServer:
                     left.unlink()
 
     @property
-    def has_untold(self) -> bool:
-        """Whether something was refused since that was told last."""
-        return self.refused != self._told
+    def has_unreported(self) -> bool:
+        """Whether there are refusals since the last report."""
+        return self.refused != self._reported
 
-    def untold(self) -> str:
-        """Return what was refused since the last time, in words; empty for nothing."""
-        with self._telling:
-            fresh = self.refused - self._told
-            self._told += fresh
+    def unreported(self) -> str:
+        """Return the refusals since the last report in words, empty for none."""
+        with self._report_lock:
+            fresh = self.refused - self._reported
+            self._reported += fresh
         return ", ".join(f"{count} {what}" for what, count in fresh.items())
 
     def watched(self, is_watched: bool) -> None:
-        """Begin or cease to keep events."""
+        """Start or stop keeping events."""
         self._is_watched = is_watched
 
     def events(self) -> Iterator[bytes]:
-        """Yield what was heard since the last time, as lines."""
+        """Yield the kept events as lines, and forget them."""
         for _ in range(len(self._events)):
             yield protocol.event(event_record(self._events.popleft()))
         if self._missed:
@@ -135,7 +135,7 @@ class CommandServer:
 
 
 class _Loop:
-    """What the thread does. The tick's answers come through `_inbox`."""
+    """The loop of the thread. The tick puts its answers into `_inbox`."""
 
     def __init__(
         self,
@@ -151,18 +151,18 @@ class _Loop:
         self._connections: deque[ConnectedClient] = deque()
         self._inbox: deque[tuple[ConnectedClient, bytes]] = deque()
         self._situations: deque[Situation | None] = deque()
-        self._curious: list[tuple[ConnectedClient, int]] = []
-        self._looked = 0.0
-        self._is_looking = False
-        self._told_at = -TOLD_EVERY
-        self._rounded = 0.0
+        self._state_requests: list[tuple[ConnectedClient, int]] = []
+        self._state_asked_at = 0.0
+        self._awaits_state = False
+        self._reported_at = -REPORT_PERIOD
+        self._round_at = 0.0
 
     def run(self) -> None:
-        """Serve until the run is over. An error ends the service, never the flight, and is told
-        when nobody is served any more."""
+        """Serve until the run is over. An error ends the service and is reported; the flight goes
+        on."""
         try:
             self._serve()
-        except Exception as error:  # who serves commands must not stop the flight
+        except Exception as error:  # the command server must not stop the flight
             self._commands.complain(described(error))
 
     def _serve(self) -> None:
@@ -171,7 +171,7 @@ class _Loop:
             self._selector.register(self._woken, selectors.EVENT_READ)
             while not self.is_over:
                 self._round(self._wait())
-            self._part()
+            self._close()
         finally:
             self._server.watched(False)
             for connection in self._connections:
@@ -181,25 +181,25 @@ class _Loop:
             self._selector.close()
 
     def _wait(self) -> set[object]:
-        """Wait until there is something to do, at least until the next round; what can be read or
-        written to."""
-        early = self._rounded + ROUND - time.monotonic()
+        """Wait for the next round and for something to do; return what is ready to read or
+        write."""
+        early = self._round_at + ROUND - time.monotonic()
         if early > 0:
             time.sleep(early)
         ready: set[object] = {key.fileobj for key, _ in self._selector.select(self._timeout())}
-        self._rounded = time.monotonic()
+        self._round_at = time.monotonic()
         return ready
 
     def _timeout(self) -> float | None:
         if any(connection.has_lines for connection in self._connections):
             return 0.0
         due = []
-        if self._is_looking or any(c.unanswered for c in self._connections):
+        if self._awaits_state or any(c.unanswered for c in self._connections):
             due.append(ANSWER_PERIOD)
         if any(c.watches for c in self._connections):
             due.append(WATCH_PERIOD)
-        if self._server.has_untold:
-            due.append(max(self._told_at + TOLD_EVERY - time.monotonic(), 0.0))
+        if self._server.has_unreported:
+            due.append(max(self._reported_at + REPORT_PERIOD - time.monotonic(), 0.0))
         return min(due, default=None)
 
     def _round(self, ready: set[object]) -> None:
@@ -209,13 +209,16 @@ class _Loop:
         for connection in self._connections:
             if connection in ready and connection.wants_input:
                 connection.receive()
-        self._hear()
-        self._look()
+        self._read_requests()
+        self._request_state()
         for connection in tuple(self._connections):
             connection.flush()
-            self._sort_out(connection)
+            self._update(connection)
         self._server.watched(any(c.watches for c in self._connections))
-        self._tell()
+        now = time.monotonic()
+        if self._server.has_unreported and now - self._reported_at >= REPORT_PERIOD:
+            self._reported_at = now
+            self._commands.warn(self._server.unreported())
 
     def _admit(self) -> None:
         for _ in range(NEWCOMERS):
@@ -223,14 +226,14 @@ class _Loop:
                 channel, _ = self._listener.accept()
             except BlockingIOError:
                 return
-            except OSError:  # no descriptor is left, or whoever came is gone
-                self._server.refused[CROWD] += 1
+            except OSError:  # no descriptor is left, or the client is gone
+                self._server.refused[TOO_MANY] += 1
                 return
             channel.setblocking(False)
             reason = self._objection(channel)
             if reason is None:
                 connection = ConnectedClient(channel, peer_of(channel), time.monotonic())
-                connection.is_guest = self._is_full
+                connection.is_restricted = self._is_full
                 self._connections.append(connection)
                 self._selector.register(connection, selectors.EVENT_READ)
                 continue
@@ -241,35 +244,39 @@ class _Loop:
 
     @property
     def _is_full(self) -> bool:
-        return sum(not client.is_guest for client in self._connections) >= MOST_CLIENTS
+        return sum(not client.is_restricted for client in self._connections) >= MOST_CLIENTS
 
     def _objection(self, channel: socket.socket) -> str | None:
-        """Why a client may not connect. Who has asked nothing for a while makes room, and so does
-        the guest who came first."""
+        """Return why a client may not connect, None where it may. Where the server is full, the
+        oldest client without a request makes room, or else the oldest restricted one."""
         if peer_of(channel).uid != os.geteuid():
-            return STRANGERS
+            return OTHER_USERS
         if not self._is_full:
             return None
         before = time.monotonic() - IDLE_CLIENT
-        shy = [c for c in self._connections if not c.has_asked and c.since <= before]
-        guests = [c for c in self._connections if c.is_guest]
-        if not shy and len(guests) < GUESTS:
+        idle = [c for c in self._connections if not c.has_asked and c.since <= before]
+        restricted = [c for c in self._connections if c.is_restricted]
+        if not idle and len(restricted) < MOST_RESTRICTED:
             return None
-        leaving = min(shy or guests, key=lambda client: client.since)
+        leaving = min(idle or restricted, key=lambda client: client.since)
         if leaving.since > before:
-            return CROWD
-        self._server.refused[CROWD] += not leaving.has_asked
+            return TOO_MANY
+        self._server.refused[TOO_MANY] += not leaving.has_asked
         self._drop(leaving)
         return None
 
-    def _hear(self) -> None:
-        """Hear the clients in turns, a message of each, as many as a round has."""
+    def _read_requests(self) -> None:
+        """Read a message of each client in turn, up to the bounds of a round."""
         lines, commands = LINES, COMMANDS
         silent = 0
         while lines and silent < len(self._connections):
             connection = self._connections[0]
             self._connections.rotate(-1)
-            request = self._next(connection) if connection.has_lines else None
+            request: Request | MessageUnreadable | None
+            try:
+                request = connection.next_request() if connection.has_lines else None
+            except MessageUnreadable as error:
+                request = error
             if isinstance(request, OrderRequest) and not commands:
                 connection.held, request = request, None
             if request is None:
@@ -284,19 +291,12 @@ class _Loop:
             connection.has_asked = True
             self._answer(connection, request)
 
-    @staticmethod
-    def _next(connection: ConnectedClient) -> Request | MessageUnreadable | None:
-        try:
-            return connection.next_request()
-        except MessageUnreadable as error:
-            return error
-
     def _answer(self, connection: ConnectedClient, request: Request) -> None:
-        connection.is_guest = connection.is_guest and self._is_full
-        if connection.is_guest and not _is_heard_of_guests(request):
-            self._server.refused[CROWD] += not connection.was_refused
+        connection.is_restricted = connection.is_restricted and self._is_full
+        if connection.is_restricted and not _is_unrestricted(request):
+            self._server.refused[TOO_MANY] += not connection.was_refused
             connection.was_refused = True
-            connection.send(protocol.answer(request.id, Answer(False, f"refused: {CROWD}")))
+            connection.send(protocol.answer(request.id, Answer(False, f"refused: {TOO_MANY}")))
             return
         match request:
             case Introduction(id, name, keeps_lease):
@@ -316,45 +316,43 @@ class _Loop:
                 self._commands.ask(order, connection.name, answered, take=take)
             case StateRequest(id):
                 connection.unanswered += 1
-                self._curious.append((connection, id))
+                self._state_requests.append((connection, id))
             case WatchRequest(id):
                 connection.watches = True
                 self._server.watched(True)
                 connection.send(protocol.answer(id, Answer(True)))
 
-    def _look(self) -> None:
-        """Ask the tick for the situation: once for all who are curious."""
+    def _request_state(self) -> None:
+        """Request the situation from the tick, once for all clients that ask for it."""
         now = time.monotonic()
-        if self._curious and not self._is_looking and now - self._looked >= LOOK_PERIOD:
-            self._is_looking, self._looked = True, now
+        is_due = now - self._state_asked_at >= STATE_PERIOD
+        if self._state_requests and not self._awaits_state and is_due:
+            self._awaits_state, self._state_asked_at = True, now
             self._commands.look(self._situations.append)
 
     def _deliver(self) -> None:
-        """Send what the tick has answered, and the events to those who watch."""
+        """Send the answers of the tick, and the events to the clients that watch."""
         for _ in range(len(self._inbox)):
             connection, line = self._inbox.popleft()
             connection.unanswered -= 1
             connection.send(line)
         if self._situations:
-            self._show(self._situations.popleft())
+            situation, self._awaits_state = self._situations.popleft(), False
+            shown = None if situation is None else json.dumps(situation.record())
+            requests, self._state_requests = self._state_requests, []
+            for connection, number in requests:
+                connection.unanswered -= 1
+                over = protocol.answer(number, Answer(False, OVER))
+                connection.send(over if shown is None else protocol.state(number, shown))
         for line in self._server.events():
             for connection in self._connections:
                 if connection.watches:
                     connection.send(line)
 
-    def _show(self, situation: Situation | None) -> None:
-        self._is_looking = False
-        shown = None if situation is None else json.dumps(situation.record())
-        curious, self._curious = self._curious, []
-        for connection, number in curious:
-            connection.unanswered -= 1
-            over = protocol.answer(number, Answer(False, OVER))
-            connection.send(over if shown is None else protocol.state(number, shown))
-
-    def _sort_out(self, connection: ConnectedClient) -> None:
-        """Drop a client that is gone or doesn't read; else wait for what it may do next."""
+    def _update(self, connection: ConnectedClient) -> None:
+        """Drop a client that is gone or doesn't read; else select what it may do next."""
         if connection.is_slow:
-            self._server.refused[SLOW] += 1
+            self._server.refused[SLOW_READERS] += 1
         if connection.is_slow or connection.is_done:
             self._drop(connection)
             return
@@ -370,7 +368,7 @@ class _Loop:
 
     def _drop(self, connection: ConnectedClient) -> None:
         if connection.was_cut:
-            self._server.refused[CUT] += 1
+            self._server.refused[CUT_OFF] += 1
         with suppress(KeyError):
             self._selector.unregister(connection)
         self._connections.remove(connection)
@@ -380,27 +378,20 @@ class _Loop:
         if connection.has_commanded and not (connection.keeps_lease or others):
             self._commands.leave(name)
 
-    def _tell(self) -> None:
-        """Tell what was refused since the last time, once in a while."""
-        now = time.monotonic()
-        if self._server.has_untold and now - self._told_at >= TOLD_EVERY:
-            self._told_at = now
-            self._commands.warn(self._server.untold())
-
-    def _part(self) -> None:
-        """The run is over: send what is left to those who read."""
+    def _close(self) -> None:
+        """Send the last messages to the clients that still read."""
         self._deliver()
-        for connection, number in self._curious:
+        for connection, number in self._state_requests:
             connection.send(protocol.answer(number, Answer(False, OVER)))
-        until = time.monotonic() + FAREWELL
+        until = time.monotonic() + CLOSE_TIME
         while any(c.wants_output for c in self._connections) and time.monotonic() < until:
             time.sleep(ROUND)
             for connection in self._connections:
                 connection.flush()
 
 
-def _is_heard_of_guests(request: Request) -> bool:
-    """Whether a request is heard although there is no room."""
+def _is_unrestricted(request: Request) -> bool:
+    """Return whether a restricted client may make a request."""
     if isinstance(request, OrderRequest):
         return is_for_anyone(request.order)
     return isinstance(request, Introduction)

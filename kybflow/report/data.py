@@ -1,8 +1,7 @@
-"""A run folder read back, as arrays for the report: `log.mcap`, `events.jsonl`, `summary.json`,
-the obstacles and points of `mission.resolved.yaml`, the pictures in `frames/`, what people did in
-`inputs/`.
+"""Reads a run folder for the report: `log.mcap`, `events.jsonl`, `summary.json`, the obstacles and
+points of `mission.resolved.yaml`, the pictures in `frames/`, the tables in `inputs/`.
 
-A run that was killed has no summary and a log without an end; what is readable is read.
+A run that was killed has no summary and a truncated log; the report shows what it can read.
 """
 
 from __future__ import annotations
@@ -40,11 +39,10 @@ from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimato
 from kybflow.report.world import RecordedWorld, read_world
 
 MOST_TICKS = 6000
-"""The most ticks of one vehicle that the report shows; a long run is shown more coarsely."""
+"""The most ticks of one vehicle in the report; a longer run is thinned."""
 MOST_PICTURES = 96
-"""The most pictures in one report; a fleet's others are in its folder."""
+"""The most pictures in one report; the folder has the others."""
 
-_ALWAYS = [[0.0, None]]
 _TICK, _SETPOINT = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Setpoint"))
 _BATTERY = np.dtype(dtype_spec(Battery))
 _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.jpg")
@@ -54,7 +52,7 @@ _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.
 class StateVisit:
     """One visit to a state, from `start` to `end` seconds. ended: how its behavior ended, empty
     where the recording ends before. aloft: the behavior neither takes off nor lands. built_in: the
-    language adds the state. hears: the behavior flies by what other vehicles publish."""
+    language adds the state. hears: the behavior uses what other vehicles publish."""
 
     name: str
     part: str
@@ -71,8 +69,8 @@ class Track:
     """One vehicle over time, SI, not-a-number where there is no value.
 
     position: the true one in simulation, else the estimate. reference: the setpoint that the
-    tracker followed. position_error, velocity_error: in the air, from what the behavior wanted.
-    to_target: from the position to where the behavior's last setpoint is.
+    tracker followed. position_error, velocity_error: in the air, from the behavior's setpoint.
+    to_target: distance from the position to the last setpoint of the behavior.
     """
 
     name: str
@@ -90,7 +88,7 @@ class Track:
 
 @dataclass(frozen=True)
 class MovingTrack:
-    """An obstacle that moved: seconds, where its centre was (n, 3) and its radius, metres."""
+    """A moving obstacle: times in seconds, positions (n, 3) and radius in metres."""
 
     time: Array
     position: Array
@@ -99,8 +97,8 @@ class MovingTrack:
 
 @dataclass(frozen=True)
 class Picture:
-    """A camera frame in which tags are marked. time: seconds. used, rejected: the numbers of tags
-    that the pose rests on and that it left out; None where there was no pose."""
+    """A camera frame with its tags marked. time: seconds. used, rejected: the numbers of tags that
+    the pose uses and rejects, None without a pose."""
 
     vehicle: str
     estimator: str
@@ -113,9 +111,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Run:
-    """Everything that the report shows. mission: the metadata of the recording. summary: empty for
-    a run that was killed. end: seconds. estimators: one without a name is what its vehicle flew
-    on."""
+    """The content of a report. mission: the metadata of the recording. summary: empty for a run
+    that was killed. end: seconds. estimators: one without a name holds the estimates that its
+    vehicle flew on."""
 
     mission: dict[str, Any]
     summary: dict[str, Any]
@@ -131,12 +129,12 @@ class Run:
 
     @property
     def simulated(self) -> bool:
-        """Whether the truth is known."""
+        """Whether the recording holds the truth."""
         return self.mission.get("simulated") is not False
 
 
 def read_run(folder: Path) -> Run:
-    """The run in `folder`. Raises RunFolderError where its files can't be read."""
+    """Read the run in `folder`. Raises RunFolderError."""
     try:
         log = read_log(folder / LOG)
         events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
@@ -145,10 +143,10 @@ def read_run(folder: Path) -> Run:
         pictures = read_pictures(folder)
         inputs = read_inputs(folder)
     except (OSError, ValueError, FileError, McapError) as error:
-        raise RunFolderError(f"`{folder}` is no run that can be read: {error}") from error
+        raise RunFolderError(f"`{folder}` is no readable run: {error}") from error
     end = max([0, *log.last.values()]) / NS
     tracks = tuple(
-        _track(name, facts, log, _visits(events, name, facts["states"], end), _aloft(summary, name))
+        _track(name, facts, log, _visits(events, name, facts["states"], end), summary)
         for name, facts in log.mission["vehicles"].items()
     )
     estimators = tuple(
@@ -161,7 +159,7 @@ def read_run(folder: Path) -> Run:
 
 
 def read_moving(log: Recording) -> dict[str, MovingTrack]:
-    """Where each moving obstacle was, by name."""
+    """Return the moving obstacles by name."""
     rows: dict[str, list[dict[str, Any]]] = {}
     for message in log.messages.get(OBSTACLES_TOPIC, []):
         for name, one in json.loads(message.data).items():
@@ -177,7 +175,7 @@ def read_moving(log: Recording) -> dict[str, MovingTrack]:
 
 
 def read_inputs(folder: Path) -> dict[str, InputRows]:
-    """What each input said, by name; one that said nothing is left out. Raises FileError."""
+    """Return the rows of each input that has any, by name. Raises FileError."""
     texts = {p.stem: whole_lines(p) for p in sorted((folder / INPUTS).glob("*.csv"))}
     return {name: parse("\n".join(lines)) for name, lines in texts.items() if len(lines) > 1}
 
@@ -203,18 +201,12 @@ def _visits(
     return tuple(visits)
 
 
-def _aloft(summary: dict[str, Any], name: str) -> list[list[Any]]:
-    """When the vehicle was in the air, from and to, seconds; always, for a run that was killed."""
-    found: list[list[Any]] = summary.get("vehicles", {}).get(name, {}).get("airborne_s", _ALWAYS)
-    return found
-
-
 def _track(
     name: str,
     facts: dict[str, Any],
     log: Recording,
     visits: tuple[StateVisit, ...],
-    aloft: list[list[Any]],
+    summary: dict[str, Any],
 ) -> Track:
     messages = log.messages.get(f"/{name}/tick", [])
     kept = messages[:: max(1, math.ceil(len(messages) / MOST_TICKS))]
@@ -228,7 +220,8 @@ def _track(
     wanted = _wanted(ticks["setpoint"], stamps, log.messages.get(f"/{name}/wanted", []))
     goal = _field(wanted, "position", HAS_POSITION)
     flies = np.zeros(len(time), bool)
-    for begin, finish in aloft:
+    own = summary.get("vehicles", {}).get(name, {})
+    for begin, finish in own.get("airborne_s", [[0.0, None]]):  # a killed run has no summary
         flies |= (time >= begin) & (time < (np.inf if finish is None else finish))
     return Track(
         name=name,
@@ -250,21 +243,21 @@ def _track(
 def _wanted(
     followed: NDArray[Any], stamps: NDArray[np.int64], others: list[Message]
 ) -> NDArray[Any]:
-    """The behavior's setpoint in each tick: the one that was followed, but where there is another
-    for this time."""
-    wanted, said = followed.copy(), np.frombuffer(b"".join(m.data for m in others), _SETPOINT)
+    """Return the behavior's setpoint in each tick: that of `/wanted` where there is one for its
+    time, else the one that the tracker followed."""
+    wanted, other = followed.copy(), np.frombuffer(b"".join(m.data for m in others), _SETPOINT)
     _, index, of = np.intersect1d(
         stamps, np.array([m.log_time for m in others], np.int64), return_indices=True
     )
-    wanted[index] = said[of]
+    wanted[index] = other[of]
     return wanted
 
 
 def _state(ticks: NDArray[Any], name: str) -> Array:
-    """The truth where it is known, else the estimate."""
+    """Return the truth where it is known, else the estimate."""
     truth, estimate = ticks["truth"], ticks["estimate"]
-    believed = np.where(estimate["present"][:, None], estimate[name], np.nan)
-    known: Array = np.where(truth["present"][:, None], truth[name], believed)
+    estimated = np.where(estimate["present"][:, None], estimate[name], np.nan)
+    known: Array = np.where(truth["present"][:, None], truth[name], estimated)
     return known
 
 
@@ -288,8 +281,8 @@ def _to_target(
 
 @dataclass(frozen=True)
 class Recording:
-    """The messages of a recording that the report needs, by topic. mission: the metadata. seen: the
-    number of ticks of each topic, last: the newest log time of each, left out ones included."""
+    """The messages of a recording that the report needs, by topic. mission: the metadata. seen,
+    last: the number and the newest log time of a topic's messages, including those left out."""
 
     mission: dict[str, Any]
     messages: dict[str, list[Message]] = field(default_factory=dict)
@@ -298,8 +291,8 @@ class Recording:
 
 
 def read_log(path: Path) -> Recording:
-    """The recording at `path`, as far as it goes. Raises OSError, ValueError or McapError for a
-    file that is no recording of a run, or one of another version's."""
+    """Read the recording at `path`, as far as it goes. Raises OSError, ValueError or McapError for
+    a file that is no recording, or one of another version of kybflow."""
     mission: dict[str, Any] = {}
     topics: dict[int, str] = {}
     log = Recording(mission)
@@ -315,14 +308,14 @@ def read_log(path: Path) -> Recording:
                 elif isinstance(record, Metadata) and record.name == METADATA:
                     mission.update(json.loads(record.metadata["plan"]))
         except EndOfFile:
-            pass  # the run was killed, or is still going on
+            pass  # the run was killed, or still flies
     if not mission:
-        raise ValueError(f"`{path.name}` says nothing of a mission")
+        raise ValueError(f"`{path.name}` has no metadata of a mission")
     return log
 
 
 def _check_layout(path: Path, schema: Schema) -> None:
-    """Raises ValueError for ticks that hold other fields than today's."""
+    """Raises ValueError for ticks with other fields than this version's."""
     if schema.name == f"{PACKAGE}/Tick" and schema.data != definition("Tick"):
         raise ValueError(
             f"`{path.name}` was recorded by another version of kybflow, whose ticks have another"
@@ -346,23 +339,13 @@ def _keep(log: Recording, topic: str, message: Message) -> None:
 
 
 def read_pictures(folder: Path) -> tuple[Picture, ...]:
-    """The pictures of a run, of each camera in the order of time. Raises OSError."""
+    """Read the pictures of a run, in the order of time for each camera. Raises OSError."""
     found: list[Picture] = []
     for path in sorted((folder / FRAMES).glob("*/*/*/*.jpg")):
         named = _PICTURE_NAME.fullmatch(path.name)
         if named is not None and len(found) < MOST_PICTURES:
-            found.append(_picture(path, *named.groups()))
+            vehicle, estimator, camera = path.parts[-4:-1]
+            used, rejected = (None if n is None else int(n) for n in named.groups()[1:])
+            data, time = path.read_bytes(), float(named[1])
+            found.append(Picture(vehicle, estimator, camera, time, used, rejected, data))
     return tuple(found)
-
-
-def _picture(path: Path, time: str, used: str | None, rejected: str | None) -> Picture:
-    vehicle, estimator, camera = path.parts[-4:-1]
-    return Picture(
-        vehicle,
-        estimator,
-        camera,
-        float(time),
-        None if used is None else int(used),
-        None if rejected is None else int(rejected),
-        path.read_bytes(),
-    )

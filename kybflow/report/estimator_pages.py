@@ -1,4 +1,4 @@
-"""The estimators in a report: a line of statistics and a page of figures and pictures for each."""
+"""The estimators in a report: a row of statistics and a page of figures and pictures for each."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from kybflow.report.estimators import (
 from kybflow.report.plot import Figure, bands, dashed, line, over_time
 
 MOST_POINTS = 3000
-"""The most points of a curve here."""
+"""The most points of a curve."""
 _USED = "rgba(31,158,119,0.16)"
 _AXES = (("x", "#2f7ed8"), ("y", "#e07b26"), ("z", "#a55ec4"))
 
 
 @dataclass(frozen=True)
 class EstimatorPage:
-    """The figures of one estimator, and what its cameras saw."""
+    """The figures of one estimator and the pictures of its cameras."""
 
     track: EstimatorTrack
     figures: tuple[Figure, ...]
@@ -35,7 +35,7 @@ class EstimatorPage:
 
 
 def estimator_pages(run: Run) -> list[EstimatorPage]:
-    """A page for each estimator that was recorded."""
+    """Return a page for each recorded estimator."""
     named = [track for track in run.estimators if track.name]
     return [
         EstimatorPage(
@@ -54,8 +54,8 @@ def estimator_pages(run: Run) -> list[EstimatorPage]:
 
 
 def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]:
-    """Each estimator with its statistics; what was flown on is one of its own, without a name,
-    where that could be more than one estimator."""
+    """Yield each estimator with its statistics. A vehicle with several has one more without a name:
+    the estimates that it flew on."""
     for vehicle in dict.fromkeys(track.vehicle for track in run.estimators):
         flown, *others = (track for track in run.estimators if track.vehicle == vehicle)
         for track in [flown, *others] if len(others) > 1 else others:
@@ -63,11 +63,11 @@ def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]
 
 
 def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
-    """The position error, and its bound by the estimator's own spread."""
+    """Draw the position error, and its bound by the estimator's spread."""
     kept = _kept(track)
     time, bound = track.time[kept], CHI_95 * track.spread[kept] * 100.0
     off, each = track.position_error[kept] * 100.0, track.error[kept] * 100.0
-    traces = [line("off", time, off, "#d1495b", 1.6, hover="%{y:.2f} cm")]
+    traces = [line("error", time, off, "#d1495b", 1.6, hover="%{y:.2f} cm")]
     limit = dashed(f"{CHI_95:.1f} spreads", time, bound, True)
     limit |= {"hoverinfo": "all", "hovertemplate": f"%{{y:.2f}} cm<extra>{limit['name']}</extra>"}
     traces.append({**limit, "legendgroup": name})
@@ -75,19 +75,19 @@ def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
         trace = line(axis, time, each[:, number], colour, 1.1, hover="%{y:.2f} cm")
         traces.append({**trace, "visible": "legendonly"})
     note = (
-        f"From {_reference(run)}, and what 95 % of it is below if the spread is honest. "
+        f"From {_reference(run)}. If the spread is right, 95 % of the errors are below its line. "
         "Shaded: in use."
     )
-    layout = over_time(run, "off (cm)", "normal")
+    layout = over_time(run, "error (cm)", "normal")
     highest = _highest(track.used[kept], off, bound)
     if highest > 0.0:
         layout["yaxis"]["range"] = [0.0, 1.15 * highest]
-        note += " Click x, y or z for one axis; double-click for all of it."
+        note += " Click x, y or z for one axis; double-click for the full range."
     return Figure(f"{name}_error", "Error and spread", note, traces, layout | _in_use(track))
 
 
 def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
-    """The attitude error, in all and about the world's z axis."""
+    """Draw the errors of the attitude and of the heading."""
     kept = _kept(track)
     time, attitude = track.time[kept], track.attitude_error[kept] / DEG
     yaw = np.abs(track.yaw_error[kept]) / DEG
@@ -95,7 +95,7 @@ def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
         line("attitude", time, attitude, "#d1495b", 1.4, hover="%{y:.2f} deg"),
         line("yaw", time, yaw, "#2f7ed8", 1.4, hover="%{y:.2f} deg"),
     ]
-    layout = over_time(run, "off (deg)", "tozero") | {"height": 240}
+    layout = over_time(run, "error (deg)", "tozero") | {"height": 240}
     note = (
         f"From {_reference(run)}: the angle between the two attitudes, and between their headings."
     )
@@ -103,12 +103,12 @@ def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
 
 
 def age_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
-    """The time since the newest measurement in it was true."""
+    """Draw the age of the estimator's newest measurement."""
     kept = _kept(track)
     time, age = track.time[kept], track.age[kept] * 1000.0
     traces = [line("age", time, age, "#2f7ed8", 1.4, hover="%{y:.0f} ms")]
     layout = over_time(run, "age (ms)", "tozero") | {"height": 200, "showlegend": False}
-    note = "How old its newest measurement was."
+    note = "Of its newest measurement."
     shapes = _in_use(track).get("shapes", [])
     return Figure(f"{name}_age", "Age", note, traces, layout | {"shapes": shapes})
 
@@ -118,16 +118,16 @@ def _kept(track: EstimatorTrack) -> slice:
 
 
 def _reference(run: Run) -> str:
-    return "the truth" if run.simulated else "what the vehicle flew on"
+    return "the truth" if run.simulated else "the estimate that the vehicle flew on"
 
 
 def _highest(used: Any, off: Array, bound: Array) -> float:
-    """The largest error while it was in use, or the largest bound but for a hundredth of them."""
+    """Return the largest error in use, or the 99 % quantile of the bounds where that is larger."""
     errors, bounds = (values[used & np.isfinite(values)] for values in (off, bound))
     common = float(np.quantile(bounds, 0.99)) if len(bounds) else 0.0
     return max(common, float(errors.max(initial=0.0)))
 
 
 def _in_use(track: EstimatorTrack) -> dict[str, Any]:
-    """When it was in use, as part of a layout."""
+    """Return bands of the time in use as part of a layout."""
     return bands(("in use", start, end, _USED, {}) for start, end in track.intervals_used())

@@ -1,5 +1,5 @@
-"""How good each estimator was, whether the vehicle flew on it or not: arrays over time and the
-statistics of their errors."""
+"""The errors of each estimator over time, whether the vehicle flew on it or not, and their
+statistics."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from kybflow.recording.layout import dtype_spec
 Array = NDArray[np.float64]
 
 CHI_95 = 2.796
-"""Standard deviations along an axis within which 95 % of errors in three dimensions are, where each
-axis has the same: the root of the chi-square quantile with three degrees of freedom."""
+"""Bound of 95 % of the errors in three dimensions, in standard deviations along an axis, for equal
+axes: the root of the 95 % quantile of the chi-square distribution with three degrees of freedom."""
 
 _SAME_POSITION = 1e-4
-"""Metres: what is left of an offset that does not count any more."""
+"""Metres below which an offset is negligible."""
 _TICK, _CANDIDATE = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Candidate"))
 
 
@@ -29,10 +29,10 @@ _TICK, _CANDIDATE = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Candidate
 class EstimatorTrack:
     """One estimator over time, SI, not-a-number where it has no estimate.
 
-    error: (n, 3), from the true position; without a truth, from the estimate that the vehicle flew
-    on. yaw_error, attitude_error: of the attitude in the same way, about the world's z axis and in
-    all. usable, used: whether the vehicle could have flown on it, and did. blended: whether the
-    vehicle flew on no estimator's own estimate, because an offset was being taken away.
+    error: (n, 3), from the true position, or without a truth from the estimate that the vehicle
+    flew on. yaw_error, attitude_error: heading and whole attitude against that reference. usable,
+    used: whether the vehicle could have flown on it, and whether it did. blended: whether the
+    vehicle flew on an estimate with an offset that was being removed.
     """
 
     vehicle: str
@@ -53,7 +53,7 @@ class EstimatorTrack:
         return norm(self.error)
 
     def intervals_used(self) -> list[tuple[float, float]]:
-        """From when to when the vehicle flew on it, seconds."""
+        """Return the (start, end) of each interval on this estimator, seconds."""
         step = float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
         edges = np.flatnonzero(np.diff(np.concatenate(([False], self.used, [False])).astype(int)))
         return [
@@ -64,11 +64,10 @@ class EstimatorTrack:
 
 @dataclass(frozen=True)
 class EstimatorStatistics:
-    """The errors of an estimator while the vehicle flew on it; None if it never did.
+    """The errors of an estimator while the vehicle flew on it, None where it never did.
 
     share: of all ticks. mean, p99, highest: of the position error, m. within: the share of position
-    errors within `CHI_95` spreads, of the ticks in which no offset was being taken away. yaw_p99:
-    rad. age_mean, age_highest: s.
+    errors within `CHI_95` spreads, without blended ticks. yaw_p99: rad. age_mean, age_highest: s.
     """
 
     share: float
@@ -82,7 +81,7 @@ class EstimatorStatistics:
 
 
 def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
-    """The statistics of one estimator of a vehicle of which so many `ticks` are shown."""
+    """Return the statistics of one estimator. ticks: the number of ticks of its vehicle."""
     used = track.used & ~np.isnan(track.age)
     share = float(track.used.sum()) / max(ticks, 1)
     age, distance = track.age[used], track.position_error
@@ -106,8 +105,8 @@ def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
 def read_estimators(
     messages: Mapping[str, Sequence[Message]], vehicle: str
 ) -> Iterator[EstimatorTrack]:
-    """What a vehicle flew on, whichever it was, as an estimator without a name; then each of its
-    estimators. Nothing where none was recorded. messages: by topic."""
+    """Yield the estimates that a vehicle flew on, as an estimator without a name, then each of its
+    estimators; nothing where none was recorded. messages: by topic."""
     ticks, stamps = _decoded(messages.get(f"/{vehicle}/tick", ()), _TICK)
     flown, truth = ticks["estimate"], ticks["truth"]
     is_known = truth["present"][:, None]
@@ -118,37 +117,34 @@ def read_estimators(
     prefix = f"/{vehicle}/estimator/"
     blended, found = np.full(len(ticks), -1), []
     for topic in (topic for topic in messages if topic.startswith(prefix)):
-        said, at = _decoded(messages[topic], _CANDIDATE)
+        rows, at = _decoded(messages[topic], _CANDIDATE)
         index = np.searchsorted(stamps, at).clip(0, max(len(stamps) - 1, 0))
         held = stamps[index] == at if len(stamps) else np.zeros(len(at), bool)
-        said, index, at = said[held], index[held], at[held]
-        apart = np.abs(said["position"] - flown["position"][index]).max(axis=1, initial=0.0)
-        used, own = said["used"], np.zeros(len(said), bool)
+        rows, index, at = rows[held], index[held], at[held]
+        apart = np.abs(rows["position"] - flown["position"][index]).max(axis=1, initial=0.0)
+        used, own = rows["used"], np.zeros(len(rows), bool)
         blended[index[used]] = apart[used] > _SAME_POSITION
         name = topic.removeprefix(prefix)
-        found.append(
-            _track(vehicle, name, at, reference.at(index), said, said["usable"], used, own)
-        )
-    if found:
-        present, offset = flown["present"], _held(blended) == 1
+        nearest = _Reference(reference.position[index], reference.attitude[index])
+        found.append(_track(vehicle, name, at, nearest, rows, rows["usable"], used, own))
+    if found:  # a tick without a candidate is as blended as the last one with
+        last = np.maximum.accumulate(np.where(blended >= 0, np.arange(len(blended)), 0))
+        present, offset = flown["present"], blended[last] == 1
         yield _track(vehicle, "", stamps, reference, flown, present, present, offset)
     yield from found
 
 
 class _Reference(NamedTuple):
-    """The truth, or what comes nearest to it: (n, 3), (n, 4)."""
+    """The truth, or the estimate that the vehicle flew on: (n, 3), (n, 4)."""
 
     position: Array
     attitude: Array
-
-    def at(self, index: NDArray[np.int64]) -> _Reference:
-        return _Reference(self.position[index], self.attitude[index])
 
 
 def _decoded(
     messages: Sequence[Message], kind: np.dtype[Any]
 ) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """(the messages as one array, their log times in ns)."""
+    """Return (the messages as one array, their log times in ns)."""
     data = np.frombuffer(b"".join(message.data for message in messages), kind)
     return data, np.array([message.log_time for message in messages], np.int64)
 
@@ -158,7 +154,7 @@ def _track(
     name: str,
     stamps: NDArray[np.int64],
     reference: _Reference,
-    said: NDArray[Any],
+    rows: NDArray[Any],
     usable: NDArray[np.bool_],
     used: NDArray[np.bool_],
     blended: NDArray[np.bool_],
@@ -167,25 +163,18 @@ def _track(
         vehicle,
         name,
         stamps / NS,
-        _present(said, "position") - reference.position,
-        *_turned(_present(said, "attitude"), reference.attitude),
-        _present(said, "age"),
-        _present(said, "spread"),
+        _present(rows, "position") - reference.position,
+        *_rotation(_present(rows, "attitude"), reference.attitude),
+        _present(rows, "age"),
+        _present(rows, "spread"),
         usable,
         used,
         blended,
     )
 
 
-def _held(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Each value, or the last one before it that is not negative."""
-    last = np.maximum.accumulate(np.where(values >= 0, np.arange(len(values)), 0))
-    held: NDArray[np.int64] = values[last]
-    return held
-
-
-def _turned(a: Array, b: Array) -> tuple[Array, Array]:
-    """From attitude `b` to `a`: how far the heading turned, and the attitude in all, radians."""
+def _rotation(a: Array, b: Array) -> tuple[Array, Array]:
+    """Return the angles between the headings and between the attitudes `b` and `a`, radians."""
     product: Array = np.abs((a * b).sum(axis=1))
     yaw: Array = (_heading(a) - _heading(b) + np.pi) % (2.0 * np.pi) - np.pi
     turn: Array = 2.0 * np.arccos(product.clip(0.0, 1.0))
@@ -198,14 +187,14 @@ def _heading(q: Array) -> Array:
     return heading
 
 
-def _present(said: NDArray[Any], name: str) -> Array:
-    """A field, not-a-number where there is no estimate."""
-    values, present = said[name], said["present"]
+def _present(rows: NDArray[Any], name: str) -> Array:
+    """Return a field, not-a-number where there is no estimate."""
+    values, present = rows[name], rows["present"]
     known: Array = np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
     return known
 
 
 def norm(vectors: Array) -> Array:
-    """The length of each row of (n, 3)."""
+    """Return the length of each row of (n, 3)."""
     length: Array = np.sqrt((vectors * vectors).sum(axis=1))
     return length

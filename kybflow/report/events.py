@@ -1,4 +1,4 @@
-"""Which events are alarms or routine, their fields as text, and their marks in the timeline."""
+"""Classifies events as alarms or routine, formats their fields and marks them in the timeline."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from html import escape
 from typing import Any
 
 from kybflow.report.data import Run
+from kybflow.report.plot import markers
 
 BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_ended"})
-"""Events that are shown as bars."""
+"""Events that the timeline shows as bars."""
 IMPACTS = frozenset({"collided", "landed_hard"})
-"""Events of a vehicle that hit something, as the simulator knows."""
+"""Events by which a simulator reports that a vehicle hit something."""
 COLLISION, ALARM, EVENT = "collision", "alarm", "event"
 _ALARMING = (
     "failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started", "clamp_started",
@@ -21,15 +22,15 @@ _ROUTINE = BARS | {
     "run_started", "run_ended", "preflight_passed", "took_off", "landed", "driver_changed",
     "payload_loaded", "payload_released", "payload_rested",
 }  # fmt: skip
-_LOOKS = {
-    EVENT: ("triangle-up", "ink", 9),
-    ALARM: ("diamond", "alarm", 9),
-    COLLISION: ("x", "alarm", 13),
+_MARKERS = {
+    EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
+    ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
+    COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
 }
 
 
 def kind_of(event: Mapping[str, Any]) -> str:
-    """How an event is marked. One with a reaction and a bound is an alarm of a supervisor."""
+    """Return the kind of mark. An event with a reaction and a bound is a supervisor's alarm."""
     name = event["event"]
     if name in IMPACTS:
         return COLLISION
@@ -38,14 +39,13 @@ def kind_of(event: Mapping[str, Any]) -> str:
 
 
 def is_notable(event: Mapping[str, Any]) -> bool:
-    """Whether it is out of the ordinary: no step of a flight in which all goes well."""
+    """Return whether an event is more than a step of a normal flight."""
     if event["event"] == "estimator_changed":
         return event["fields"].get("previous") is not None
     return event["event"] not in _ROUTINE and not event["event"].endswith(".finished")
 
 
 def impact_text(event: Mapping[str, Any]) -> str:
-    """What a vehicle hit, as text."""
     fields = event["fields"]
     if event["event"] == "collided":
         return f"ran into {fields.get('into')}"
@@ -53,42 +53,30 @@ def impact_text(event: Mapping[str, Any]) -> str:
 
 
 def fields_text(event: Mapping[str, Any]) -> str:
-    """The fields of an event that have a value, as text."""
     return ", ".join(
         f"{name}: {_value(value)}" for name, value in event["fields"].items() if value is not None
     )
 
 
 def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
-    """A trace for each kind of mark; `rows` says how far down each vehicle's and the run's marks
-    are. The events of one vehicle at one time share a mark."""
-    found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _LOOKS}
+    """Return a trace for each kind of mark. rows: the y coordinates of the vehicles' marks and of
+    those of the `run`. The events of one vehicle at one time share a mark."""
+    found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _MARKERS}
     for event in run.events:
         row = event["vehicle"] or "run"
         if event["event"] not in BARS and row in rows:
             place = (event["t_s"], rows[row])
-            found[kind_of(event)].setdefault(place, []).append(_hover_text(event))
-    return [_trace(kind, places) for kind, places in found.items() if places]
-
-
-def _trace(kind: str, places: Mapping[tuple[float, float], list[str]]) -> dict[str, Any]:
-    symbol, colour, size = _LOOKS[kind]
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": kind,
-        "x": [time for time, _ in places],
-        "y": [row for _, row in places],
-        "text": ["<br>".join(texts) for texts in places.values()],
-        "hovertemplate": "<b>%{x:.2f} s</b><br>%{text}<extra></extra>",
-        "marker": {"symbol": symbol, "color": colour, "size": size},
-    }
-
-
-def _hover_text(event: Mapping[str, Any]) -> str:
-    said = fields_text(event)
-    place = f" ({escape(event['at'])})" if event["at"] else ""
-    return f"{event['event']}{' - ' if said else ''}{escape(said)}{place}"
+            fields, at = fields_text(event), f" ({escape(event['at'])})" if event["at"] else ""
+            text = f"{event['event']}{' - ' if fields else ''}{escape(fields)}{at}"
+            found[kind_of(event)].setdefault(place, []).append(text)
+    traces = []
+    for kind, places in found.items():
+        if places:
+            x, y = map(list, zip(*places, strict=True))
+            texts = ["<br>".join(of) for of in places.values()]
+            hover = "<b>%{x:.2f} s</b><br>%{text}"
+            traces.append(markers(kind, x, y, _MARKERS[kind], hover, text=texts))
+    return traces
 
 
 def _value(value: Any) -> str:
@@ -98,7 +86,7 @@ def _value(value: Any) -> str:
 
 
 def ending(run: Run, name: str) -> str:
-    """Where a vehicle was at the end, the fault that it was in, and what it ran into; as text."""
+    """Describe the end of a vehicle's run: its place, its fault, and what it hit."""
     vehicle = run.summary["vehicles"][name]
     visits = vehicle["behaviors"]
     last = visits[-1] if visits else None
@@ -116,7 +104,7 @@ def ending(run: Run, name: str) -> str:
 
 
 def _fault_reason(events: list[dict[str, Any]]) -> str:
-    """The reason of the last failsafe that ended the flight, else of the last failure."""
+    """Return the reason of the last failsafe that ended the flight, else of the last failure."""
     stopped = [
         event["fields"]["reason"]
         for event in events

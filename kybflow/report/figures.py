@@ -1,38 +1,66 @@
-"""The figures of a report: where the vehicles flew, and how far from where they should have."""
+"""The figures of a report in their order, and the curves over time: inputs, errors, heights and
+batteries."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
+from kybflow.core.signals import NS
+from kybflow.inputs.rows import InputRow, InputRows
 from kybflow.report.data import Run, Track
-from kybflow.report.inputs import input_figures
-from kybflow.report.intervals import shaded
+from kybflow.report.intervals import FAULT, TINTS, shaded
 from kybflow.report.map import path_map
-from kybflow.report.plot import Figure, coloured, dashed, line, over_time, shade
+from kybflow.report.plot import VEHICLES, Figure, bands, coloured, dashed, line, over_time, shade
 from kybflow.report.swarm import swarm_figures
 from kybflow.report.timeline import timeline
 
-_BELOW = (
-    "The setpoint of a landing goes on below the ground: where the vehicle no longer follows it, "
-    "it has touched down."
-)
+_BELOW = "The setpoint of a landing goes below the ground; the vehicle stops at touchdown."
 
 
 def figures(run: Run) -> list[Figure]:
-    """Every figure, in the order of the page; without a recorded tick there is none."""
+    """Return the figures in the order of the page, none where no tick was recorded."""
     if not any(len(track.time) for track in run.tracks):
         return []
     return [
         path_map(run),
         timeline(run),
         *swarm_figures(run),
-        *input_figures(run),
+        *(_input(name, rows, run) for name, rows in run.inputs.items()),
         _errors(run, "position", "m"),
         _errors(run, "velocity", "m/s"),
         _to_target(run),
         _height(run),
         _battery(run),
     ]
+
+
+def _input(name: str, recorded: InputRows, run: Run) -> Figure:
+    """Draw the axes of an input, with bands where it was lost."""
+    times = [*(row.time / NS for row in recorded.rows), run.end]
+    time = np.repeat(times, 2)[1:-1]  # each row holds until the time of the next
+    traces = []
+    for number, axis in enumerate(recorded.axes):
+        values = np.repeat([row.axes.get(axis, np.nan) for row in recorded.rows], 2)
+        colour = VEHICLES[number % len(VEHICLES)]
+        traces.append(line(axis, time, values, colour, 1.6, hover="%{y:.2f}"))
+    layout = over_time(run, "deflection", "normal")
+    layout["yaxis"]["range"] = [-1.05, 1.05]
+    lost = []
+    for row, until in zip(recorded.rows, times[1:], strict=True):
+        if row.lost and row.time / NS < until:
+            font = {"size": 10, "color": "ink"}
+            label = {"label": {"text": row.lost, "textposition": "top left", "font": font}}
+            lost.append(("lost", row.time / NS, until, TINTS[FAULT], label))
+    layout |= bands(lost)
+    pressed = [
+        f"{button} at {row.time / NS:.2f} s"
+        for before, row in pairwise((InputRow(0, {}), *recorded.rows))
+        for button in sorted(row.held - before.held)
+    ]
+    note = f"After dead zones and calibration. Buttons: {', '.join(pressed) or 'none was pressed'}."
+    return Figure(f"input_{name}", f"Input {name}", note, traces, layout)
 
 
 def _errors(run: Run, what: str, unit: str) -> Figure:
@@ -42,18 +70,18 @@ def _errors(run: Run, what: str, unit: str) -> Figure:
         hover = f"%{{y:.2f}} c{unit}"
         traces.append(line(track.name, track.time, values, colour, 1.6, hover=hover))
     known = "true" if run.simulated else "estimated"
-    note = f"In the air, between what the behavior wanted and the {known} {what}."
+    note = f"In the air, between the behavior's setpoint and the {known} {what}."
     layout = over_time(run, f"{what} error (c{unit})", "tozero")
     highest = max((_highest_aloft(track, what) for track in run.tracks), default=0.0)
     if highest > 0.0:
         layout["yaxis"]["range"] = [0.0, 115.0 * highest]
-        note += " Scaled to the behaviors that stay in the air; double-click for all of it."
+        note += " The axis fits behaviors that stay in the air; double-click for the full range."
     layout |= shade(shaded(run), len(run.tracks) > 1)
     return Figure(f"{what}_error", f"{what.capitalize()} error", note, traces, layout)
 
 
 def _highest_aloft(track: Track, what: str) -> float:
-    """The largest error in behaviors that neither take off nor land, SI; 0 without any."""
+    """Return the largest error in behaviors that neither take off nor land, SI; 0 without any."""
     errors = track.position_error if what == "position" else track.velocity_error
     aloft = np.zeros(len(track.time), bool)
     for visit in track.visits:
@@ -68,7 +96,7 @@ def _to_target(run: Run) -> Figure:
         line(track.name, track.time, track.to_target, colour, 1.6, hover="%{y:.3f} m")
         for track, colour in coloured(run)
     ]
-    note = "From the vehicle to the last setpoint of the behavior that it was in."
+    note = "From the vehicle to the last setpoint of its behavior at that time."
     layout = over_time(run, "distance (m)", "tozero")
     return Figure("to_target", "Distance to target", note, traces, layout)
 
@@ -82,15 +110,9 @@ def _height(run: Run) -> Figure:
         dashed("reference", track.time, track.reference[:, 2], number == 0)
         for number, track in enumerate(run.tracks)
     ]
-    note = _BELOW if any(_lands_below(track) for track in run.tracks) else ""
+    below = any((track.reference[:, 2] < track.start[2] - 0.01).any() for track in run.tracks)
+    note = _BELOW if below else ""
     return Figure("height", "Height", note, traces, over_time(run, "z, up (m)", "tozero"))
-
-
-def _lands_below(track: Track) -> bool:
-    """Whether its reference goes below the ground that it started from."""
-    heights = track.reference[:, 2]
-    known = heights[~np.isnan(heights)]
-    return len(known) > 0 and float(known.min()) < track.start[2] - 0.01
 
 
 def _battery(run: Run) -> Figure:

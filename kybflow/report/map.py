@@ -1,4 +1,4 @@
-"""The figure of where the vehicles flew, from above, with the fence, obstacles and points."""
+"""The map: the vehicles' paths from above, with the fence, obstacles and points."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 
 from kybflow.report.data import Run, Track
 from kybflow.report.events import IMPACTS, impact_text
-from kybflow.report.plot import Figure, coloured, dashed, line
+from kybflow.report.plot import Figure, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
 
 _NEAR = 3.0
-"""Metres around the path within which the room is always drawn; beyond, a long path takes more of
-it in."""
+"""Metres around the path that the map always shows; a long path shows more."""
 _ROUND = 48
 """Corners of a circle."""
 _GREY = "#7d8894"
@@ -30,11 +29,9 @@ class Extent(NamedTuple):
     y1: float
 
     def grown(self, by: float) -> Extent:
-        """The rectangle with `by` metres more on every side."""
         return Extent(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
 
     def covers(self, other: Extent) -> bool:
-        """Whether all of `other` lies in this rectangle."""
         return bool(
             self.x0 <= other.x0
             and self.y0 <= other.y0
@@ -49,7 +46,7 @@ class Extent(NamedTuple):
 
 
 def path_map(run: Run) -> Figure:
-    """Paths over the fence, the obstacles and the named points."""
+    """Draw the paths over the fence, the obstacles and the named points."""
     window, outside = shown(run)
     traces = [
         *room(run, window), *moving_paths(run), *_paths(run), _starts(run), *_parcels(run),
@@ -60,8 +57,14 @@ def path_map(run: Run) -> Figure:
 
 
 def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
-    """The layout of a figure from above, with the fence."""
+    """Return the layout of a figure from above, with the fence as a dotted rectangle."""
     width, height = window.x1 - window.x0, window.y1 - window.y0
+    fence = []
+    if run.mission.get("fence"):
+        (x0, y0, _), (x1, y1, _) = run.mission["fence"]
+        border = {"color": "alarm", "width": 1.5, "dash": "dot"}
+        legend = {"name": "fence", "showlegend": True}
+        fence = [{"type": "rect", "x0": x0, "y0": y0, "x1": x1, "y1": y1, "line": border, **legend}]
     return {
         "xaxis": {
             "title": {"text": "x, east (m)"},
@@ -74,18 +77,23 @@ def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
             "scaleanchor": "x",
             "constrain": "domain",
         },
-        "shapes": fence(run),
+        "shapes": fence,
         "height": round(min(680.0, max(400.0, 900.0 * height / width))),
         "hovermode": "closest",
     }
 
 
 def shown(run: Run) -> tuple[Extent, list[str]]:
-    """What figures from above show, and the labels of what lies farther away."""
-    standing, path = things(run), _path_extent(run)
+    """Return the extent of the figures from above, and the labels of what lies outside it."""
+    standing = _extents(run)
+    ways = np.concatenate(
+        [*(t.position[:, :2] for t in run.tracks), np.array([t.start[:2] for t in run.tracks])]
+    )
+    path = Extent(*np.nanmin(ways, axis=0).tolist(), *np.nanmax(ways, axis=0).tolist())
     near = path.grown(max(_NEAR, 1.5 * path.span))
     within = {name: extent for name, extent in standing.items() if near.covers(extent)}
-    window = _around([path, *within.values()])
+    x0, y0, x1, y1 = zip(path, *within.values(), strict=True)
+    window = Extent(min(x0), min(y0), max(x1), max(y1))
     window = window.grown(max(0.25, 0.06 * window.span))
     return window, [name for name in standing if name not in within]
 
@@ -102,57 +110,32 @@ def _paths(run: Run) -> list[dict[str, Any]]:
 
 
 def _starts(run: Run) -> dict[str, Any]:
-    starts = [track.start for track in run.tracks]
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "start",
-        "x": [start[0] for start in starts],
-        "y": [start[1] for start in starts],
-        "marker": {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}},
-        "hovertemplate": "start %{x:.2f}, %{y:.2f} m<extra></extra>",
-    }
+    x, y = [track.start[0] for track in run.tracks], [track.start[1] for track in run.tracks]
+    ring = {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}}
+    return markers("start", x, y, ring, "start %{x:.2f}, %{y:.2f} m")
 
 
 def _parcels(run: Run) -> list[dict[str, Any]]:
-    """A square where each payload came to rest, as the simulator knows it."""
+    """Draw a square where each payload came to rest, by the simulator's truth."""
     drops = [e for e in run.events if e["event"] == "payload_rested"]
     if not drops:
         return []
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "payload",
-            "x": [e["fields"]["x"] for e in drops],
-            "y": [e["fields"]["y"] for e in drops],
-            "text": [f"the payload of {e['vehicle']}" for e in drops],
-            "marker": {"symbol": "square", "size": 10, "color": "ink"},
-            "hovertemplate": "%{text} at %{x:.3f}, %{y:.3f} m<extra></extra>",
-        }
-    ]
+    x, y = [e["fields"]["x"] for e in drops], [e["fields"]["y"] for e in drops]
+    texts = [f"the payload of {e['vehicle']}" for e in drops]
+    square = {"symbol": "square", "size": 10, "color": "ink"}
+    return [markers("payload", x, y, square, "%{text} at %{x:.3f}, %{y:.3f} m", text=texts)]
 
 
 def _collisions(run: Run) -> list[dict[str, Any]]:
-    """A cross where each vehicle was when it ran into something or landed hard."""
+    """Draw a cross where a vehicle ran into something or landed hard."""
     tracks = {track.name: track for track in run.tracks if len(track.time)}
     hits = [e for e in run.events if e["event"] in IMPACTS and e["vehicle"] in tracks]
     if not hits:
         return []
-    places = [_place(tracks[e["vehicle"]], e["t_s"]) for e in hits]
+    x, y = map(list, zip(*(_place(tracks[e["vehicle"]], e["t_s"]) for e in hits), strict=True))
     texts = [f"{e['vehicle']} {impact_text(e)}" for e in hits]
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "collision",
-            "x": [place[0] for place in places],
-            "y": [place[1] for place in places],
-            "text": texts,
-            "marker": {"symbol": "x", "size": 13, "color": "alarm"},
-            "hovertemplate": "%{text}<extra></extra>",
-        }
-    ]
+    cross = {"symbol": "x", "size": 13, "color": "alarm"}
+    return [markers("collision", x, y, cross, "%{text}", text=texts)]
 
 
 def _place(track: Track, time: float) -> tuple[float, float]:
@@ -163,29 +146,17 @@ def _place(track: Track, time: float) -> tuple[float, float]:
     return float(track.position[nearest, 0]), float(track.position[nearest, 1])
 
 
-def _path_extent(run: Run) -> Extent:
-    points = np.concatenate([t.position[:, :2] for t in run.tracks])
-    points = np.concatenate([points, [t.start[:2] for t in run.tracks]])
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    return Extent(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-
-
-def _around(extents: list[Extent]) -> Extent:
-    x0, y0, x1, y1 = zip(*extents, strict=True)
-    return Extent(min(x0), min(y0), max(x1), max(y1))
-
-
 def _note(run: Run, outside: list[str]) -> str:
-    parts = ["Flown path against the reference that the tracker followed."]
+    parts = ["The flown path and the reference of the tracker."]
     level = [
         name
         for name, shape in run.world.obstacles.items()
         if isinstance(shape, Plane) and not outline(shape, Extent(0.0, 0.0, 1.0, 1.0))[0]
     ]
     if level:
-        parts.append(f"Level, so not drawn: {', '.join(level)}.")
+        parts.append(f"Not drawn because horizontal: {', '.join(level)}.")
     if outside:
-        parts.append(f"Farther away than this map reaches: {', '.join(outside)}.")
+        parts.append(f"Outside this map: {', '.join(outside)}.")
     return " ".join(parts)
 
 
@@ -193,8 +164,8 @@ Coordinates = list[float | None]
 
 
 def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
-    """The outline of an obstacle from above; a wall is a line through the window, and a floor or
-    ceiling is nothing. None ends one of several outlines."""
+    """Return the outline of an obstacle from above: for a wall a line through the window, for a
+    floor or ceiling nothing. None separates several outlines."""
     if isinstance(shape, Box):
         (x0, y0, _), (x1, y1, _) = shape
         return [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
@@ -216,8 +187,8 @@ def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
 
 
 def _rows(cloud: Scanned) -> tuple[Coordinates, Coordinates]:
-    """A point cloud from above: cells as wide as the radius in which there are points, those beside
-    each other in one rectangle, with half a radius more on each side."""
+    """Return a point cloud from above, as the cells of a grid that hold points. A cell is as wide
+    as the radius; neighbours in a row make one rectangle, grown by half a radius."""
     r = cloud.radius
     cells = np.unique(np.floor(cloud.array[:, :2] / r)[:, ::-1], axis=0)
     begins = np.ones(len(cells), bool)
@@ -233,8 +204,8 @@ def _rows(cloud: Scanned) -> tuple[Coordinates, Coordinates]:
     return xs, ys
 
 
-def things(run: Run) -> dict[str, Extent]:
-    """The extents of the fence, the points and the bounded obstacles, by label."""
+def _extents(run: Run) -> dict[str, Extent]:
+    """Return the extents of the fence, the points and the bounded obstacles, by label."""
     found: dict[str, Extent] = {}
     if run.mission.get("fence"):
         low, high = run.mission["fence"]
@@ -246,9 +217,9 @@ def things(run: Run) -> dict[str, Extent]:
             xs, ys = map(_known, outline(shape, Extent(0.0, 0.0, 0.0, 0.0)))
             found[f"obstacle {name}"] = Extent(min(xs), min(ys), max(xs), max(ys))
     for name, ball in run.moving.items():
-        (x0, y0), (x1, y1) = ball.position[:, :2].min(axis=0), ball.position[:, :2].max(axis=0)
-        way = Extent(float(x0), float(y0), float(x1), float(y1))
-        found[f"obstacle {name}"] = way.grown(ball.radius)
+        way = ball.position[:, :2]
+        extent = Extent(*way.min(axis=0).tolist(), *way.max(axis=0).tolist())
+        found[f"obstacle {name}"] = extent.grown(ball.radius)
     return found
 
 
@@ -257,7 +228,7 @@ def _known(coordinates: Coordinates) -> list[float]:
 
 
 def moving_paths(run: Run) -> Iterator[dict[str, Any]]:
-    """The traces of where moving obstacles went, each with the ball where it was first."""
+    """Yield the paths of the moving obstacles, each with the ball at its first position."""
     for number, (name, ball) in enumerate(run.moving.items()):
         x, y = ball.position[:, 0], ball.position[:, 1]
         hover = f"obstacle {name}<br>%{{x:.3f}}, %{{y:.3f}} m"
@@ -268,8 +239,7 @@ def moving_paths(run: Run) -> Iterator[dict[str, Any]]:
 
 
 def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str, Any]]:
-    """The traces of a moving obstacle where it was seen last at a moment, in seconds, and of the
-    text in it."""
+    """Return a moving obstacle at its last known position at a moment (s), with a text in it."""
     ball = run.moving[name]
     seen = max(0, int(np.searchsorted(ball.time, moment, side="right")) - 1)
     x, y, z = map(float, ball.position[seen])
@@ -280,34 +250,36 @@ def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str,
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:
-    """The traces of obstacles and points. Points at one place share a label; a point with the name
-    of an obstacle has none of its own."""
+    """Return the traces of obstacles and points. Points at one place share a label; a point with
+    the name of an obstacle has no label."""
     traces = []
     for number, (name, shape) in enumerate(run.world.obstacles.items()):
         xs, ys = outline(shape, window)
         if xs:
             is_wall = isinstance(shape, Plane)
             drawn = _obstacle(name, xs, ys, first=number == 0, is_wall=is_wall)
-            traces.append(_labelled(drawn, name, ys, is_wall))
+            lowest = 1 if is_wall else ys.index(min(_known(ys)))
+            text = [name if place == lowest else "" for place in range(len(ys))]
+            style = {"textposition": "bottom center", "textfont": {"color": "ink", "size": 11}}
+            traces.append({**drawn, **style, "mode": "lines+text", "text": text})
     places: dict[tuple[float, float], list[str]] = {}
     for name, (x, y, _) in run.world.points.items():
         places.setdefault((x, y), []).append(name)
     if places:
         named, obstacles = places.values(), run.world.obstacles
         traces.append(
-            {
-                "type": "scatter",
-                "mode": "markers+text",
-                "name": "named point",
-                "x": [x for x, _ in places],
-                "y": [y for _, y in places],
-                "text": [", ".join(n for n in names if n not in obstacles) for names in named],
-                "customdata": [", ".join(names) for names in named],
-                "textposition": "top right",
-                "textfont": {"color": "soft", "size": 11},
-                "marker": {"symbol": "cross-thin-open", "size": 8, "color": "soft"},
-                "hovertemplate": "%{customdata}<br>%{x:.3f}, %{y:.3f} m<extra></extra>",
-            }
+            markers(
+                "named point",
+                [x for x, _ in places],
+                [y for _, y in places],
+                {"symbol": "cross-thin-open", "size": 8, "color": "soft"},
+                "%{customdata}<br>%{x:.3f}, %{y:.3f} m",
+                mode="markers+text",
+                text=[", ".join(n for n in names if n not in obstacles) for names in named],
+                customdata=[", ".join(names) for names in named],
+                textposition="top right",
+                textfont={"color": "soft", "size": 11},
+            )
         )
     return traces
 
@@ -327,25 +299,3 @@ def _obstacle(
         "hovertemplate": f"obstacle {name}<br>%{{x:.3f}}, %{{y:.3f}} m<extra></extra>",
     }
     return trace if is_wall else {**trace, "fill": "toself", "fillcolor": "rgba(125,136,148,0.3)"}
-
-
-def _labelled(trace: dict[str, Any], name: str, ys: Coordinates, is_wall: bool) -> dict[str, Any]:
-    """An obstacle with its name below it, or in the middle of a wall."""
-    lowest = 1 if is_wall else ys.index(min(_known(ys)))
-    text = [name if place == lowest else "" for place in range(len(ys))]
-    style = {"textposition": "bottom center", "textfont": {"color": "ink", "size": 11}}
-    return {**trace, **style, "mode": "lines+text", "text": text}
-
-
-def fence(run: Run) -> list[dict[str, Any]]:
-    """A dotted rectangle, named in the legend."""
-    if not run.mission.get("fence"):
-        return []
-    (x0, y0, _), (x1, y1, _) = run.mission["fence"]
-    line = {"color": "alarm", "width": 1.5, "dash": "dot"}
-    return [
-        {
-            **{"type": "rect", "x0": x0, "y0": y0, "x1": x1, "y1": y1, "line": line},
-            **{"name": "fence", "showlegend": True},
-        }
-    ]

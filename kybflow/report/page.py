@@ -1,7 +1,5 @@
-"""Writes `report.html`: one page with everything in it, made from a run folder alone.
-
-It needs no network and no other file. How the page looks stands in `templates/`.
-"""
+"""Writes `report.html` from a run folder. The page needs no network and no other file; its look is
+in `templates/`."""
 
 from __future__ import annotations
 
@@ -26,17 +24,14 @@ _DASH = "\N{EN DASH}"
 
 
 def write_report(folder: Path) -> Path:
-    """Make the report of the run in `folder`; returns its path.
-
-    Raises RunFolderError where the run can't be read, RunUnwritten where the page can't be written.
-    """
+    """Write the report of the run in `folder` and return its path. Raises RunFolderError where the
+    run can't be read, RunUnwritten where the page can't be written."""
     page, path = render(read_run(folder)), folder / REPORT
     write_file(path, page)
     return path
 
 
 def render(run: Run) -> str:
-    """The whole page."""
     drawn, pages = figures(run), estimator_pages(run)
     every = [*drawn, *(figure for page in pages for figure in page.figures)]
     notable = sorted(filter(is_notable, run.events), key=lambda e: kind_of(e) != COLLISION)
@@ -69,25 +64,25 @@ def render(run: Run) -> str:
 
 
 def _is_change(event: dict[str, Any]) -> bool:
-    """Whether one estimator took over from another, or from none."""
+    """Whether the estimator changed in flight."""
     is_one = event["event"] in ("estimator_changed", "estimator_lost")
     return is_one and event["fields"]["reason"] != "the first estimate"
 
 
 def _scaled(value: float | None, factor: float = 1.0, digits: int = 2, unit: str = "") -> str:
-    """A number in `factor`-ths, a dash for none."""
+    """Format a number times `factor`, a dash for None."""
     return _DASH if value is None else f"{value * factor:.{digits}f}{unit}"
 
 
 def _quantity(value: float | None, unit: str, sign: str = "") -> str:
-    """A value in SI as a person would write it, a dash for none."""
+    """Format a value in SI, a dash for None."""
     if value is None:
         return _DASH
     return format_measured(value, unit, sign).replace("-", "\N{MINUS SIGN}")
 
 
 def _errors(record: dict[str, Any]) -> list[str]:
-    """Mean, rms and largest position error in cm, then velocity error in cm/s."""
+    """Format mean, rms and largest position error in cm, then velocity error in cm/s."""
     return [
         _scaled((record[field] or {}).get(figure), 100.0)
         for field in ("position_error_m", "velocity_error_m_s")
@@ -96,7 +91,7 @@ def _errors(record: dict[str, Any]) -> list[str]:
 
 
 def _code(text: str) -> Markup:
-    """Text in which names stand between backticks."""
+    """Format text with names between backticks."""
     parts = escape(text).split("`")
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if n % 2 else part for n, part in enumerate(parts)
@@ -104,12 +99,12 @@ def _code(text: str) -> Markup:
 
 
 def _picture(picture: Picture) -> dict[str, str]:
-    """A picture as the page shows it: its caption and its data."""
+    """Return a picture with its caption and encoded data."""
     if picture.used is None:
         found = "no pose"
     else:
         found = f"{picture.used} {'tag' if picture.used == 1 else 'tags'} used"
-        found += f", {picture.rejected} left out" if picture.rejected else ""
+        found += f", {picture.rejected} rejected" if picture.rejected else ""
     return {
         "camera": picture.camera,
         "caption": f"{picture.time:.2f} s: {found}",

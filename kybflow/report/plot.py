@@ -1,7 +1,6 @@
-"""What the figures of a report are made of, as the plain dictionaries that plotly.js draws.
+"""Traces and layouts of figures, as the dictionaries that plotly.js draws.
 
-Colours that depend on the page's theme are words (`ink`, `soft`, `alarm`, `paper`) that the page
-replaces.
+The page replaces the colours `ink`, `soft`, `alarm` and `paper` by those of its theme.
 """
 
 from __future__ import annotations
@@ -18,13 +17,12 @@ from kybflow.report.intervals import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS,
 VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
 
 _SIDES = {FAULT: "top", HOLD: "middle", CLAMP: "middle", BLIND: "middle", FALLBACK: "bottom"}
-"""Where an interval's label stands, so that those that overlap can be read."""
+"""The place of an interval's label, so that overlapping labels stay readable."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure. over_time: its x axis is the run's time, and it is zoomed with the others that
-    have it."""
+    """One figure. over_time: its x axis is the time of the run; all such figures zoom together."""
 
     name: str
     title: str
@@ -37,7 +35,7 @@ class Figure:
 def line(
     name: str, x: Array, y: Array, colour: str, width: float, hover: str = ""
 ) -> dict[str, Any]:
-    """A line; `hover` is the template of what is shown for a point, which is nothing without it."""
+    """Return a line. hover: the template of a point's label, empty for no label."""
     trace = {
         "type": "scatter",
         "mode": "lines",
@@ -54,27 +52,34 @@ def line(
 
 
 def dashed(name: str, x: Array, y: Array, shown: bool) -> dict[str, Any]:
-    """A thin dashed line in the colour of the text. Those of one name share one entry of the
-    legend, the one that is `shown`."""
+    """Return a thin dashed line in the colour of the text. Lines of one name share the legend entry
+    of the one that is `shown`."""
     trace = line(name, x, y, "ink", 1.2)
     trace["line"]["dash"] = "5px,3px"
     return {**trace, "legendgroup": name, "showlegend": shown}
 
 
+def markers(
+    name: str, x: list[Any], y: list[Any], marker: dict[str, Any], hover: str, **more: Any
+) -> dict[str, Any]:
+    """Return points. more: further properties of the trace."""
+    trace = {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": y, "marker": marker}
+    return {**trace, "hovertemplate": f"{hover}<extra></extra>", **more}
+
+
 def _packed(values: Array) -> dict[str, str]:
-    """An array as plotly.js reads it from base64; a gap stays not-a-number."""
+    """Encode an array as plotly.js reads it; a gap stays not-a-number."""
     data = values.astype("<f4").tobytes()
     return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
 
 
 def time_axis(run: Run) -> dict[str, Any]:
-    """The x axis that all figures over time share."""
     end = max(run.end, 0.1)
     return {"title": {"text": "time (s)"}, "range": [-0.01 * end, 1.01 * end]}
 
 
 def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
-    """The layout of a figure over time; `mode` is the y axis's range mode."""
+    """Return the layout of a figure over time. mode: the range mode of the y axis."""
     return {
         "xaxis": time_axis(run),
         "yaxis": {"title": {"text": axis}, "rangemode": mode},
@@ -84,21 +89,19 @@ def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
 
 
 def shade(intervals: Sequence[Interval], named: bool) -> dict[str, Any]:
-    """Intervals behind curves, as part of a layout: a legend entry a kind, each with its label and,
-    where `named`, its vehicle."""
-    found = ((i.kind, i.start, i.end, TINTS[i.kind], _label(i, named)) for i in intervals)
+    """Return intervals behind curves as part of a layout. named: labels include the vehicle."""
+    found = []
+    for one in intervals:
+        text = f"{one.vehicle}: {one.label}" if named else one.label
+        place, font = f"{_SIDES[one.kind]} left", {"size": 10, "color": "ink"}
+        label = {"label": {"text": text, "textposition": place, "font": font}}
+        found.append((one.kind, one.start, one.end, TINTS[one.kind], label))
     return bands(found)
 
 
-def _label(interval: Interval, named: bool) -> dict[str, Any]:
-    text = f"{interval.vehicle}: {interval.label}" if named else interval.label
-    place, font = f"{_SIDES[interval.kind]} left", {"size": 10, "color": "ink"}
-    return {"label": {"text": text, "textposition": place, "font": font}}
-
-
 def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dict[str, Any]:
-    """Bands over the whole height of a figure, as part of a layout, each as (its entry in the
-    legend, start, end, colour, more of its shape)."""
+    """Return bands over the whole height of a figure as part of a layout, from (legend entry,
+    start, end, colour, further properties)."""
     shapes: list[dict[str, Any]] = []
     seen: set[str] = set()
     for name, start, end, colour, more in found:
@@ -123,5 +126,5 @@ def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dic
 
 
 def coloured(run: Run) -> list[tuple[Track, str]]:
-    """Each vehicle's track with its colour, the same in all figures."""
+    """Return each track with the colour that its vehicle has in all figures."""
     return [(track, VEHICLES[n % len(VEHICLES)]) for n, track in enumerate(run.tracks)]

@@ -1,5 +1,5 @@
-"""The figures of vehicles among others and moving obstacles: everybody from above at moments of the
-flight, and how far from each other the vehicles were."""
+"""The figures of several vehicles and of moving obstacles: all from above at moments of the flight,
+and the distances between the vehicles."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array, norm
 from kybflow.report.map import moving_ball, room, seen_from_above, shown
-from kybflow.report.plot import VEHICLES, Figure, coloured, line, over_time
+from kybflow.report.plot import VEHICLES, Figure, coloured, line, markers, over_time
 
 _MOST_PAIRS = 28
-"""The most pairs with a line each; of more vehicles each has its distance to the nearest."""
+"""The most pairs with a line each; with more, each vehicle has the distance to its nearest one."""
 _MOST_NAMED = 15
-"""The most lines that the legend names; of more, who hovers reads the name."""
+"""The most lines in the legend; with more, the names are only in the labels of points."""
 _MOMENTS = 9
-"""How often the swarm is shown from above."""
+"""The number of moments in the figure from above."""
 _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
 
 
 def swarm_figures(run: Run) -> list[Figure]:
-    """The figures of a run of several vehicles; of one there are none, but for moving obstacles."""
+    """Return the figures of several vehicles, or of one among moving obstacles."""
     flown = [track for track in run.tracks if len(track.time)]
     above = [_from_above(run)] if len(flown) > 1 or (flown and run.moving) else []
     return [*above, _distances(run, flown)] if len(flown) > 1 else above
 
 
 def _distances(run: Run, tracks: list[Track]) -> Figure:
-    """The distance of each pair while both fly, the bounds below which supervisors alarm, and the
-    least that an expectation allows."""
+    """Draw the distance of each pair while both fly, with the bounds of supervisors and of
+    expectations."""
     pairs = list(combinations(tracks, 2))
     if len(pairs) <= _MOST_PAIRS:
         curves = [(f"{a.name} and {b.name}", a.time, _between(a, b)) for a, b in pairs]
-        note = "Between the centres of each two vehicles while both are in the air."
+        note = "Between the centres of two vehicles while both are in the air."
     else:
         curves = [(a.name, a.time, _to_nearest(a, tracks)) for a in tracks]
-        note = "Of each vehicle to the nearest one, while both are in the air."
+        note = "From each vehicle to the nearest one, while both are in the air."
     traces = [
         line(name, time, gap, VEHICLES[n % len(VEHICLES)], 1.6, hover="%{y:.3f} m")
         for n, (name, time, gap) in enumerate(curves)
@@ -49,48 +49,46 @@ def _distances(run: Run, tracks: list[Track]) -> Figure:
     if len(traces) > _MOST_NAMED:
         traces = [{**trace, "showlegend": False} for trace in traces]
     if alarms := alarm_distances(run):
-        traces += [_bound(run, f"alarm below {_metres(at)}", at, "2px,3px") for at in alarms]
-        note += " A supervisor alarms below a dotted line, and sooner when two close in."
+        traces += [_bound(run, "alarm below", at, "2px,3px") for at in alarms]
+        note += " A supervisor alarms below a dotted line, and sooner for vehicles that approach."
     expected = least_separation(run)
     if expected is not None:
-        traces.append(_bound(run, f"expected above {_metres(expected)}", expected, "6px,4px"))
+        traces.append(_bound(run, "expected above", expected, "6px,4px"))
         note += " The dashed line is the least that an expectation allows."
     return Figure("distances", "Distances", note, traces, over_time(run, "distance (m)", "tozero"))
 
 
 def _bound(run: Run, name: str, bound: float, dash: str) -> dict[str, Any]:
-    """A level line over the whole run."""
-    limit = line(name, np.array([0.0, run.end]), np.full(2, bound), "alarm", 1.4)
+    """Return a horizontal line over the whole run."""
+    limit = line(
+        f"{name} {round(bound, 3):g} m", np.array([0.0, run.end]), np.full(2, bound), "alarm", 1.4
+    )
     limit["line"]["dash"] = dash
     return limit
 
 
-def _metres(length: float) -> str:
-    return f"{round(length, 3):g} m"
-
-
 def alarm_distances(run: Run) -> list[float]:
-    """The distances below which supervisors alarm at first, metres, each once; none that are
-    zero."""
+    """Return the initial distances below which supervisors alarm, metres, without duplicates and
+    zeros."""
     vehicles = run.mission.get("vehicles", {}).values()
     kept = (bound for facts in vehicles for bound in facts.get("keeps_apart", {}).values())
     return sorted({round(bound, 3) for bound in kept if bound > 0.0})
 
 
 def least_separation(run: Run) -> float | None:
-    """The largest least separation that an expectation asks for, metres; None where none does."""
+    """Return the largest separation that an expectation demands, metres; None where none does."""
     found = []
     for expectation in run.summary.get("expectations", ()):
         for bound in _BOUND.findall(expectation["text"]):
             try:
                 found.append(parse_quantity(bound, LENGTH))
             except UnitError:
-                continue  # it is another expression
+                continue  # the bound is another expression
     return max(found, default=None)
 
 
 def _between(a: Track, b: Track) -> Array:
-    """The distance of two vehicles at the times of the first, not-a-number where one rests."""
+    """Return the distance of two vehicles at the times of the first, NaN where one doesn't fly."""
     here, there = _aloft(a), _at(b, a.time)
     gap: Array = norm(here - there)
     return gap
@@ -104,14 +102,14 @@ def _to_nearest(a: Track, tracks: list[Track]) -> Array:
 
 
 def _aloft(track: Track) -> Array:
-    """Where a vehicle is while it flies."""
+    """Return a vehicle's positions, NaN where it doesn't fly."""
     flies = ~np.isnan(track.position_error)
     place: Array = np.where(flies[:, None], track.position, np.nan)
     return place
 
 
 def _at(track: Track, times: Array) -> Array:
-    """Where a vehicle that flies is at these times."""
+    """Return a vehicle's positions at these times, NaN where it doesn't fly."""
     places = _aloft(track)
     index = np.clip(np.searchsorted(track.time, times), 0, len(track.time) - 1)
     found: Array = places[index]
@@ -119,8 +117,7 @@ def _at(track: Track, times: Array) -> Array:
 
 
 def _from_above(run: Run) -> Figure:
-    """The ways from above, and at some moments the moving obstacles and the vehicles in the air,
-    joined to a figure."""
+    """Draw the paths from above, with the moving obstacles and the flying vehicles at moments."""
     window, _ = shown(run)
     traces = room(run, window)
     for track, colour in coloured(run):
@@ -131,17 +128,15 @@ def _from_above(run: Run) -> Figure:
         for name in run.moving:
             traces += moving_ball(run, name, at, f"{at:.0f}")
         traces += _moment(run, at)
-    note = (
-        f"Who flies at {_MOMENTS} moments, with their seconds. Lines join who is in one state and"
-    )
-    note += " flies by what the others publish."
+    note = f"The vehicles in the air at {_MOMENTS} moments, with the seconds. Lines join vehicles"
+    note += " in one state whose behavior uses the positions of the others."
     layout = seen_from_above(run, window)
     return Figure("from_above", "From above over time", note, traces, layout, over_time=False)
 
 
 def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
-    """The vehicles that fly at a moment: a dot each, and lines between those in one
-    state in which they hear each other."""
+    """Draw a dot for each vehicle that flies at a moment, and lines between those in one state
+    whose behavior uses what the others publish."""
     places = {}
     for track, colour in coloured(run):
         here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)
@@ -158,18 +153,17 @@ def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
             edges += [a[0], b[0], np.nan]
             sides += [a[1], b[1], np.nan]
     joined = line("", np.array(edges), np.array(sides), "soft", 0.7)
-    dots = {
-        "type": "scatter",
-        "mode": "markers+text",
-        "x": [p[0] for p in places.values()],
-        "y": [p[1] for p in places.values()],
-        "text": [f"{moment:.0f}", *[""] * (len(places) - 1)],
-        "textposition": "top center",
-        "textfont": {"size": 10, "color": "ink"},
-        "marker": {"size": 9, "color": [p[3] for p in places.values()]},
-        "customdata": [[name, p[2]] for name, p in places.items()],
-        "hovertemplate": f"%{{customdata[0]}} at {moment:.1f} s, %{{customdata[1]:.2f}} m high"
-        "<extra></extra>",
-        "showlegend": False,
-    }
+    dots = markers(
+        "in the air",
+        [p[0] for p in places.values()],
+        [p[1] for p in places.values()],
+        {"size": 9, "color": [p[3] for p in places.values()]},
+        f"%{{customdata[0]}} at {moment:.1f} s, %{{customdata[1]:.2f}} m high",
+        mode="markers+text",
+        text=[f"{moment:.0f}", *[""] * (len(places) - 1)],
+        textposition="top center",
+        textfont={"size": 10, "color": "ink"},
+        customdata=[[name, p[2]] for name, p in places.items()],
+        showlegend=False,
+    )
     return [{**joined, "showlegend": False}, dots]

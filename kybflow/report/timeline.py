@@ -24,16 +24,17 @@ _GREY = "#9aa3ad"
 _BAR, _LANE, _MARKS, _GAP, _LEVEL = 28.0, 15.0, 20.0, 14.0, 13.0
 """Pixels: a bar, a lane, the room for marks below a bar, between rows, a level of labels."""
 _LEVELS, _WIDTH, _LETTER = 3, 920.0, 6.6
-"""Levels of labels above a bar; pixels of the time axis, of a letter."""
+"""Levels of labels above a bar; pixels of the time axis and of a letter."""
 _NOTE = (
-    "Bars are behaviors or phases; marks below are events, all of which stand in the table of "
-    "events. Hover for details; drag to zoom."
+    "Bars are behaviors or phases; marks below them are events, as in the table of events. Hover "
+    "for details; drag to zoom."
 )
 
 
 def timeline(run: Run) -> Figure:
-    """A row a vehicle and a flow: behaviors or phases as bars, events as marks below them; under a
-    vehicle's row a lane each for its faults, holds and estimators, where it had any to tell."""
+    """Draw a row for each vehicle and flow, with behaviors or phases as bars and events as marks
+    below; under a vehicle's row a lane each for its faults, holds, clamps and estimators, if any.
+    The y axis counts pixels from the top."""
     visits = {track.name: track.visits for track in run.tracks} | _phases(run)
     colours = _visit_colours([visit for own in visits.values() for visit in own])
     traces: list[dict[str, Any]] = []
@@ -46,33 +47,24 @@ def timeline(run: Run) -> Figure:
         texts, above = narrow_labels(own, max(run.end, 0.1))
         middle = down + above + _BAR / 2
         ticks[row], marked[row] = middle, middle + _BAR / 2 + 9.0
-        traces += [_bar(v, middle, colours[v.name], v not in texts) for v in own]
+        traces += [_visit(v, middle, colours[v.name], v not in texts) for v in own]
         labels += [_label(v, middle - _BAR / 2, level) for v, level in texts.items()]
         down = middle + _BAR / 2 + _MARKS
         for kind, shown in lanes.get(row, {}).items():
             ticks[f"{row}, {kind}"] = down + _LANE / 2
-            traces += [_strip(interval, down + _LANE / 2) for interval in shown]
+            traces += [_interval(interval, down + _LANE / 2) for interval in shown]
             down += _LANE + 3.0
         down += _GAP
     if any(not event["vehicle"] for event in run.events):
         marked["run"] = ticks["run"] = down
         down += 2 * _GAP
     traces += marks(run, marked)
-    return Figure(
-        "timeline", "Behaviors and events", _NOTE, traces, _layout(run, ticks, labels, down)
-    )
-
-
-def _layout(
-    run: Run, ticks: dict[str, float], labels: list[dict[str, Any]], height: float
-) -> dict[str, Any]:
-    """Its y axis counts pixels from the top."""
-    return {
+    layout = {
         "xaxis": time_axis(run),
         "yaxis": {
             "tickvals": list(ticks.values()),
             "ticktext": list(ticks),
-            "range": [height, -6.0],
+            "range": [down, -6.0],
             "fixedrange": True,
             "showgrid": False,
             "zeroline": False,
@@ -80,15 +72,16 @@ def _layout(
         "annotations": labels,
         "barmode": "overlay",
         "uniformtext": {"minsize": 9, "mode": "hide"},
-        "height": round(100 + height),
+        "height": round(100 + down),
         "hovermode": "closest",
         "showlegend": True,
     }
+    return Figure("timeline", "Behaviors and events", _NOTE, traces, layout)
 
 
 def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateVisit, int], float]:
-    """(the visits whose name does not fit into their bar, each with its level above it, how many
-    pixels those need); what has no room on the top level has none."""
+    """Return (the level above the bar for each visit whose name doesn't fit into it, the pixels
+    that the levels need). A name that fits on no level is left out."""
     each = _WIDTH / end
     free = [float("-inf")] * _LEVELS
     levels: dict[StateVisit, int] = {}
@@ -105,7 +98,7 @@ def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateV
 
 
 def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
-    """For each vehicle, what its lanes show. One estimator all the time is no lane."""
+    """Return the lanes of each vehicle. A single estimator needs no lane."""
     found: dict[str, dict[str, list[Interval]]] = {}
     lasting = faults_and_holds(run)
     for name, used in estimators_in_use(run).items():
@@ -121,7 +114,7 @@ def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
 
 
 def _label(visit: StateVisit, top: float, level: int) -> dict[str, Any]:
-    """A name above its bar, with a line down to it."""
+    """Return a name above its bar, with a line down to it."""
     return {
         "text": visit.name,
         "x": (visit.start + visit.end) / 2,
@@ -136,31 +129,51 @@ def _label(visit: StateVisit, top: float, level: int) -> dict[str, Any]:
     }
 
 
-def _strip(interval: Interval, middle: float) -> dict[str, Any]:
-    """A part of a lane, with its label in it."""
-    kind, label = interval.kind, interval.label
-    title = f"{kind}: {label}" if kind != label else label
-    time = f"{interval.start:.2f} to {interval.end:.2f} s"
+def _bar(
+    span: Interval | StateVisit, middle: float, width: float, text: str, title: str, more: str = ""
+) -> dict[str, Any]:
+    """Return a bar with a text in it. title, more: of its label, around its times."""
+    time = f"{span.start:.2f} to {span.end:.2f} s"
     return {
         "type": "bar",
         "orientation": "h",
-        "x": [interval.end - interval.start],
-        "base": [interval.start],
+        "x": [span.end - span.start],
+        "base": [span.start],
         "y": [middle],
-        "width": _LANE,
-        "text": [label],
+        "width": width,
+        "text": [text],
         "textposition": "inside",
-        "insidetextanchor": "start",
-        "insidetextfont": {"color": "ink", "size": 10},
-        "constraintext": "none",
-        "marker": {"color": TINTS.get(kind, "rgba(125,136,148,0.22)")},
-        "hovertemplate": f"<b>{title}</b><br>{time}<extra></extra>",
+        "hovertemplate": f"{title}<br>{time}{more}<extra></extra>",
         "showlegend": False,
     }
 
 
+def _interval(interval: Interval, middle: float) -> dict[str, Any]:
+    kind, label = interval.kind, interval.label
+    title = f"{kind}: {label}" if kind != label else label
+    return {
+        **_bar(interval, middle, _LANE, label, f"<b>{title}</b>"),
+        "insidetextanchor": "start",
+        "insidetextfont": {"color": "ink", "size": 10},
+        "constraintext": "none",
+        "marker": {"color": TINTS.get(kind, "rgba(125,136,148,0.22)")},
+    }
+
+
+def _visit(visit: StateVisit, middle: float, colour: str, named: bool) -> dict[str, Any]:
+    part = f" ({visit.part})" if visit.part and visit.part != visit.name else ""
+    ended = f"<br>ended: {visit.ended}" if visit.ended else ""
+    text, title = visit.name if named else "", f"<b>{visit.name}</b>{part}"
+    return {
+        **_bar(visit, middle, _BAR, text, title, ended),
+        "insidetextanchor": "middle",
+        "insidetextfont": {"color": "#10151b"},
+        "marker": {"color": colour, "line": {"color": "paper", "width": 1}},
+    }
+
+
 def _phases(run: Run) -> dict[str, list[StateVisit]]:
-    """The phases of each flow, by the flow's row."""
+    """Return the phases of each flow, by the name of its row."""
     found: dict[str, list[StateVisit]] = {}
     for event in run.events:
         fields = event["fields"]
@@ -175,28 +188,7 @@ def _phases(run: Run) -> dict[str, list[StateVisit]]:
 
 
 def _visit_colours(visits: Sequence[StateVisit]) -> dict[str, str]:
-    """A colour for each name; what no mission wrote is grey."""
+    """Return a colour for each name, grey for built-in states."""
     own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
     colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
     return {visit.name: colours.get(visit.name, _GREY) for visit in visits}
-
-
-def _bar(visit: StateVisit, middle: float, colour: str, named: bool) -> dict[str, Any]:
-    part = f" ({visit.part})" if visit.part and visit.part != visit.name else ""
-    ended = f"<br>ended: {visit.ended}" if visit.ended else ""
-    span = f"{visit.start:.2f} to {visit.end:.2f} s"
-    return {
-        "type": "bar",
-        "orientation": "h",
-        "x": [visit.end - visit.start],
-        "base": [visit.start],
-        "y": [middle],
-        "width": _BAR,
-        "text": [visit.name if named else ""],
-        "textposition": "inside",
-        "insidetextanchor": "middle",
-        "insidetextfont": {"color": "#10151b"},
-        "marker": {"color": colour, "line": {"color": "paper", "width": 1}},
-        "hovertemplate": f"<b>{visit.name}</b>{part}<br>{span}{ended}<extra></extra>",
-        "showlegend": False,
-    }

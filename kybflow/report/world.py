@@ -1,6 +1,5 @@
-"""The world of a run's mission read back from `mission.resolved.yaml`: its points and obstacles,
-those that were scanned from the copies of their files in the run folder.
-"""
+"""Reads the points and obstacles of a run from `mission.resolved.yaml`, and scanned obstacles from
+the copies of their files in the run folder."""
 
 from __future__ import annotations
 
@@ -30,8 +29,8 @@ class RecordedWorld:
 
 
 def read_world(path: Path) -> RecordedWorld:
-    """The world of the mission in `path`; an empty one without such a file. Raises ValueError for
-    one that no run has written."""
+    """Read the world of the mission in `path`, an empty one where there is no file. Raises
+    ValueError."""
     if not path.exists():
         return RecordedWorld()
     try:
@@ -43,7 +42,7 @@ def read_world(path: Path) -> RecordedWorld:
             if "moving_sphere" not in found and (shape := _shape(found, path.parent))
         }
     except (yaml.YAMLError, FileError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"`{path.name}` has no world that can be read: {error}") from error
+        raise ValueError(f"`{path.name}` has no readable world: {error}") from error
     return RecordedWorld(points, obstacles)
 
 
@@ -65,7 +64,7 @@ def _shape(obstacle: dict[str, Any], folder: Path) -> Shape | None:
 
 
 def _cloud(of: dict[str, Any], folder: Path) -> PointCloud | None:
-    """A point cloud from the copy of its file in the run folder, None where there is none."""
+    """Read a point cloud from the copy of its file, None where there is none."""
     file = _copy(folder, of["file"])
     if file is None:
         return None
@@ -78,7 +77,7 @@ def _cloud(of: dict[str, Any], folder: Path) -> PointCloud | None:
 
 
 def _columns(of: dict[str, Any], folder: Path) -> Columns | None:
-    """A map from the copies of its files in the run folder, None where one is missing."""
+    """Read a map from the copies of its files, None where one is missing."""
     file = _copy(folder, of["file"])
     info = None if file is None else read_info(file)
     image = None if info is None else _copy((folder / of["file"]).parent, info.image)
@@ -90,7 +89,7 @@ def _columns(of: dict[str, Any], folder: Path) -> Columns | None:
 
 
 def _copy(folder: Path, name: str) -> File | None:
-    """The copy of a mission's file in a run folder, None where there is none."""
+    """Read the copy of a mission's file in a run folder, None where there is none."""
     try:
         text = (folder / name).read_bytes().decode("utf-8-sig", "surrogateescape")
     except OSError:

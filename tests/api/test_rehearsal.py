@@ -429,7 +429,7 @@ def test_a_watch_that_fails_is_no_clean_rehearsal(
     def raises(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("kybflow.api.rehearsal.watch.Watch.look", raises)
+    monkeypatch.setattr("kybflow.api.rehearsal.watch.Watch.on_tick", raises)
 
     with pytest.raises(RuntimeError, match="could not be watched: ZeroDivisionError"):
         rehearsed(ALONE, tmp_path)

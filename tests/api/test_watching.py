@@ -1,4 +1,4 @@
-"""Who sees the moving obstacles: the system that tracks a vehicle, or a simulated one."""
+"""The pose streams of moving obstacles: from the system that tracks a vehicle, or simulated."""
 
 from __future__ import annotations
 

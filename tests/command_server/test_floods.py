@@ -19,7 +19,13 @@ from short_flights import down, hold, named, path, up
 
 from kybflow.api import flight
 from kybflow.api.flight import RunRequest, fly
-from kybflow.command_server.server import CROWD, CUT, TOLD_EVERY, UNREADABLE, CommandServer
+from kybflow.command_server.server import (
+    CUT_OFF,
+    REPORT_PERIOD,
+    TOO_MANY,
+    UNREADABLE,
+    CommandServer,
+)
 from kybflow.core.signals import NS
 from kybflow.runtime.clock import SimulatedClock
 from kybflow.runtime.engine import Engine
@@ -169,7 +175,7 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., F
                 if is_over and own.state == "hold":
                     own.requests.switch("down", Requester.OPERATOR)
 
-            flown = fly(flying, request, (told.append, server.hear), (lands,), (server.serve,))
+            flown = fly(flying, request, (told.append, server.on_event), (lands,), (server.serve,))
             assert program.poll() is not None, "the flood outlasted the flight"
             said = program.communicate()[0]
         assert flown.exit_code == 0, flown.summary["reason"]
@@ -217,7 +223,7 @@ def test_fuzzed_messages(count: int, beside: Callable[..., Flown], calm: Flown) 
     counted = flown.server.refused
     assert counted[UNREADABLE] > 0.9 * sent
     assert refused >= counted[UNREADABLE]
-    most = 2 + flown.told[-1].time / NS / TOLD_EVERY
+    most = 2 + flown.told[-1].time / NS / REPORT_PERIOD
     assert 1 <= len(named(flown.told, "clients_refused")) <= most
     is_as_punctual(flown, calm)
 
@@ -228,14 +234,14 @@ def test_a_thousand_clients(beside: Callable[..., Flown], calm: Flown) -> None:
     clients, answered = map(int, flown.said.split())
     assert clients == 1000
     assert answered <= 64
-    assert flown.server.refused[CROWD] == clients - 64
+    assert flown.server.refused[TOO_MANY] == clients - 64
     is_as_punctual(flown, calm)
 
 
 @pytest.mark.thorough
 def test_a_client_that_is_killed(beside: Callable[..., Flown]) -> None:
     flown = beside(KILLED, seconds=5.0)
-    assert flown.server.refused == {CUT: 1}
+    assert flown.server.refused == {CUT_OFF: 1}
     assert [event.fields["reason"] for event in named(flown.told, "clients_refused")] == [
-        f"1 {CUT}"
+        f"1 {CUT_OFF}"
     ]

@@ -21,11 +21,11 @@ from kybflow.command_server import server
 from kybflow.command_server.client import CommandRefused, RunClient, RunUnreachable, connect
 from kybflow.command_server.protocol import LONGEST_LINE, command, introduction, question
 from kybflow.command_server.server import (
-    CUT,
-    GUESTS,
+    CUT_OFF,
     MOST_CLIENTS,
-    SLOW,
-    STRANGERS,
+    MOST_RESTRICTED,
+    OTHER_USERS,
+    SLOW_READERS,
     UNREADABLE,
     CommandServer,
 )
@@ -106,11 +106,11 @@ def test_the_state_is_asked_in_the_tick(run: Served) -> None:
 
 def test_who_watches_hears_events_until_the_run_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     with served(monkeypatch.setenv) as run:
-        run.server.hear(Event(NS, "too_early", "", {}))
+        run.server.on_event(Event(NS, "too_early", "", {}))
         with run.client() as anna:
             heard = anna.watch()
         for k in range(3):
-            run.server.hear(Event(k * NS, "landed", "mk", {"reason": None}, "a.yaml:3"))
+            run.server.on_event(Event(k * NS, "landed", "mk", {"reason": None}, "a.yaml:3"))
         assert next(heard) == {
             "t_s": 0.0, "event": "landed", "vehicle": "mk", "at": "a.yaml:3",
             "fields": {"reason": None},
@@ -118,7 +118,7 @@ def test_who_watches_hears_events_until_the_run_is_over(monkeypatch: pytest.Monk
         rest: list[float] = []
         reader = threading.Thread(target=lambda: rest.extend(said["t_s"] for said in heard))
         reader.start()
-        run.server.hear(Event(7 * NS, "run_ended", "", {}))
+        run.server.on_event(Event(7 * NS, "run_ended", "", {}))
     reader.join()
     assert rest == [1.0, 2.0, 7.0]
 
@@ -128,7 +128,7 @@ def test_events_that_come_too_fast_are_counted(monkeypatch: pytest.MonkeyPatch) 
     watched = CommandServer()
     watched.watched(True)
     for k in range(5):
-        watched.hear(Event(k * NS, "landed", "mk", {}))
+        watched.on_event(Event(k * NS, "landed", "mk", {}))
     *told, last = [json.loads(line) for line in watched.events()]
     assert ([one["event"]["t_s"] for one in told], last) == ([0.0, 1.0], {"missed": 3})
     assert list(watched.events()) == []
@@ -140,7 +140,7 @@ def test_every_event_is_heard_or_counted(monkeypatch: pytest.MonkeyPatch) -> Non
         with run.client() as anna:
             heard = anna.watch()
         for k in range(5000):
-            run.server.hear(Event(k, "landed", "mk", {}))
+            run.server.on_event(Event(k, "landed", "mk", {}))
     assert sum(one["fields"].get("count", 1) for one in heard) == 5000
 
 
@@ -169,7 +169,7 @@ def test_a_client_killed_in_the_middle_of_a_message_loses_only_that(run: Served)
     raw = run.raw()
     raw.send(command(1, "pause mk") + command(2, "land")[:-9])
     raw.close()
-    run.until_refused(CUT, 1)
+    run.until_refused(CUT_OFF, 1)
     with run.client() as anna:
         anna.state()
     assert spoken(run) == ["pause mk"]
@@ -223,7 +223,7 @@ def test_guests_make_room_for_others_who_would_land_it(
     monkeypatch.setattr(server, "MOST_CLIENTS", 1)
     with run.client("anna") as anna:
         assert anna.state()
-        guests = [run.raw() for _ in range(GUESTS)]
+        guests = [run.raw() for _ in range(MOST_RESTRICTED)]
         with pytest.raises(CommandRefused, match="clients beyond"):
             run.client("ben").land()
         monkeypatch.setattr(server, "IDLE_CLIENT", 0.0)
@@ -235,15 +235,15 @@ def test_guests_make_room_for_others_who_would_land_it(
 
 
 def test_what_was_refused_last_is_told_when_the_run_ends(run: Served) -> None:
-    [untold] = run.queue.last_words
-    assert untold() == ""
+    [unreported] = run.queue.last_words
+    assert unreported() == ""
     raw = run.raw()
     for _ in range(2):
         raw.send(b"no json\n").read()
-        until(lambda: run.server.has_untold or run.told, "the refusal")
+        until(lambda: run.server.has_unreported or run.told, "the refusal")
     until(lambda: run.told, "the first")
-    assert untold() == f"1 {UNREADABLE}"
-    assert untold() == ""
+    assert unreported() == f"1 {UNREADABLE}"
+    assert unreported() == ""
     raw.close()
 
 
@@ -263,10 +263,10 @@ def test_who_does_not_read_is_let_go(run: Served) -> None:
         raw.read()
         big = Event(0, "logged", "", {"text": "x" * 50_000})
         deadline = time.monotonic() + 60
-        while not run.server.refused[SLOW] and time.monotonic() < deadline:
-            run.server.hear(big)
+        while not run.server.refused[SLOW_READERS] and time.monotonic() < deadline:
+            run.server.on_event(big)
             time.sleep(0.0005)
-    assert run.server.refused == {SLOW: 1}
+    assert run.server.refused == {SLOW_READERS: 1}
 
 
 def test_who_asks_without_reading_waits_and_takes_no_room(run: Served) -> None:
@@ -336,8 +336,8 @@ def test_another_users_process_is_refused_twice(run: Served) -> None:
     for folder in (run.path.parent, run.path.parent.parent):
         folder.chmod(0o755)
     tried = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert STRANGERS in tried.stdout
-    assert run.server.refused == {STRANGERS: 1}
+    assert OTHER_USERS in tried.stdout
+    assert run.server.refused == {OTHER_USERS: 1}
     assert run.given == []
 
 
@@ -375,14 +375,14 @@ def test_a_failing_server_is_told_and_ends(run: Served, monkeypatch: pytest.Monk
         run.client()
     until(lambda: run.failed, "the event")
     assert run.failed[0].startswith("TypeError: ")
-    with pytest.raises(RunUnreachable, match="nobody answers"):
+    with pytest.raises(RunUnreachable, match="no run answers"):
         run.client()
 
 
 def test_an_unwatched_server_keeps_no_events() -> None:
     served = CommandServer()
     for _ in range(3):
-        served.hear(Event(0, "landed", "mk", {}))
+        served.on_event(Event(0, "landed", "mk", {}))
     assert list(served.events()) == []
 
 

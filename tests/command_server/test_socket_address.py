@@ -181,7 +181,7 @@ def test_the_folder_of_a_killed_run_says_so(
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"socket": 3}', "\ufffd"])
 def test_a_broken_address_is_told(user: Path, tmp_path: Path, text: str) -> None:
     (tmp_path / "control.json").write_text(text)
-    with pytest.raises(RunNotFound, match="doesn't say where the run is"):
+    with pytest.raises(RunNotFound, match="has no path of a socket"):
         find_run(str(tmp_path))
 
 

@@ -150,15 +150,15 @@ def test_pictures_stand_camera_by_camera_in_the_page_of_their_estimator(run):
     )
     page = render(replace(run, pictures=pictures))
     assert page.count('src="data:image/jpeg;base64,/9j/') == 3
-    for caption in ("1.50 s: 2 tags used, 1 left out", "3.00 s: no pose", "4.50 s: 0 tags used"):
+    for caption in ("1.50 s: 2 tags used, 1 rejected", "3.00 s: no pose", "4.50 s: 0 tags used"):
         assert f"<figcaption>{caption}</figcaption>" in page
-    assert page.count("<h3>What camera") == 2
+    assert page.count("<h3>Camera") == 2
 
 
 def test_without_a_truth_nothing_is_claimed(tmp_path):
     run = read_run(write(tmp_path, truth=None))
     body = render(run)
-    assert "nobody knows better" in body
+    assert "because the truth is unknown" in body
     row = next(row for row in re.findall(r"<tr>(.*?)</tr>", body) if ">tags<" in row)
     assert re.sub(r"<[^>]+>", " ", row).split() == [
         "mk", "tags", "75.0", "%", *["\N{EN DASH}"] * 5, "40", "40",
@@ -170,7 +170,7 @@ def test_without_a_truth_nothing_is_claimed(tmp_path):
 def test_a_lone_estimator_is_folded_up_and_says_once_how_it_was(tmp_path):
     run = read_run(write(tmp_path, names=("mocap",)))
     body = render(run)
-    assert "what it flew on" not in body
+    assert "<i>in use</i>" not in body
     assert '<details class="page"><summary>mk: mocap</summary>' in body
 
 

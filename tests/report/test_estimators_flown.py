@@ -88,4 +88,4 @@ def test_the_page_shows_all_of_it(run):
     assert page.count('<details class="page" open>') == 2
     assert page.count("data:image/jpeg;base64,") == len(run.pictures)
     assert "<summary>2 changes</summary>" in page
-    assert "<i>what it flew on</i>" in page
+    assert "<i>in use</i>" in page

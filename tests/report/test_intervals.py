@@ -131,7 +131,7 @@ def test_a_name_that_does_not_fit_stands_above_its_bar():
 def test_every_event_stands_in_the_page(run):
     page = re.sub(r"<script.*?</script>", "", render(run), flags=re.DOTALL)
     notable, every = page.split("<summary>All 14</summary>")
-    assert "<summary>12 out of the ordinary</summary>" in notable
+    assert "<summary>12 unusual</summary>" in notable
     assert every.count("eight.yaml:7</code>") == 14
     assert all(f">{e['event']}<" in every for e in TOLD)
     rows = re.findall(r"<tr><td class=\"number\">[\d.]+</td>.*?</tr>", notable)[-12:]

@@ -55,7 +55,7 @@ def test_the_world_is_read_from_the_resolved_mission(tmp_path):
 def test_a_world_that_no_run_has_written_is_an_error(tmp_path, text):
     path = tmp_path / "mission.resolved.yaml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(ValueError, match="no world that can be read"):
+    with pytest.raises(ValueError, match="no readable world"):
         read_world(path)
 
 
@@ -79,14 +79,14 @@ def test_every_obstacle_and_point_has_its_name(run):
     [points] = [t for t in figure.traces if t["name"] == "named point"]
     assert points["text"] == ["", "pad, above"]
     assert points["customdata"] == ["pillar", "pad, above"]
-    assert "Level, so not drawn: floor." in figure.note
-    assert "Farther away than this map reaches: obstacle mast." in figure.note
+    assert "Not drawn because horizontal: floor." in figure.note
+    assert "Outside this map: obstacle mast." in figure.note
 
 
 def test_a_fence_far_away_does_not_squash_the_path(run):
     far = replace(run, mission={**run.mission, "fence": [[-90, -90, 0], [90, 90, 30]]})
     figure = path_map(far)
-    assert "Farther away than this map reaches: the fence" in figure.note
+    assert "Outside this map: the fence" in figure.note
     low, high = figure.layout["xaxis"]["range"]
     assert high - low < 8.0
 

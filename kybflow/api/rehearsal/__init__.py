@@ -1,6 +1,7 @@
-"""The rehearsal: a plan, flown by the engine in a moment on ideal vehicles before anything arms.
+"""The rehearsal: the engine flies a plan on ideal vehicles, as fast as it can, before anything
+arms.
 
-`ideal` puts ideal vehicles in place of all that is hardware or simulated; `person` gives the events
-that a person would; `watch` looks on and makes findings; `rehearse` joins them; `telling` has what
-came of it as text. What a finding says is in `kybflow.dsl.rehearsed`.
+`ideal` replaces hardware and simulators by ideal vehicles; `person` gives the events that a person
+would give; `watch` makes the findings, with `arrivals` for its hints; `rehearse` joins them;
+`report` formats the result. The texts of findings are in `kybflow.dsl.rehearsed`.
 """

@@ -1,7 +1,8 @@
-"""What a phase could say so that two vehicles that it asks at once stay apart.
+"""Finds the `arrive` of a phase that keeps two of its vehicles apart.
 
-In turns, each passes the other where that one still is, or already is. Together, at one pace, each
-sees the other move on a straight line (`kybflow.flight.profiles.Pace`).
+With `in_turns`, one vehicle passes the other at the beginning or the end of its way. With
+`together`, both fly at one pace, so that their relative motion is a straight line
+(`kybflow.flight.profiles.Pace`).
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 
 
 class StraightWay(NamedTuple):
-    """What a phase lets a vehicle fly: from `begin` straight to `end` (world, metres), None where
-    it is no straight line or nobody knows."""
+    """A vehicle's way in a phase, from `begin` straight to `end` (world, metres); `end` is None
+    where the way isn't straight or isn't known."""
 
     vehicle: str
     begin: Vec3
@@ -28,7 +29,7 @@ class StraightWay(NamedTuple):
 
 
 class Arrivals:
-    """The phases of one engine, and where each behavior that they asked for began (world, m)."""
+    """The ways of an engine's phases, from the positions at which behaviors began (world, m)."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -36,15 +37,15 @@ class Arrivals:
         self._began: dict[tuple[str, str], Vec3] = {}
 
     def started(self, event: Event) -> None:
-        """Note where a behavior begins; called with each `behavior_started`."""
+        """Note the position at which a behavior begins, on each `behavior_started`."""
         truth = self._vehicles[event.vehicle].truth
         if truth is not None:
             self._began[event.vehicle, str(event.fields["behavior"])] = truth.position
 
     def apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
-        """Return what the phase that lets two vehicles fly at once could say to keep them `needed`
-        metres apart, None where it is no phase, it says so already, or one does what it was asked
-        for with a group, whose members come at once."""
+        """Return how the phase that flies two vehicles at once could keep them `needed` metres
+        apart. None where no phase flies them, it does so already, or one flies with its group,
+        whose members arrive together."""
         for flow in self._engine.plan.flows:
             running = self._engine.flows.running(flow.name)
             if not running.active or not {one.name, other.name} <= running.phase.run.keys():
@@ -52,34 +53,31 @@ class Arrivals:
             if not any(running.is_in_its_state(v.name, v.state) for v in (one, other)):
                 continue
             phase = running.phase
-            if any(_is_joint(vehicle, phase) for vehicle in (one, other)):
-                return None
+            for vehicle in (one, other):
+                behavior = vehicle.plan.states[phase.run[vehicle.name].state].behavior
+                if named_in(behavior.params, "group"):
+                    return None
             return arrival(phase, self._way(one, phase), self._way(other, phase), needed)
         return None
 
     def _way(self, vehicle: Vehicle, phase: PhasePlan) -> StraightWay:
-        """Return what a phase lets a vehicle fly, from where it was when it began."""
         name = vehicle.name
         request = phase.run[name]
         cls = vehicle.plan.states[request.state].behavior.cls
         begin = self._began.get((name, request.state))
         params = vehicle.runner.params_of(request.state, request.values)
-        told = cls.footprint(params, begin)
-        is_straight = told is not None and len(told.points) == 2 and not told.path
-        end = told.exit if told is not None and is_straight else None
+        flown = cls.footprint(params, begin)
+        end = None
+        if flown is not None and len(flown.points) == 2 and not flown.path:
+            end = flown.exit
         return StraightWay(name, begin or vehicle.context.start, end, cls.keeps_pace)
-
-
-def _is_joint(vehicle: Vehicle, phase: PhasePlan) -> bool:
-    behavior = vehicle.plan.states[phase.run[vehicle.name].state].behavior
-    return bool(named_in(behavior.params, "group"))
 
 
 def arrival(
     phase: PhasePlan, one: StraightWay, other: StraightWay, needed: float
 ) -> Arrival | None:
-    """Return what the phase could say to keep two of its vehicles `needed` metres apart, None where
-    nothing does, or where it lets them arrive in turns already."""
+    """Return how the phase could keep two of its vehicles `needed` metres apart. None where it
+    can't, or where they arrive in turns already."""
     if phase.arrive == "in_turns":
         return None
     if one.end is None or other.end is None:
@@ -99,7 +97,7 @@ def arrival(
 
 
 def _in_turns(first: StraightWay, second: StraightWay) -> float:
-    """The least distance of two vehicles of which the first flies before the second."""
+    """The least distance between two vehicles where the first flies before the second."""
     assert first.end is not None
     assert second.end is not None
     ahead = least_distance(sub(first.begin, second.begin), sub(first.end, second.begin))

@@ -1,9 +1,9 @@
-"""The plan of a rehearsal: the same mission on ideal vehicles.
+"""The plan of a rehearsal: the mission on ideal vehicles.
 
-Drivers become `kinematic`; estimators and trackers become those below, which know the truth and
-pass each setpoint on, under the names and with the options of the mission's. Sensors and faults are
-left out, and with faults the expectations, which may be about them; processors, supervisors,
-behaviors and flows stay as they are. An input that a person moves rests at its centre.
+Every driver becomes `kinematic`. Estimators become TrueState and trackers PassOn, with the names
+and options of the originals. The plan leaves out sensors and faults; where there are faults, also
+the expectations, which may be about them. Processors, supervisors, behaviors and flows stay. An
+input that a person moves rests at its centre.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ from kybflow.core.signals import (
 )
 from kybflow.drivers.kinematic import Kinematic, KinematicParams
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan, VehiclePlan
+from kybflow.inputs.rows import InputRow, head, line
 from kybflow.parts import Estimator, Tracker
 from kybflow.world.vehicle_context import VehicleContext
 
 RATE = 25
-"""Control rate, Hz: ideal vehicles miss nothing in between, and what goes wrong lasts longer."""
+"""Control rate, Hz: enough for ideal vehicles, and every finding lasts longer than a period."""
 _KINDS = {
     SetpointKind.POSITION: CommandKind.POSITION,
     SetpointKind.VELOCITY: CommandKind.VELOCITY,
@@ -39,7 +40,7 @@ _KINDS = {
 
 
 class TrueState(Estimator[Any]):
-    """The vehicle's odometry, which is exact and not late."""
+    """Returns the vehicle's odometry, which is exact and has no delay."""
 
     needs = frozenset({Odometry})
 
@@ -52,7 +53,7 @@ class TrueState(Estimator[Any]):
 
 
 class PassOn(Tracker[Any]):
-    """Commands each setpoint as it is."""
+    """Turns each setpoint into a command unchanged."""
 
     accepts = frozenset(_KINDS)
     emits = CommandKind.POSITION
@@ -70,7 +71,6 @@ class PassOn(Tracker[Any]):
 
 
 def ideal(plan: Plan) -> Plan:
-    """Return the plan that is rehearsed."""
     return replace(
         plan,
         simulated=True,
@@ -83,17 +83,13 @@ def ideal(plan: Plan) -> Plan:
 
 
 def at_rest(plan: Plan) -> dict[str, str]:
-    """Return the record that stands in for each input that a person moves, by name: all axes
-    centred."""
-    return {
-        own.name: _centred(own.part.cls.axes(own.part.params))
-        for own in plan.inputs
-        if own.part.cls.real_time(own.part.params)
-    }
-
-
-def _centred(axes: Sequence[str]) -> str:
-    return f"t,{','.join(axes)},buttons,lost\n0,{','.join('0' for _ in axes)},,\n"
+    """Return a record with all axes centred for each input that a person moves, by name."""
+    found = {}
+    for own in plan.inputs:
+        if own.part.cls.real_time(own.part.params):
+            axes = own.part.cls.axes(own.part.params)
+            found[own.name] = head(axes) + line(InputRow(0, dict.fromkeys(axes, 0.0)), axes)
+    return found
 
 
 def _vehicle(vehicle: VehiclePlan) -> VehiclePlan:

@@ -1,11 +1,10 @@
 """Gives a rehearsal the events that a person would give.
 
-An event is given two seconds after it is waited for: something that can't go on by itself hears it.
-That is a state whose behavior never ends by itself, or a phase all of whose vehicles are in such
-states. Of several events that one thing hears, the first is given that was not given there before,
-so that a mission that goes round and round on a button comes out in the end. Where nothing in the
-mission goes on by itself, that is also true of what callbacks hear. An event that was given a time
-(`--emit`) is never assumed; nor are the buttons of an input that a file moves.
+A state whose behavior is endless waits for events, and so does a phase all of whose vehicles are in
+such states. After two seconds of waiting, the person gives it the first event that it has not been
+given before, so that a mission that loops on a button ends at last. Where everything waits, the
+person also gives the events of callbacks. Events with a time of their own (`--emit`) and buttons of
+an input that a file moves are never given.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ AFTER = 2 * NS
 
 
 class Assumed(NamedTuple):
-    """An event that was assumed: when, and what waited for it."""
+    """An event that the rehearsal gave. waiting: the state or phase that waited for it."""
 
     seconds: float
     name: str
@@ -36,7 +35,7 @@ class Assumed(NamedTuple):
 
 
 class _Listener(NamedTuple):
-    """Something that waits: what it is called, and the person's events that it hears."""
+    """A state or phase that waits, with the person's events that lead on."""
 
     name: str
     events: tuple[str, ...]
@@ -55,33 +54,28 @@ class Person:
         self._always = tuple(sorted(heard_always(plan) & self._names))
         self._commands = commands
         self._since: dict[str, tuple[Time, Time]] = {}
-        self._told: set[tuple[str, str]] = set()
+        self._given: set[tuple[str, str]] = set()
 
     def __call__(self, engine: Engine) -> None:
         if not self._names or not engine.flying:
             return
         now, waiting = engine.clock.now, {one.name: one for one in self._waiting(engine)}
+        before = self._since
         self._since = {
-            name: (one.begun, since if since is not None else now)
+            name: before[name] if before.get(name, (None,))[0] == one.begun else (one.begun, now)
             for name, one in waiting.items()
-            for since in (self._kept(name, one.begun),)
         }
         for name, one in waiting.items():
             if now - self._since[name][1] < AFTER:
                 continue
-            event = next((e for e in one.events if (name, e) not in self._told), None)
+            event = next((e for e in one.events if (name, e) not in self._given), None)
             if event is not None:
-                self._told.add((name, event))
+                self._given.add((name, event))
                 self._give(event, name, engine)
-                return  # what it changes is seen first
-
-    def _kept(self, name: str, begun: Time) -> Time | None:
-        """Since when something has waited that began at `begun`; None where it is new."""
-        before, since = self._since.get(name, (None, 0))
-        return since if before == begun else None
+                return  # one event a tick, because it may change who waits
 
     def _waiting(self, engine: Engine) -> Iterator[_Listener]:
-        resting = {v.name: v for v in engine.vehicles if waits(v)}
+        resting = {v.name: v for v in engine.vehicles if _waits(v)}
         goes_on = len(resting) < len(engine.vehicles)
         for vehicle in resting.values():
             state = vehicle.runner.state
@@ -113,25 +107,25 @@ class Person:
             self._commands.scheduled.appendleft((engine.clock.now, command))
 
 
-def waits(vehicle: Vehicle) -> bool:
-    """Return whether a vehicle is in a behavior that does not end by itself."""
+def _waits(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle's behavior is endless."""
     runner = vehicle.runner
     if not runner.begun:
         return False
     part = runner.state.behavior
     cls: type[Behavior[object]] = part.cls
     estimate = vehicle.estimate
-    told = cls.footprint(part.params, None if estimate is None else estimate.position)
-    return told is not None and told.is_endless
+    footprint = cls.footprint(part.params, None if estimate is None else estimate.position)
+    return footprint is not None and footprint.is_endless
 
 
 def _is_stuck(transitions: Iterable[TransitionPlan]) -> bool:
-    """Whether none of these leads on by time or by what is true."""
+    """Whether no transition fires by time or condition."""
     return all(t.implied or (t.when is None and t.after is None) for t in transitions)
 
 
 def _buttons(plan: Plan) -> Iterator[tuple[str, str]]:
-    """Each button of an input that a person moves, as the event that it is, with its line."""
+    """Yield each button of an input that a person moves, as its event and its mission line."""
     for own in plan.inputs:
         if own.part.cls.real_time(own.part.params):
             buttons: Mapping[str, str] = own.button_names

@@ -1,4 +1,4 @@
-"""Flies a plan once on ideal vehicles, as fast as it goes, and says what goes wrong in it."""
+"""Flies a plan once on ideal vehicles, as fast as it can, and collects the findings."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """What came of a rehearsal: the findings in order; how long the mission took, seconds; the
-    least distance of two vehicles and the least charge, None where there was none; and a person's
-    events that were assumed."""
+    """The result of a rehearsal. diagnostics: in order. duration: of the mission, seconds.
+    separation: None for a single vehicle. charge: None where no vehicle has a battery. assumed: the
+    events that the rehearsal gave as a person would."""
 
     mission: str
     target: str
@@ -44,7 +44,6 @@ class Rehearsal:
 
     @property
     def is_clean(self) -> bool:
-        """Whether no finding is an error."""
         return not has_errors(self.diagnostics)
 
 
@@ -54,9 +53,10 @@ def rehearse(
     options: Sequence[tuple[str, str]] = (),
     texts: Mapping[str, str] = NOTHING,
 ) -> Rehearsal:
-    """Rehearse `plan`. emitted: a person's events, as (seconds, name), in place of those that would
-    be assumed. options: changes of parts' parameters before take-off. texts: the mission's files,
-    for the spans of findings. Raises EventRefused and OptionRefused for those that can't be."""
+    """Rehearse `plan`. emitted: a person's events as (seconds, name), which are then not assumed.
+    options: changes of parts' parameters before take-off. texts: the mission's files, for the spans
+    of findings. Raises EventRefused for an event that nothing waits for, OptionRefused for an
+    option that can't be changed."""
     check_emitted(plan, (name for _, name in emitted))
     watch, commands = Watch(plan, texts), CommandQueue(emitted)
     person = Person(plan, commands, (name for _, name in emitted))
@@ -66,7 +66,11 @@ def rehearse(
         found = watch.diagnostics
         if not (found or person.assumed or at_rest(plan)):
             found = tuple(
-                rehearsed.unmet(v.text, v.at, _measured(v), texts) for v in verdicts if not v.held
+                rehearsed.unmet(
+                    v.text, v.at, "" if v.value is None else format_measured(v.value, v.unit), texts
+                )
+                for v in verdicts
+                if not v.held
             )
     except PartFailed as failure:
         found = (_not_made(plan, failure, texts),)
@@ -76,11 +80,6 @@ def rehearse(
     )  # fmt: skip
 
 
-def _measured(verdict: Verdict) -> str:
-    value = verdict.value
-    return "" if value is None else format_measured(value, verdict.unit)
-
-
 def _flown(
     plan: Plan,
     watch: Watch,
@@ -88,42 +87,33 @@ def _flown(
     commands: CommandQueue,
     options: Sequence[tuple[str, str]],
 ) -> tuple[float, tuple[Verdict, ...]]:
-    """Fly the ideal plan to its end; return how long it took, seconds, and what became of its
-    expectations."""
-    flown, blind = ideal(plan), _Blind()
-    events = Events((watch.hear, blind.hear))
+    """Fly the ideal plan to its end; return the duration in seconds and the verdicts of its
+    expectations. Raises RuntimeError where the watch or the person failed, because the findings are
+    then incomplete."""
+    failures: list[object] = []
+
+    def note_failure(event: Event) -> None:
+        if event.name == "observer_failed":
+            failures.append(event.fields["reason"])
+
+    flown = ideal(plan)
+    events = Events((watch.on_event, note_failure))
     clock, score = SimulatedClock(flown.control_rate), Score(flown)
     devices = open_devices(flown, 0, at_rest(plan))
     try:
         engine = assemble(
-            flown, devices, events, clock, score, observers=(watch.look, person),
+            flown, devices, events, clock, score, observers=(watch.on_tick, person),
             commands=commands, judge=PlanEntryJudge(plan), options=options,
         )  # fmt: skip
         watch.begin(engine)
         unfinished = engine.run()
         watch.end(engine)
-        blind.judge()
+        if failures:
+            raise RuntimeError(f"the rehearsal could not be watched: {failures[-1]}")
     finally:
         devices.close()
     seconds = engine.seconds()
     return seconds, engine.judge.verdicts(None if unfinished else seconds)
-
-
-class _Blind:
-    """Hears when something that looks on was left out because it raised: no finding is trusted
-    then."""
-
-    def __init__(self) -> None:
-        self._reason = ""
-
-    def hear(self, event: Event) -> None:
-        if event.name == "observer_failed":
-            self._reason = str(event.fields["reason"])
-
-    def judge(self) -> None:
-        """Raises RuntimeError when something was left out, which is a mistake of this program."""
-        if self._reason:
-            raise RuntimeError(f"the rehearsal could not be watched: {self._reason}")
 
 
 def _not_made(plan: Plan, failure: PartFailed, texts: Mapping[str, str]) -> Diagnostic:

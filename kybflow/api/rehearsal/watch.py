@@ -1,14 +1,14 @@
-"""Looks on at a rehearsal: hears its events, looks at its vehicles, and makes findings.
+"""Watches a rehearsal and makes findings from its events and from the vehicles' positions.
 
-Of what goes wrong with one vehicle in one state the first error and the first warning are kept, and
-nothing of what it does in a built-in state after that: one slip is told once.
+Each vehicle keeps the first error and the first warning of each state. After a finding, its
+built-in states make none, so that one mistake is reported once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import combinations
-from math import hypot, inf
+from math import dist, inf
 from typing import NamedTuple
 
 from kybflow.api.rehearsal.arrivals import Arrivals
@@ -26,13 +26,13 @@ from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 NEARLY = 0.3
-"""Seconds before the time limit."""
+"""Seconds before the time limit at which the unfinished flows and vehicles are noted."""
 LEFT = 0.01
-"""Metres outside of the fence that are no rounding."""
+"""Metres outside the fence that are no rounding error."""
 
 
 class LeastSeparation(NamedTuple):
-    """The least distance of two vehicles of which one flew, m: when, and which."""
+    """The least distance between two vehicles of which at least one flew."""
 
     metres: float
     seconds: float
@@ -40,15 +40,15 @@ class LeastSeparation(NamedTuple):
 
 
 class LeastCharge(NamedTuple):
-    """The least charge of a battery, 0 to 1, and whose."""
+    """The least charge of a battery, from 0 to 1, and its vehicle."""
 
     remaining: float
     vehicle: str
 
 
 class Watch:
-    """A listener of the events, and as `look` an observer of the engine. separation, charge: the
-    least ones so far, None before the first."""
+    """Receives the events of a rehearsal, and observes its engine after every tick. separation,
+    charge: the least so far, None before the first."""
 
     def __init__(self, plan: Plan, texts: Texts) -> None:
         self.separation: LeastSeparation | None = None
@@ -62,7 +62,7 @@ class Watch:
         self._before: dict[str, Vec3] = {}
         self._widest = 0.0
         self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
-        self._hearing = {
+        self._handlers = {
             "collided": self._collided,
             "landed_hard": self._landed_hard,
             "clamp_started": self._clamped,
@@ -77,28 +77,27 @@ class Watch:
         }
 
     def begin(self, engine: Engine) -> None:
-        """The engine is made."""
+        """Start with an engine; call it before the engine runs."""
         self._engine, self._arrivals = engine, Arrivals(engine)
-        self._hearing["behavior_started"] = self._arrivals.started
+        self._handlers["behavior_started"] = self._arrivals.started
         self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
         self._widest = 2.0 * max(map(_half_needed, engine.vehicles))
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """The findings so far; of two vehicles that collide nothing less."""
+        """The findings so far. A collision of two vehicles replaces all others of the pair."""
         hit = {key[1:] for key in self._found if key[0] == "KYB470"}
         return tuple(
             d for key, d in self._found.items() if key[0] == "KYB470" or key[1:] not in hit
         )
 
-    def hear(self, event: Event) -> None:
-        hearing = self._hearing.get(event.name)
-        if hearing is not None:
-            hearing(event)
+    def on_event(self, event: Event) -> None:
+        handler = self._handlers.get(event.name)
+        if handler is not None:
+            handler(event)
 
-    def look(self, engine: Engine) -> None:
-        """Compare where the vehicles are, and were at the last look, with each other and with the
-        fence."""
+    def on_tick(self, engine: Engine) -> None:
+        """Check the vehicles' batteries, and their positions against the fence and each other."""
         left = self._plan.time_limit - engine.seconds()
         if 0.0 < left < NEARLY:  # before the engine lands what still flies
             self._unfinished = (next(_unfinished(engine), None), self._states())
@@ -107,13 +106,17 @@ class Watch:
         for vehicle in engine.vehicles:
             battery = vehicle.battery
             if battery is not None:
-                self._note_charge(vehicle, battery.remaining)
+                if self.charge is None or battery.remaining < self.charge.remaining:
+                    self.charge = LeastCharge(battery.remaining, vehicle.name)
+                if battery.remaining <= 0.0 and vehicle.airborne:
+                    empty = rehearsed.battery_ended(self._doing(vehicle), self._texts)
+                    self._add(empty, vehicle.name)
             if vehicle.name in places and vehicle.airborne:
-                self._look_at_fence(vehicle, places[vehicle.name])
-        self._look_at_pairs(before, places)
+                self._check_fence(vehicle, places[vehicle.name])
+        self._check_pairs(before, places)
 
-    def _look_at_pairs(self, before: dict[str, Vec3], places: dict[str, Vec3]) -> None:
-        """Look at each two, but those that were too far apart all the time to tell anything."""
+    def _check_pairs(self, before: dict[str, Vec3], places: dict[str, Vec3]) -> None:
+        """Check every pair whose distance since the last tick may be a new least or too small."""
         known = [
             (vehicle, vehicle.airborne, places[vehicle.name], before[vehicle.name])
             for vehicle in self._vehicles.values()
@@ -121,14 +124,13 @@ class Watch:
         ]
         moved = 2.0 * max((distance(now, then) for *_, now, then in known), default=0.0)
         for (one, flies, here, was), (other, other_flies, there, went) in combinations(known, 2):
-            telling = inf if self.separation is None else self.separation.metres
-            if distance(here, there) < max(telling, self._widest) + moved and (
-                flies or other_flies
-            ):
-                self._note_gap(one, other, least_distance(sub(was, went), sub(here, there)))
+            least = inf if self.separation is None else self.separation.metres
+            near = distance(here, there) < max(least, self._widest) + moved
+            if near and (flies or other_flies):
+                self._check_gap(one, other, least_distance(sub(was, went), sub(here, there)))
 
     def end(self, engine: Engine) -> None:
-        """The engine has stopped."""
+        """Make the findings of the end, after the engine has stopped."""
         waiting, notes = self._unfinished
         if waiting is not None and engine.seconds() >= self._plan.time_limit:
             limit = self._plan.time_limit
@@ -140,13 +142,7 @@ class Watch:
                 found = rehearsed.common_place(own, beside, rests=True, texts=self._texts)
                 self._add(found, *pair)
 
-    def _note_charge(self, vehicle: Vehicle, remaining: float) -> None:
-        if self.charge is None or remaining < self.charge.remaining:
-            self.charge = LeastCharge(remaining, vehicle.name)
-        if remaining <= 0.0 and vehicle.airborne:
-            self._add(rehearsed.battery_ended(self._doing(vehicle), self._texts), vehicle.name)
-
-    def _note_gap(self, one: Vehicle, other: Vehicle, gap: float) -> None:
+    def _check_gap(self, one: Vehicle, other: Vehicle, gap: float) -> None:
         assert self._engine is not None
         if self.separation is None or gap < self.separation.metres:
             self.separation = LeastSeparation(gap, self._engine.seconds(), (one.name, other.name))
@@ -158,7 +154,7 @@ class Watch:
             found = rehearsed.too_close(own, beside, gap, needed, self._texts, mend)
             self._add(found, *sorted((one.name, other.name)))
 
-    def _look_at_fence(self, vehicle: Vehicle, place: Vec3) -> None:
+    def _check_fence(self, vehicle: Vehicle, place: Vec3) -> None:
         fence = vehicle.context.fence
         if fence is None:
             return
@@ -170,7 +166,7 @@ class Watch:
             found = rehearsed.left_the_fence(
                 self._doing(vehicle), why, "", is_vertical=False, texts=self._texts
             )
-            self._add_of(vehicle, vehicle.runner.state, found)
+            self._add_in(vehicle.runner.state, vehicle, found)
 
     def _collided(self, event: Event) -> None:
         vehicle, into = self._vehicles[event.vehicle], str(event.fields["into"])
@@ -187,7 +183,7 @@ class Watch:
         vehicle, speed = self._vehicles[event.vehicle], event.fields["speed"]
         assert isinstance(speed, float)
         found = rehearsed.landed_hard(self._doing(vehicle), speed, self._texts)
-        self._add_of(vehicle, vehicle.runner.state, found)
+        self._add_in(vehicle.runner.state, vehicle, found)
 
     def _clamped(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
@@ -197,12 +193,12 @@ class Watch:
         found = rehearsed.left_the_fence(
             own, why, event.at, is_vertical=GROUND in vehicle.runner.leg, texts=self._texts
         )
-        self._add_of(vehicle, vehicle.runner.state, found)
+        self._add_in(vehicle.runner.state, vehicle, found)
 
     def _failsafe(self, event: Event) -> None:
         vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
         if vehicle.requests.retired == why:
-            return  # the engine lands it at the time limit, which is told otherwise
+            return  # the engine lands it at the time limit, which has a finding of its own
         own, reaction = self._doing(vehicle), str(event.fields["reaction"])
         named = [o for o in self._vehicles.values() if f"`{o.name}`" in why]
         others, bound = tuple(self._doing(other).note for other in named), event.fields.get("bound")
@@ -210,7 +206,7 @@ class Watch:
         if named and isinstance(bound, float):
             mend = self._apart(vehicle, named[0], bound)
         found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts, mend)
-        self._add_of(vehicle, vehicle.runner.state, found)
+        self._add_in(vehicle.runner.state, vehicle, found)
 
     def _failed(self, event: Event) -> None:
         vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
@@ -218,16 +214,16 @@ class Watch:
         if not _steers(state):
             own, answered = self._doing_in(vehicle, state), _answers(state.transitions)
             found = rehearsed.failed(own, why, answered=answered, texts=self._texts)
-            self._add_of(vehicle, state, found)
+            self._add_in(state, vehicle, found)
 
     def _part_failed(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
         why = f"`{event.fields['part']}` failed: {event.fields['reason']}"
         found = rehearsed.failed(self._doing(vehicle), why, answered=False, texts=self._texts)
-        self._add_of(vehicle, vehicle.runner.state, found)
+        self._add_in(vehicle.runner.state, vehicle, found)
 
     def _switch_refused(self, event: Event) -> None:
-        """A flow or a callback asks for a state that can't be entered."""
+        """A flow or a callback requests a state that can't be entered."""
         vehicle, wanted = self._vehicles[event.vehicle], str(event.fields["state"])
         if event.fields["by"] == "mission" or vehicle.name in self._wrong:
             return
@@ -238,12 +234,13 @@ class Watch:
     def _ended(self, event: Event) -> None:
         vehicle, how = self._vehicles[event.vehicle], event.fields["how"]
         state = vehicle.plan.states[str(event.fields["behavior"])]
-        if how == "within" and not _is_endless(state, vehicle):
+        footprint = state.behavior.cls.footprint(state.behavior.params, vehicle.context.start)
+        if how == "within" and (footprint is None or not footprint.is_endless):
             own = self._doing_in(vehicle, state)
             limit = next((t.after for t in state.transitions if t.cause == "within"), None)
             answered = _answers(state.transitions)
             found = rehearsed.timed_out(own, limit, answered=answered, texts=self._texts)
-            self._add_of(vehicle, state, found)
+            self._add_in(state, vehicle, found)
 
     def _behavior_waits(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
@@ -272,15 +269,15 @@ class Watch:
         self._add(rehearsed.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
 
     def _nearest(self, vehicle: Vehicle) -> Vehicle | None:
-        truth = vehicle.truth
-        others = (o for o in self._vehicles.values() if o is not vehicle and o.truth is not None)
-        if truth is None:
+        """Return the vehicle with the least horizontal distance to another."""
+        truths = {name: v.truth for name, v in self._vehicles.items()}
+        places = {name: t.position[:2] for name, t in truths.items() if t is not None}
+        place = places.pop(vehicle.name, None)
+        if place is None or not places:
             return None
-        x, y, _ = truth.position
-        return min(others, key=lambda o: _level((x, y), o), default=None)
+        return self._vehicles[min(places, key=lambda name: dist(places[name], place))]
 
     def _apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
-        """Return what a phase could say to keep two vehicles `needed` metres apart."""
         assert self._arrivals is not None
         return self._arrivals.apart(one, other, needed)
 
@@ -302,11 +299,11 @@ class Watch:
         return Doing(vehicle.name, state.name, part, at, seconds, place, waits_for)
 
     def _add(self, found: Diagnostic, *about: str) -> None:
-        """Keep a finding about two vehicles, or about something else that `about` names."""
+        """Keep the first finding of a code about what `about` names."""
         self._found.setdefault((found.code, *about), found)
 
-    def _add_of(self, vehicle: Vehicle, state: StatePlan, found: Diagnostic) -> None:
-        """Keep a finding about a vehicle in a state."""
+    def _add_in(self, state: StatePlan, vehicle: Vehicle, found: Diagnostic) -> None:
+        """Keep the first finding of a severity about a vehicle in a state."""
         if state.built_in and vehicle.name in self._wrong:
             return
         self._wrong.add(vehicle.name)
@@ -314,7 +311,7 @@ class Watch:
 
 
 def _half_needed(vehicle: Vehicle) -> float:
-    """Half of the distance at which the discs of the rotors of two such vehicles don't meet, m."""
+    """Half of the distance at which the rotor discs of two such vehicles don't overlap, m."""
     frame = vehicle.context.airframe
     return frame.arm + 0.5 * frame.rotor_radius
 
@@ -323,14 +320,8 @@ def _needed(one: Vehicle, other: Vehicle) -> float:
     return _half_needed(one) + _half_needed(other)
 
 
-def _level(place: tuple[float, float], other: Vehicle) -> float:
-    truth = other.truth
-    assert truth is not None
-    return hypot(truth.position[0] - place[0], truth.position[1] - place[1])
-
-
 def _rest_together(one: Vehicle, other: Vehicle) -> bool:
-    """Whether two vehicles rest on each other that did not begin so."""
+    """Whether two vehicles rest on each other that started apart."""
     a, b = one.truth, other.truth
     if a is None or b is None or one.airborne or other.airborne:
         return False
@@ -340,7 +331,7 @@ def _rest_together(one: Vehicle, other: Vehicle) -> bool:
 
 
 def _steers(state: StatePlan) -> bool:
-    """Whether an input steers in this state: what it does is a person's doing."""
+    """Whether an input steers in this state, so that a person decides what the vehicle does."""
     return bool(named_in(state.behavior.params, "input"))
 
 
@@ -353,13 +344,8 @@ def _answers(transitions: Iterable[TransitionPlan]) -> bool:
     return any(t.cause == "failed" and not t.implied for t in transitions)
 
 
-def _is_endless(state: StatePlan, vehicle: Vehicle) -> bool:
-    told = state.behavior.cls.footprint(state.behavior.params, vehicle.context.start)
-    return told is not None and told.is_endless
-
-
 def _unfinished(engine: Engine) -> Iterator[Waiting]:
-    """What keeps the mission from being over: flows first."""
+    """Yield the flows and the vehicles that keep the mission from ending."""
     for plan in engine.plan.flows:
         flow = engine.flows.running(plan.name)
         if flow.active:
@@ -373,7 +359,7 @@ def _unfinished(engine: Engine) -> Iterator[Waiting]:
 
 
 def _awaits(transitions: Iterable[TransitionPlan]) -> str:
-    """What leads on, in words."""
+    """Describe what ends a state or a phase."""
     words = []
     for one in transitions:
         if one.implied:

@@ -64,7 +64,7 @@ def command(
     """
     if (mission is None) == (not still):
         raise wrong("MISSION", "give a mission, or bodies with --still")
-    from kybflow.api.emulation import stand_still
+    from kybflow.api.emulation import publish_at_rest
     from kybflow.api.flight import RunRequest
     from kybflow.cli.commands.run import fly_plan
     from kybflow.sensors.vrpn.codec import CodecError
@@ -77,7 +77,7 @@ def command(
         echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
         if plan is None:
             with suppress(KeyboardInterrupt), refusing("--still", CodecError):
-                stand_still(dict(still), server, seed)
+                publish_at_rest(dict(still), server, seed)
         else:
             request = RunRequest(seed, out, 1.0, sets=tuple(sets))
             raise Exit(fly_plan(published(plan, to(server)), request, report=False))

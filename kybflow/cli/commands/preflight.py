@@ -40,7 +40,7 @@ def command(
     """
     from kybflow.api.flight import inspect
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.telling import preflight_line
+    from kybflow.api.rehearsal.report import preflight_line
     from kybflow.core.errors import DriverError, PartFailed
 
     plan, result = compiled(mission, target, sets)

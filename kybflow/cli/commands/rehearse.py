@@ -39,11 +39,11 @@ def command(
       kybflow rehearse missions/joystick.yaml --target hands --emit stick.take@8s
     """
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.telling import told
+    from kybflow.api.rehearsal.report import formatted
 
     plan, result = compiled(mission, target, sets)
     with failing(INVALID, KybflowError):
         found = rehearse(plan, emits, options, result.texts)
-    for text in told(found, result.texts, format):
+    for text in formatted(found, result.texts, format):
         echo(text)
     raise Exit(0 if found.is_clean else FAILED)

@@ -113,7 +113,7 @@ def _rehearse(
 ) -> None:
     """Rehearse a plan and say what came of it. Exits with INVALID where it went wrong."""
     from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.telling import reports
+    from kybflow.api.rehearsal.report import reports
 
     with failing(INVALID, KybflowError):
         rehearsal = rehearse(plan, emits, options, result.texts)
@@ -149,7 +149,7 @@ def fly_plan(
         from kybflow.command_server.server import CommandServer
 
         server = CommandServer()
-        listeners.append(server.hear)
+        listeners.append(server.on_event)
         servers.append(server.serve)
     try:
         plan = with_window(plan) if live else plan

@@ -1,4 +1,4 @@
-"""What people did is in the report: each input's axes, its buttons, and when it was lost."""
+"""The figures of inputs: their axes, their buttons, and when they were lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from recorded_run import write_run
 
 from kybflow.recording.run_folder import INPUTS, RunFolderError
 from kybflow.report.data import read_run
-from kybflow.report.inputs import input_figures
+from kybflow.report.figures import figures
 from kybflow.report.page import render
 
 TABLE = (
@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_axes_are_steps_and_a_lost_input_is_a_band(folder: Path) -> None:
-    [figure] = input_figures(read_run(folder))
+    [figure] = [f for f in figures(read_run(folder)) if f.name.startswith("input_")]
     assert figure.title == "Input stick"
     x, z = figure.traces
     assert (x["name"], z["name"]) == ("x", "z")
@@ -44,7 +44,7 @@ def test_the_axes_are_steps_and_a_lost_input_is_a_band(folder: Path) -> None:
     assert "Input stick" in render(read_run(folder))
 
 
-def test_a_table_that_is_none_is_told(folder: Path) -> None:
+def test_an_unreadable_table_is_an_error(folder: Path) -> None:
     (folder / INPUTS / "torn.csv").write_text("t, x\n0, much\n", encoding="utf-8")
     with pytest.raises(RunFolderError, match="`x` must be a number"):
         read_run(folder)

@@ -1,4 +1,4 @@
-"""A rehearsal as text for people and for programs, and as a line of the preflight."""
+"""A rehearsal as text for people, as JSON, and as a line of the preflight."""
 
 from __future__ import annotations
 
@@ -14,54 +14,52 @@ if TYPE_CHECKING:
     from kybflow.runtime.preflight import PreflightResult
 
 
-def told(rehearsal: Rehearsal, texts: dict[str, str], format: str) -> Iterable[str]:
-    """What came of a rehearsal, in the format `text`, `json`, `sarif` or `github`."""
+def formatted(rehearsal: Rehearsal, texts: dict[str, str], format: str) -> Iterable[str]:
+    """Format a rehearsal as `text`, `json`, `sarif` or `github`."""
     from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
 
     if format == "text":
         return reports(rehearsal, texts)
     if format == "json":
-        return [as_json(rehearsal)]
+        return [_as_json(rehearsal)]
     if format == "sarif":
         return [to_sarif(rehearsal.diagnostics)]
     return map(to_annotation, rehearsal.diagnostics)
 
 
 def reports(rehearsal: Rehearsal, texts: dict[str, str]) -> Iterator[str]:
-    """A text for each finding, then what was assumed, then the figures."""
+    """Yield a text for each finding, then the assumed events, then the figures."""
     yield from render_all(rehearsal.diagnostics, texts)
     for seconds, name, waiting in rehearsal.assumed:
         yield f"assumed: a person gives `{name}` at {seconds:.1f} s, for which {waiting} waits"
-    yield f"{rehearsal.mission} rehearsed: {figures(rehearsal)}"
+    yield f"{rehearsal.mission} rehearsed: {_figures(rehearsal)}"
 
 
-def figures(rehearsal: Rehearsal) -> str:
-    """How long it took, and the least of what must not be too little."""
-    said = [f"{rehearsal.duration:.1f} s"]
+def _figures(rehearsal: Rehearsal) -> str:
+    """The duration, the least separation, the least charge and the number of findings."""
+    words = [f"{rehearsal.duration:.1f} s"]
     if rehearsal.separation is not None:
         metres, seconds, (one, other) = rehearsal.separation
-        said.append(f"`{one}` and `{other}` {metres:.2f} m apart at least ({seconds:.1f} s)")
+        words.append(f"`{one}` and `{other}` {metres:.2f} m apart at least ({seconds:.1f} s)")
     if rehearsal.charge is not None:
-        said.append(f"battery of `{rehearsal.charge.vehicle}` {rehearsal.charge.remaining:.0%}")
+        words.append(f"battery of `{rehearsal.charge.vehicle}` {rehearsal.charge.remaining:.0%}")
     count = len(rehearsal.diagnostics)
-    said += [f"{count} finding{'s' * (count > 1)}"] if count else []
-    return ", ".join(said)
+    words += [f"{count} finding{'s' * (count > 1)}"] if count else []
+    return ", ".join(words)
 
 
 def preflight_line(rehearsal: Rehearsal) -> PreflightResult:
-    """The line of the preflight."""
     from kybflow.runtime.preflight import PreflightResult
 
     errors = [d for d in rehearsal.diagnostics if d.severity is Severity.ERROR]
     if not errors:
-        return PreflightResult("all", "rehearsal", True, figures(rehearsal))
+        return PreflightResult("all", "rehearsal", True, _figures(rehearsal))
     more = f", and {len(errors) - 1} more" if len(errors) > 1 else ""
     reason = f"{errors[0].message}{more}: see `kybflow rehearse`"
     return PreflightResult("all", "rehearsal", False, reason, errors[0].span.at)
 
 
-def as_json(rehearsal: Rehearsal) -> str:
-    """All of it for programs."""
+def _as_json(rehearsal: Rehearsal) -> str:
     separation, charge = rehearsal.separation, rehearsal.charge
     whole: dict[str, Any] = {
         "kybflow": 1,
