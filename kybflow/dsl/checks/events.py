@@ -70,7 +70,9 @@ def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[
 def _of_a_person(name: str) -> str:
     """A note on how an operator or a callback can raise an event that no part emits."""
     given = f"{OPERATOR}{name}"
-    return f"a person can emit `{given}` (`run --emit {given}@2s`), and a callback any name (`{{emit: {name}}}`)"
+    return (
+        f"a person emits `{given}` (`--emit {given}@2s`), a callback any name (`{{emit: {name}}}`)"
+    )
 
 
 def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
@@ -180,7 +182,9 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     for event in _heard((*ways, *acting)):
         if AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent).awaited == "to log it":
             message = f"only the simulator knows about `{event.text}`"
-            hint = "react to what the vehicle notices, such as `estimate_lost`; a callback may `log` it"
+            hint = (
+                "wait for what the vehicle notices, like `estimate_lost`; a callback may `log` it"
+            )
             yield Diagnostic("KYB209", message, event.span, help=hint)
 
 

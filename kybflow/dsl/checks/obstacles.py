@@ -64,7 +64,7 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
                 f"`{vehicle.name}` starts in the air or below the ground",
                 vehicle.span_of("start", "at"),
                 label=f"{format_quantity(abs(above), LENGTH)} {side} {what}",
-                help=f"start at a height of {format_quantity(below, LENGTH)}; `take_off` makes it climb",
+                help=f"start at {format_quantity(below, LENGTH)} and climb with `take_off`",
                 severity=Severity.WARNING,
             )
 
@@ -151,7 +151,7 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=f"{where} from `{found.obstacle}`",
                 notes=(
-                    f"`{part.alias}` keeps its centre at least {format_quantity(keep, LENGTH)} away",
+                    f"`{part.alias}` keeps it at least {format_quantity(keep, LENGTH)} away",
                     _stands(case, found.obstacle),
                     *footprint.line_of(found.goal),
                 ),
