@@ -1,8 +1,8 @@
-"""What can be proven of a mission before take-off: one family of checks a file, one function a
-check, its code first in its docstring.
+"""Checks of a mission before take-off: one module per family, one function per check. The code that
+a check reports comes first in its docstring.
 
-A check is found, not listed: it is every public function of a module here with the signature
-`(case: Case) -> Iterator[Diagnostic]`. Only the compiler calls them.
+Checks are discovered, not listed: each public function of a module here with the signature `(case:
+Case) -> Iterator[Diagnostic]` is one. Only the compiler calls them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _NAMED = re.compile(r"`([^`]*)`")
 
 @functools.cache
 def checks() -> tuple[CheckFunction, ...]:
-    """Every check, by module and in the order in which each module has them."""
+    """Every check, ordered by module and by place in the module."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
     modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
     return tuple(one for module in modules for one in checks_in(module))
@@ -50,7 +50,7 @@ def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
 
 
 def check(plan: Plan, catalog: Catalog) -> list[Diagnostic]:
-    """Everything that the checks find in `plan`, in no order."""
+    """All findings of the checks in `plan`, unordered."""
     found = chain(_found(Case(plan, catalog)), _found_with_values(plan, catalog))
     return _deduplicated(found, plan.fleet)
 
@@ -60,8 +60,8 @@ def _found(case: Case) -> Iterator[Diagnostic]:
 
 
 def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
-    """What is found for each request that brings values, with them in place of the state's own:
-    what isn't found without them is what they bring."""
+    """The findings of the mission in which each request's values replace those of the state that it
+    enters. A finding that the plain mission has as well is dropped later, as a duplicate."""
     for asked in valued_requests(plan):
         entered = dict(entered_states(plan, asked))
         if not entered:
@@ -82,8 +82,8 @@ def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
 
 
 def _deduplicated(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:
-    """Report each mistake once: several vehicles may share it, and several paths may lead to it.
-    The first finding is kept."""
+    """Drop repeated findings: several vehicles may share a mistake, and several paths may lead to
+    it. The first one is kept."""
 
     def blank(match: re.Match[str]) -> str:
         return "" if match[1] in vehicles else match[0]

@@ -1,4 +1,4 @@
-"""What actions ask of vehicles: KYB232 to KYB235, KYB442, KYB553 and KYB554."""
+"""The actions of callbacks: KYB232 to KYB235, KYB442, KYB553 and KYB554."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
 
 _ROUNDING = 1e-6
-_TIGHTEN = "its parameters can be tightened with `set`"
+_TIGHTEN = "tighten its parameters with `set` instead"
 
 
 def switches(case: Case) -> Iterator[Diagnostic]:
-    """KYB232: an action asks a vehicle or a group that does not exist, or for a state that one of
-    them does not have.
+    """KYB232: an action addresses a vehicle or a group that does not exist, or requests a state
+    that the vehicle does not have.
 
-    A state is one of the vehicle's own or a built-in one but `fault`, which is the failsafe's.
-    Whether the vehicle can enter it is decided when it is asked; a refusal is the event
-    `switch_refused`.
+    A state is one of the vehicle's own behaviors or a built-in state. `fault` is excluded, because
+    only the failsafe enters it. Whether the vehicle can enter the state is decided in flight; a
+    refusal raises the event `switch_refused`.
     """
     for action in actions_of(case, "switch"):
         who, asked = action.target_text, action.value
@@ -43,9 +43,9 @@ def switches(case: Case) -> Iterator[Diagnostic]:
 def options(case: Case) -> Iterator[Diagnostic]:
     """KYB233: `set` names an option that does not exist, or one that can't change in flight.
 
-    An option is `VEHICLE.PART.PARAMETER` or `GROUP.PART.PARAMETER`; the part is
-    `processors.NAME`, `supervisors.NAME`, `estimators.NAME`, `behaviors.STATE` or `tracker`. Its
-    value must have the parameter's type, unit and bounds.
+    An option is written `VEHICLE.PART.PARAMETER` or `GROUP.PART.PARAMETER`, where the part is
+    `processors.NAME`, `supervisors.NAME`, `estimators.NAME`, `behaviors.STATE` or `tracker`. The
+    value must have the parameter's type and unit and lie within its bounds.
     """
     for name, value in sets_of(case):
         found = Findings()
@@ -58,15 +58,14 @@ def options(case: Case) -> Iterator[Diagnostic]:
                 f"`{name.text}` can't change in flight",
                 name.span,
                 label="read-only" if fixed.field.read_only else "a path",
-                help="write it where the part is used",
+                help="set it where the part is declared",
             )
 
 
 def loosened(case: Case) -> Iterator[Diagnostic]:
     """KYB234: `set` makes a safety parameter less strict than the mission declares it.
 
-    In flight such a parameter only tightens, so the change would be refused whatever has happened
-    before.
+    In flight a safety parameter can only be tightened, so the change would always be refused.
     """
     for name, node in sets_of(case):
         for option, value in option_values(name, node, case.plan, case.catalog, Findings()):
@@ -77,13 +76,13 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
                     f"`{option.name}` is a safety parameter, and this loosens it",
                     node.span,
                     label=f"`{declared}` is stricter",
-                    help="write the looser value where the part is used, and tighten it here",
+                    help="write the looser value where the part is declared, and tighten it here",
                 )
                 break
 
 
 def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
-    """KYB442: `set` gives a part a `tilt`, `speed` or `climb` beyond that of its vehicle's
+    """KYB442: `set` raises a `tilt`, `speed` or `climb` above the limit of the vehicle's
     airframe."""
     for asked, node in sets_of(case):
         for option, value in option_values(asked, node, case.plan, case.catalog, Findings()):
@@ -98,16 +97,17 @@ def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
                     f"`{option.name}` is set to more than `{vehicle}` can do",
                     node.span,
                     label=f"its airframe has a {name} of {format_quantity(limit, dimension)}",
-                    help="set it to less",
+                    help="set a lower value",
                 )
                 break
 
 
 def switched_off(case: Case) -> Iterator[Diagnostic]:
-    """KYB235: `enable` or `disable` of what is no processor, or of one that keeps the vehicle safe.
+    """KYB235: `enable` or `disable` names something that is not a processor, or a processor that
+    keeps the vehicle safe.
 
     The name is `VEHICLE.processors.NAME` or `GROUP.processors.NAME`. Supervisors and safety
-    processors, such as the fence, always work.
+    processors, such as the fence, are always on.
     """
     for action in (*actions_of(case, "enable"), *actions_of(case, "disable")):
         name = action.value_text
@@ -125,23 +125,23 @@ def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnost
     processors = {use.label: use for use in case.plan.fleet[vehicle].processors}
     place = name.part(len(name.text) - len(rest), len(name.text))
     if rest.startswith("supervisors."):
-        message = f"`{name.text}` can't be switched: a supervisor always works"
+        message = f"`{name.text}` can't be switched off or on: supervisors are always on"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     if rest not in processors:
         message = f"`{vehicle}` has no processor `{rest}`"
         hint = did_you_mean(rest, [p for p, use in processors.items() if not use.cls.safety])
         return Diagnostic("KYB235", message, place, label="unknown", help=hint)
     if processors[rest].cls.safety:
-        message = f"`{name.text}` can't be switched: it keeps the vehicle safe"
+        message = f"`{name.text}` can't be switched off or on: it keeps the vehicle safe"
         return Diagnostic("KYB235", message, place, help=_TIGHTEN)
     return None
 
 
 def unknown_acts(case: Case) -> Iterator[Diagnostic]:
-    """KYB553: `perform` asks a vehicle or a group that does not exist, or for an act that no driver
-    performs.
+    """KYB553: `perform` addresses a vehicle or a group that does not exist, or names an act that no
+    driver performs.
 
-    An act of another driver is no mistake: on this target it is refused in flight, and told as
+    An act of another driver is allowed: on this target it is refused in flight, with the event
     `perform_refused`.
     """
     for action in actions_of(case, "perform"):
@@ -159,8 +159,8 @@ def unknown_acts(case: Case) -> Iterator[Diagnostic]:
 
 
 def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
-    """KYB554: `perform` asks for an act that the vehicle's driver performs only where one of its
-    parameters says so."""
+    """KYB554: `perform` requests an act that the vehicle's driver performs only when one of its
+    parameters allows it."""
     for action in actions_of(case, "perform"):
         act = action.value_text
         for vehicle in case.plan.members(action.target_text.text):
@@ -170,7 +170,7 @@ def acts_without_permission(case: Case) -> Iterator[Diagnostic]:
             if needs is not None and not getattr(driver.params, needs):
                 yield Diagnostic(
                     "KYB554",
-                    f"the driver of `{vehicle}` performs `{act.text}` with `{needs}: true` only",
+                    f"the driver of `{vehicle}` performs `{act.text}` only with `{needs}: true`",
                     act.span,
                     help=f"add `{needs}: true` to `{driver.name}`",
                 )
@@ -182,7 +182,7 @@ def _acts_of(case: Case, vehicle: str) -> Mapping[str, Act]:
 
 
 def actions_of(case: Case, name: str) -> Iterator[ActionKeys]:
-    """The actions of every callback that are called `name`."""
+    """Every action named `name`, of all callbacks."""
     for callback in case.plan.callbacks:
         yield from (action for action in callback.do if action.name == name)
 

@@ -1,5 +1,5 @@
-"""Parameters whose size makes no sense, such as angles of many turns and distances larger than the
-room: KYB426 to KYB429 and KYB444."""
+"""Parameters of implausible size, such as angles of many turns and distances larger than the room:
+KYB426 to KYB429 and KYB444."""
 
 from __future__ import annotations
 
@@ -31,18 +31,19 @@ from kybflow.world.vehicle_context import Airframe
 _ROUNDING = 1e-6
 _TURN = 2.0 * pi
 _CRAWL = 0.02
-"""Speed below which nothing is flown, m/s: a metre in nearly a minute."""
+"""Speed below which a flight makes no sense, m/s: nearly a minute for a metre."""
 _CLIMBS = 0.1
-"""The least climb of a take-off, m: a vehicle this high may still stand."""
+"""The least climb of a take-off, m: any lower, the vehicle may still be on the ground."""
 
 
 def several_turns(case: Case) -> Iterator[Diagnostic]:
-    """KYB426: an angle of more than one turn, such as `90 rad` for `90 deg` (a warning)."""
+    """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg` (a
+    warning)."""
     for span, name, value in _angles(case):
         if abs(value) > _TURN + _ROUNDING:
             yield Diagnostic(
                 "KYB426",
-                f"`{name}` is more than a turn",
+                f"`{name}` is more than one turn",
                 span,
                 label=f"{abs(value) / _TURN:.3g} turns",
                 help=f"did you mean `{value:g} deg`?",
@@ -51,7 +52,7 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
 
 
 def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
-    """Every angle that is written, rad: where, its name, and its value."""
+    """(span, name, value in rad) of every angle that is written."""
     for vehicle in case.plan.vehicles:
         yield vehicle.span_of("start", "heading"), "heading", vehicle.heading
     for number in case.cached(_written):
@@ -88,8 +89,8 @@ def _judged(params: Any) -> tuple[Field, ...]:
 
 
 def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
-    """KYB427: a length that says nothing inside the fence: a tolerance or a distance that is kept
-    of more than half of its longest side, or a height above its top (a warning)."""
+    """KYB427: a length is too large to have any effect inside the fence: a tolerance or a clearance
+    of more than half of the fence's longest side, or a height above its top (a warning)."""
     fence = case.plan.fence
     for part in _parts(case) if fence is not None else ():
         for field in fields_in_rooms(part.params.__class__):
@@ -102,11 +103,11 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             usual = quantity(_usual(field), LENGTH)
             yield Diagnostic(
                 "KYB427",
-                f"`{field.name}` of `{part.alias}` says nothing in this room",
+                f"`{field.name}` of `{part.alias}` is too large to have an effect in this fence",
                 part.span_of(field.name),
                 label=quantity(value, LENGTH),
                 notes=(f"the fence is {extent} {'high' if field.room == 'up' else 'wide'}",),
-                help=f"write less, such as `{field.name}: {usual}`",
+                help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
 
@@ -132,8 +133,8 @@ def _usual(field: Field) -> float:
 
 
 def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
-    """KYB428: a behavior's `acceleration` is more than the airframe has in any direction, by its
-    tilt or by its thrust (a warning)."""
+    """KYB428: a behavior's `acceleration` is more than the airframe reaches by tilting or by thrust
+    (a warning)."""
     for number in case.cached(_written):
         vehicle, part, field = number
         most = _most_acceleration(vehicle.airframe)
@@ -144,8 +145,8 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
                 f"`{vehicle.name}` can't accelerate like that",
                 part.span_of(field.name),
                 label=quantity(number.value, ACCELERATION),
-                notes=(f"its tilt and its rotors give {quantity(most, ACCELERATION)} at most",),
-                help=f"write less, such as `{field.name}: {usual}`",
+                notes=(f"its tilt and its rotors give at most {quantity(most, ACCELERATION)}",),
+                help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
 
@@ -155,7 +156,7 @@ def _most_acceleration(airframe: Airframe) -> float:
 
 
 def crawls(case: Case) -> Iterator[Diagnostic]:
-    """KYB429: a `speed` or `climb` below 2 cm/s, at which nothing gets anywhere (a warning)."""
+    """KYB429: a `speed` or `climb` is below 2 cm/s, at which a flight takes minutes (a warning)."""
     for part in _parts(case):
         for field in part.fields:
             name = field.name
@@ -167,16 +168,17 @@ def crawls(case: Case) -> Iterator[Diagnostic]:
             faster = quantity(field.default or 0.5, SPEED)
             yield Diagnostic(
                 "KYB429",
-                f"`{name}` of `{part.alias}` gets nowhere",
+                f"`{name}` of `{part.alias}` is too slow to get anywhere",
                 part.span_of(name),
-                label=f"a metre takes {quantity(round(1.0 / abs(value), 1), DURATION)}",
-                help=f"write more, such as `{name}: {faster}`",
+                label=f"one metre takes {quantity(round(1.0 / abs(value), 1), DURATION)}",
+                help=f"write a larger value, such as `{name}: {faster}`",
                 severity=Severity.WARNING,
             )
 
 
 def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
-    """KYB444: a take-off climbs less than 10 cm, where a vehicle may still stand (a warning)."""
+    """KYB444: a take-off climbs less than 10 cm, so the vehicle may still be on the ground (a
+    warning)."""
     for _, state, entry, footprint in case.cached(footprints):
         legs = state.behavior.cls.flight
         if (GROUND, AIR) not in legs or entry is None or footprint.exit is None:
@@ -188,9 +190,9 @@ def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
             written = (part.span_of(name) for name in lengths if part.is_written(name))
             yield Diagnostic(
                 "KYB444",
-                f"`{state.name}` hardly leaves the ground",
+                f"`{state.name}` barely leaves the ground",
                 next(written, part.span),
-                label=f"climbs {quantity(climb, LENGTH)}",
-                help="climb higher; a metre keeps it clear of the ground",
+                label=f"climbs only {quantity(climb, LENGTH)}",
+                help="climb higher: one metre is clear of the ground",
                 severity=Severity.WARNING,
             )

@@ -14,40 +14,41 @@ from kybflow.dsl.plan import Arrive, PhasePlan, VehiclePlan
 
 _TOGETHER: Arrive = "together"
 _LASTING = frozenset({"hover", "landed"})
-"""Built-in states that are not left by themselves, or after a long wait only."""
+"""Built-in states that don't end by themselves, or only after a long wait."""
 
 
 class _Arriving(NamedTuple):
-    """A phase that says how its vehicles arrive, and what it asks of each."""
+    """A phase with `arrive`, and its request to each vehicle."""
 
     phase: PhasePlan
     asked: list[Assignment]
 
 
 def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
-    """KYB530: a phase says how its vehicles arrive, and runs fewer than two.
+    """KYB530: a phase has `arrive` but runs fewer than two vehicles.
 
-    Phases that came through `like` are excepted: a template is for groups of any size.
+    Phases inherited through `like` are exempt: a template is for groups of any size.
     """
     for phase, asked in case.cached(_arriving):
         vehicles = {assignment.vehicle for assignment in asked}
         is_known = all(case.plan.members(who) for who in phase.run)
         if len(vehicles) < 2 and is_known and not phase.inherited:
-            who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "nobody"
+            who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "no vehicle"
             yield Diagnostic(
                 "KYB530",
-                f"`{phase.name}` runs {who}, who can't arrive `{phase.arrive}`",
+                f"`{phase.name}` runs {who}, so `arrive: {phase.arrive}` makes no sense",
                 phase.span_of("arrive"),
-                label="needs two vehicles",
-                help="leave it out, or name the others in `run`",
+                label="needs at least two vehicles",
+                help="remove it, or add the other vehicles to `run`",
             )
 
 
 def has_no_pace(case: Case) -> Iterator[Diagnostic]:
-    """KYB531: vehicles are to arrive together, and one is asked for what can't keep a common pace.
+    """KYB531: vehicles are to arrive together, but one of them runs something that can't keep a
+    common pace.
 
-    It must be one behavior that flies one straight line and knows how long it takes; a chain of
-    behaviors is no such thing.
+    Each must run a single behavior that flies one straight line and knows its duration. A chain of
+    behaviors can't.
     """
     for phase, asked in case.cached(_arriving):
         if phase.arrive != _TOGETHER:
@@ -62,9 +63,9 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
                 "KYB531",
                 f"`{assignment.goal.text}` of `{assignment.vehicle}` can't keep a common pace",
                 assignment.goal.span,
-                label=f"{what} keeps none",
+                label=f"{what} has no pace to adjust",
                 notes=(_said(phase, assignment),),
-                help=f"use {_paced(case)}, or say `arrive: in_turns`",
+                help=f"use {_paced(case)}, or write `arrive: in_turns`",
             )
 
 
@@ -74,10 +75,10 @@ def _paced(case: Case) -> str:
 
 
 def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
-    """KYB532: vehicles are to arrive in turns, and one is asked for what never ends: those behind
-    it would wait in vain.
+    """KYB532: vehicles are to arrive in turns, but one of them runs something that never ends, so
+    the vehicles behind it would wait forever.
 
-    A turn passes when the vehicle leaves the state, or the chain, that it was asked for.
+    A vehicle's turn ends when it leaves the state, or the chain, that the phase runs.
     """
     for phase, asked in case.cached(_arriving):
         if phase.arrive == _TOGETHER:
@@ -88,14 +89,14 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
                     "KYB532",
                     f"`{assignment.goal.text}` of `{assignment.vehicle}` never ends",
                     assignment.goal.span,
-                    label="the others wait for it",
+                    label="the vehicles behind it wait forever",
                     notes=(_said(phase, assignment),),
-                    help="give it an end, or a `next` that leaves it",
+                    help="give it an end, or add a `next` that leaves it",
                 )
 
 
 def _lasts(vehicle: VehiclePlan, goal: str) -> bool:
-    """Whether a state has no end and no way out but by a failure."""
+    """Whether only a failure ends a state."""
     if goal not in vehicle.states:
         return goal in _LASTING
     ways = {transition.cause for transition in vehicle.states[goal].transitions}
@@ -114,7 +115,7 @@ def _arriving(case: Case) -> Iterator[_Arriving]:
 
 
 def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehiclePlan, str, Assignment]]:
-    """Each vehicle and the state that it is asked for, if it has it."""
+    """Each vehicle with the state that the phase runs, if the vehicle has that state."""
     for assignment in asked:
         vehicle = case.plan.fleet[assignment.vehicle]
         goal = vehicle.goal(assignment.goal.text)

@@ -1,4 +1,4 @@
-"""The time that phases of flows need, as lower bounds: KYB436 and KYB437."""
+"""Lower bounds for the duration of flow phases: KYB436 and KYB437."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ from kybflow.parts.observables import is_in
 
 
 def barrier_too_short(case: Case) -> Iterator[Diagnostic]:
-    """KYB436: the `within` of a phase is over before what the phase waits for can be.
+    """KYB436: the `within` of a phase expires before the state that the phase waits for can be
+    reached.
 
-    That is told of vehicles that the phase runs, where it is known in which state they are when it
-    begins: waiting for the flow, or as the way into the phase says.
+    This is checked for vehicles that the phase runs and whose state at its beginning is known: they
+    wait for the flow, or the condition that leads into the phase names their state.
     """
     for flow, known in case.cached(_undisturbed):
         for name, states in known.items():
@@ -45,29 +46,29 @@ def barrier_too_short(case: Case) -> Iterator[Diagnostic]:
             if exceeds(least[1].seconds, limit.after):
                 yield Diagnostic(
                     "KYB436",
-                    f"the phase `{name}` is over before `{least[0]}` is where it waits for",
+                    f"the phase `{name}` ends before `{least[0]}` can reach the awaited state",
                     limit.span,
-                    label=f"needs {seconds_of(least[1].seconds)} at least",
+                    label=f"needs at least {seconds_of(least[1].seconds)}",
                     notes=(sum_of(least[1]),),
                     help="allow more time",
                 )
 
 
 def flow_too_long(case: Case) -> Iterator[Diagnostic]:
-    """KYB437: a flow can't have ended when the mission's time is over: the run lands its vehicles
-    and has not succeeded."""
+    """KYB437: a flow needs more time than the mission's time limit, so the run lands its vehicles
+    early and fails."""
     limit = case.plan.time_limit
     for flow, way in case.cached(flow_ways):
         transitions = [t for name, _ in way.steps() for t in flow.phases[name].transitions]
         if not exceeds(way.seconds, limit) or any((t.after or 0.0) >= limit for t in transitions):
-            continue  # KYB259 tells of a single wait
+            continue  # KYB259 reports a single wait
         yield Diagnostic(
             "KYB437",
-            f"`{flow.name}` can't have ended when the mission's time is over",
+            f"`{flow.name}` can't finish within the mission's time limit",
             flow.phases[way.longest()].span,
-            label=f"the flow takes {seconds_of(way.seconds)} at least",
+            label=f"the flow takes at least {seconds_of(way.seconds)}",
             notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
-            help="wait for less, or write a longer `time_limit`",
+            help="shorten the waits, or write a longer `time_limit`",
         )
 
 
@@ -90,8 +91,8 @@ def _ends(flow: FlowPlan, name: str) -> bool:
 def _phases_ahead(
     case: Case, flow: FlowPlan, states: dict[str, dict[str, str]], name: str
 ) -> Iterator[tuple[str, float]]:
-    """The phases that follow one, with the least seconds until then. A `within` is the way out of a
-    phase that has no other."""
+    """The phases that follow a phase, each with the least seconds until then. `within` counts only
+    where it is the only exit."""
     phase = flow.phases.get(name)
     if phase is None:
         return
@@ -104,13 +105,13 @@ def _phases_ahead(
 
 
 def _may_be_late(case: Case, phase: PhasePlan, limit: float) -> bool:
-    """Whether not everything that a phase asks for surely fits into its limit."""
+    """Whether the states that a phase runs may take longer than its limit."""
     vehicles = (case.plan.fleet[name] for name in runs_of(case, phase))
     return any(not no_way_exceeds(case, vehicle, limit) for vehicle in vehicles)
 
 
 def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str]]]]:
-    """Every flow that no callback disturbs, with what is known of its vehicles' states."""
+    """Every flow that no callback disturbs, with the known states of its vehicles."""
     for flow in () if case.cached(disturbances) else case.plan.flows:
         yield flow, _known_states(case, flow)
 
@@ -118,7 +119,7 @@ def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str
 def _least_wait(
     case: Case, phase: PhasePlan, transition: TransitionPlan, states: dict[str, str]
 ) -> tuple[str, Way]:
-    """(the vehicle that takes longest, its quickest way) until a way out of a phase can open."""
+    """(the vehicle that takes longest, its quickest way) until an exit of a phase can open."""
     slowest = ("", Way(0.0))
     run = runs_of(case, phase)
     for name, state in said_states(case.condition(transition, "when", case.scopes.flow())):

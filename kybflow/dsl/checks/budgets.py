@@ -1,5 +1,5 @@
-"""Time and energy: what a mission asks for against what it allows, as lower bounds for a flight in
-which nothing fails: KYB430 to KYB435, KYB448, KYB455 and KYB456."""
+"""Time and energy that a mission needs, as lower bounds for a flight without failures, compared
+with what it allows: KYB430 to KYB435, KYB448, KYB455 and KYB456."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
 _BEYOND = 3.0
-"""Times what a behavior can last, up to which a wait may be meant as a bound."""
+"""A wait of up to this many times a behavior's longest duration may be meant as a bound."""
 _AT_ONCE = 0.1
-"""Seconds in which no vehicle has moved."""
+"""Seconds in which no vehicle moves noticeably."""
 
 
 def within_too_short(case: Case) -> Iterator[Diagnostic]:
-    """KYB430: a `within` ends a behavior, or a chain, before it can have ended by itself, from any
-    entry that it can have. Where both lead to the same state it is a warning."""
+    """KYB430: a `within` expires before the behavior or chain can have ended by itself, wherever it
+    is entered. If both lead to the same state, it is a warning."""
     for vehicle, state, transition in case.cached(_timed):
         if transition.cause == "within" and transition.after is not None:
             least, what = least_time(case, vehicle, state), state.name
@@ -60,8 +60,8 @@ def within_too_short(case: Case) -> Iterator[Diagnostic]:
                     "KYB430",
                     f"`{what}` can't end within {seconds_of(transition.after)}",
                     transition.span,
-                    label=f"needs {seconds_of(least)} at least",
-                    help="allow more time, or ask for less",
+                    label=f"needs at least {seconds_of(least)}",
+                    help="allow more time, or shorten the flight",
                     severity=_severity(state, transition),
                 )
 
@@ -75,7 +75,8 @@ def _severity(state: StatePlan, limit: TransitionPlan) -> Severity:
 def _least_of_chain(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> float:
-    """The least time from the first state of a chain to one outside, asked for that state alone."""
+    """The least time from the first state of a chain to a state outside it. Judged at the first
+    state only."""
     chain = transition.since
     limit = transition.after or 0.0
     if vehicle.goal(chain) != state.name or no_way_exceeds(case, vehicle, limit):
@@ -86,8 +87,8 @@ def _least_of_chain(
 
 
 def cut_short(case: Case) -> Iterator[Diagnostic]:
-    """KYB431: a `next` after a time alone leaves a behavior before it can have ended, so that its
-    `then` is never taken."""
+    """KYB431: a `next` that waits only for time leaves a behavior before it can end, so its `then`
+    is never taken."""
     for vehicle, state, transition in case.cached(_timed):
         if transition.cause != "next" or transition.after is None or transition.since:
             continue
@@ -102,7 +103,7 @@ def cut_short(case: Case) -> Iterator[Diagnostic]:
                 "KYB431",
                 f"`{state.name}` is left before it can end",
                 transition.span,
-                label=f"after {seconds_of(transition.after)}; it needs {seconds_of(least)}",
+                label=f"after {seconds_of(transition.after)}, but it needs {seconds_of(least)}",
                 notes=(f"`{then.target}`, its `then`, is never entered",),
                 help="wait longer, or remove the `then`",
                 severity=Severity.WARNING,
@@ -110,26 +111,26 @@ def cut_short(case: Case) -> Iterator[Diagnostic]:
 
 
 def after_its_end(case: Case) -> Iterator[Diagnostic]:
-    """KYB455: a `next` waits for more than three times as long as the behavior can last, so that it
-    is never taken (a warning). One that waits a little longer bounds it."""
+    """KYB455: a `next` waits more than three times as long as the behavior can last, so it is never
+    taken (a warning). A slightly longer wait is accepted as a bound."""
     for vehicle, state, transition in () if case.cached(disturbances) else case.cached(_timed):
         longest = inf if transition.since else longest_time(vehicle, state)
         wait = transition.after or 0.0
         if transition.cause == "next" and _BEYOND * longest < wait < case.plan.time_limit:
             yield Diagnostic(
                 "KYB455",
-                f"`{state.name}` has ended before this way out is taken",
+                f"`{state.name}` ends before this transition can be taken",
                 transition.span,
                 label=f"after {seconds_of(wait)}",
-                notes=(f"`{state.behavior.name}` lasts {seconds_of(longest)} at most",),
-                help="wait for less, or let the behavior last longer",
+                notes=(f"`{state.behavior.name}` lasts at most {seconds_of(longest)}",),
+                help="shorten the wait, or let the behavior last longer",
                 severity=Severity.WARNING,
             )
 
 
 def left_at_once(case: Case) -> Iterator[Diagnostic]:
-    """KYB448: a behavior in the air is left within 0.1 s of its entry, before it has done anything
-    (a warning)."""
+    """KYB448: a behavior in the air is left within 0.1 s, before it has done anything (a
+    warning)."""
     for vehicle, state in case.states():
         for transition in state.transitions:
             if transition.after is None or not _is_at_once(transition):
@@ -142,13 +143,13 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
                 f"`{transition.since or state.name}` is left before it has done anything",
                 transition.span,
                 label=f"after {seconds_of(transition.after or 0.0)}",
-                help="wait longer, or remove this way out",
+                help="wait longer, or remove this transition",
                 severity=Severity.WARNING,
             )
 
 
 def _is_at_once(transition: TransitionPlan) -> bool:
-    """Whether a transition asks for a time alone, and for hardly any."""
+    """Whether a transition waits only for time, and for less than 0.1 s."""
     is_alone = transition.when is None and transition.event is None
     return is_alone and transition.after is not None and transition.after < _AT_ONCE
 
@@ -156,7 +157,7 @@ def _is_at_once(transition: TransitionPlan) -> bool:
 def _is_told(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> bool:
-    """Whether KYB430 or KYB431 says more of it, or another state of its chain does."""
+    """Whether KYB430, KYB431 or another state of the same chain reports this transition."""
     if transition.since and vehicle.goal(transition.since) != state.name:
         return True
     if (vehicle, state, transition) not in case.cached(_timed):
@@ -169,7 +170,7 @@ def _is_told(
 
 
 def _timed(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, TransitionPlan]]:
-    """Every transition with a time out of a state that is reached and that has an end, and those of
+    """Every transition with a time, of states that are reached and end by themselves, and of
     chains."""
     for vehicle in case.plan.vehicles:
         endless = endless_states(vehicle)
@@ -181,10 +182,10 @@ def _timed(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, TransitionPlan]
 
 
 def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
-    """KYB432: a vehicle can't have come to rest when the mission's time is over, whatever events
-    and conditions bring: the run lands it and has not succeeded.
+    """KYB432: a vehicle can't have landed for good within the mission's time limit, whatever events
+    and conditions occur: the run lands it early and fails.
 
-    A run ends after `time_limit`, 600 s unless the mission says otherwise.
+    A run ends after `time_limit`, 600 s by default.
     """
     limit = case.plan.time_limit
     for vehicle in case.cached(_left_alone):
@@ -194,14 +195,14 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
 
 
 def _waits_longer(vehicle: VehiclePlan, way: Way, limit: float) -> bool:
-    """Whether one wait on the way is that long by itself, as KYB259 says."""
+    """Whether a single wait on the way exceeds the limit, which KYB259 reports."""
     states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
     return any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions)
 
 
 def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
-    """KYB433: a parameter is longer than the one that limits it, so that the part never succeeds: a
-    behavior that must be there for longer than it waits."""
+    """KYB433: a parameter exceeds the parameter that limits it, so the behavior always fails: for
+    example, it must stay at its goal longer than its timeout."""
     for _, state in case.states():
         part = state.behavior
         for field in limited_fields(part.params.__class__):
@@ -217,16 +218,16 @@ def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
                 part.span_of(*written[:1]),
                 label=f"its `{field.name}` of {shown[0]} exceeds its `{field.limited_by}`",
                 notes=(f"`{field.limited_by}` is {shown[1]}",),
-                help=f"let `{field.name}` be less than `{field.limited_by}`",
+                help=f"make `{field.name}` smaller than `{field.limited_by}`",
             )
 
 
 def out_of_energy(case: Case) -> Iterator[Diagnostic]:
-    """KYB434: from a take-off the vehicle can't come down before its battery is empty, or before a
-    supervisor lands it for that.
+    """KYB434: after a take-off the vehicle can't land before its battery is empty, or before a
+    supervisor lands it because the battery is low.
 
-    Hovering empties the battery in the airframe's `endurance`, and a flight from rest to rest takes
-    no less than hovering for as long.
+    Hovering empties the battery within the airframe's `endurance`. A flight from rest to rest is
+    taken to use at least as much as hovering for the same time.
     """
     for vehicle in case.cached(_left_alone):
         reserve = _reserve(vehicle)
@@ -238,9 +239,8 @@ def out_of_energy(case: Case) -> Iterator[Diagnostic]:
 
 
 def begins_empty(case: Case) -> Iterator[Diagnostic]:
-    """KYB456: the battery of a vehicle begins with no more than the charge below which a supervisor
-    lands it: its preflight check stays red, or it comes down as soon as it has taken off (a
-    warning)."""
+    """KYB456: a vehicle's battery starts at or below the charge at which a supervisor lands it: the
+    preflight check fails, or the vehicle lands right after take-off (a warning)."""
     for vehicle in case.plan.vehicles:
         driver = vehicle.driver
         charge = driver.cls.charge(driver.params)
@@ -248,11 +248,11 @@ def begins_empty(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB456",
-            f"the battery of `{vehicle.name}` is empty at the start",
+            f"the battery of `{vehicle.name}` is too low at the start",
             driver.span_of(charge.parameter),
-            label=f"begins with {format_quantity(charge.share, RATIO)}",
-            notes=(f"it is landed at {format_quantity(_reserve(vehicle), RATIO)}",),
-            help="begin with more",
+            label=f"starts at {format_quantity(charge.share, RATIO)}",
+            notes=(f"a supervisor lands it at {format_quantity(_reserve(vehicle), RATIO)}",),
+            help="start with a higher charge",
             severity=Severity.WARNING,
         )
 
@@ -264,17 +264,17 @@ def _reserve(vehicle: VehiclePlan) -> float:
 
 def _drained(case: Case, vehicle: VehiclePlan, way: Way, reserve: float) -> Diagnostic:
     endurance = vehicle.airframe.endurance
-    name, lands = vehicle.name, f", and is landed at {format_quantity(reserve, RATIO)}"
+    name, lands = vehicle.name, f", and a supervisor lands it at {format_quantity(reserve, RATIO)}"
     return Diagnostic(
         "KYB434",
-        f"the battery of `{name}` does not last for this flight",
+        f"the battery of `{name}` doesn't last for this flight",
         _place(case, vehicle, way),
-        label=f"in the air for {seconds_of(way.seconds)} at least",
+        label=f"in the air for at least {seconds_of(way.seconds)}",
         notes=(
             sum_of(way),
             f"its airframe hovers for {seconds_of(endurance)}{lands if reserve > 0.0 else ''}",
         ),
-        help="fly less, or land in between",
+        help="shorten the flight, or land in between",
     )
 
 
@@ -291,8 +291,8 @@ def _flights(case: Case, vehicle: VehiclePlan) -> Iterator[Way]:
 
 
 def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
-    """KYB435: an expectation waits for less time than the mission needs at least: to have finished,
-    or until a vehicle is in a state."""
+    """KYB435: an expectation allows less time than the mission needs to finish, or to bring a
+    vehicle into a state."""
     for text in case.plan.texts_of("expect"):
         if "within" not in text.text:
             continue
@@ -302,14 +302,14 @@ def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
                 "KYB435",
                 f"`{text.as_written}` can't be met",
                 text.span,
-                label=f"takes {seconds_of(way.seconds)} at least",
+                label=f"takes at least {seconds_of(way.seconds)}",
                 notes=(sum_of(way),),
-                help="expect it later, or let the mission be quicker",
+                help="allow more time, or make the mission quicker",
             )
 
 
 def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
-    """The quickest way to what an expectation waits for, where that takes too long."""
+    """The quickest way to what an expectation waits for, if it takes too long."""
     match expectation:
         case Finished(limit):
             found = [_way_to_rest(case, vehicle, limit) for vehicle in case.cached(_left_alone)]
@@ -329,7 +329,7 @@ def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
 
 
 def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
-    """The quickest way of a vehicle into a state, where it takes longer than `limit`."""
+    """The quickest way of a vehicle into a state, if it takes longer than `limit`."""
     vehicle = case.plan.fleet[name]
     if vehicle not in case.cached(_left_alone) or no_way_exceeds(case, vehicle, limit):
         return None
@@ -338,8 +338,7 @@ def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
 
 
 def _way_to_rest(case: Case, vehicle: VehiclePlan, limit: float) -> Way | None:
-    """The quickest way of a vehicle to where it rests for good, where it takes longer than
-    `limit`."""
+    """The quickest way of a vehicle to its final rest, if it takes longer than `limit`."""
     if no_way_exceeds(case, vehicle, limit):
         return None
     ways = ways_from(case, vehicle, [_first(vehicle)])
@@ -353,8 +352,8 @@ def _first(vehicle: VehiclePlan) -> FlightNode:
 
 
 def _left_alone(case: Case) -> Iterator[VehiclePlan]:
-    """The vehicles that fly as their own states say: no flow or callback asks them for anything,
-    and no fault may end their flight early, unless it is expected to land in spite of it."""
+    """The vehicles that only their own states control: no flow or callback requests a state, and no
+    fault may end their flight early, unless they are expected to land in spite of it."""
     broken = {fault.vehicle for fault in case.plan.faults}
     broken -= set(_expected_to_land(case)) if broken else set()
     for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
@@ -363,8 +362,8 @@ def _left_alone(case: Case) -> Iterator[VehiclePlan]:
 
 
 def _expected_to_land(case: Case) -> Iterator[str]:
-    """The vehicles that end as their mission says, whatever faults break: in `landed`, where a
-    failsafe would leave them in `fault`."""
+    """The vehicles that are expected to end in `landed` whatever faults break; the failsafe would
+    leave them in `fault`."""
     for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Finally(InState(name, "landed")):
@@ -381,17 +380,17 @@ def _rests(vehicle: VehiclePlan, node: FlightNode) -> bool:
 def _over(case: Case, vehicle: VehiclePlan, way: Way, limit: float) -> Diagnostic:
     return Diagnostic(
         "KYB432",
-        f"`{vehicle.name}` can't have landed when the mission's time is over",
+        f"`{vehicle.name}` can't land within the mission's time limit",
         _place(case, vehicle, way),
-        label=f"flies for {seconds_of(way.seconds)} at least",
+        label=f"flies for at least {seconds_of(way.seconds)}",
         notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
-        help="fly less, or write a longer `time_limit`",
+        help="shorten the flight, or write a longer `time_limit`",
         related=the_time_limit(case),
     )
 
 
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:
-    """Where the longest state of a way says for how long, or which wait it is."""
+    """Where the duration of the longest state on a way is written."""
     name = way.longest()
     state = vehicle.states.get(name)
     if state is None:

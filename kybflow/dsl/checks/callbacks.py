@@ -1,4 +1,5 @@
-"""Callbacks: what they hear, emit and say, and that none goes round for ever: KYB230 to KYB239."""
+"""Callbacks: their filters, the events that they emit, their log texts, and cycles among them:
+KYB230 to KYB239."""
 
 from __future__ import annotations
 
@@ -30,11 +31,11 @@ _REACTIONS = get_args(ReactionName)
 
 
 def filters(case: Case) -> Iterator[Diagnostic]:
-    """KYB231: a callback asks for a field that its event does not have, or for a value of it that
-    never comes.
+    """KYB231: a callback filters by a field that its event does not have, or by a value that never
+    occurs.
 
-    The fields of each event are in the table of events. Names of states, of estimators and of
-    reactions are judged; numbers are no names: compare them in a `when`.
+    The table of events lists the fields of each. Names of states, estimators and reactions are
+    checked. Numbers can't be filtered: compare them in a `when`.
     """
     (events,) = case.cached(known_events)
     for callback in case.plan.callbacks:
@@ -46,12 +47,12 @@ def filters(case: Case) -> Iterator[Diagnostic]:
             if field not in known:
                 message = f"`{callback.event}` has no field `{field}`"
                 span = callback.key_span(field)
-                hint = did_you_mean(field, known) or "it carries nothing"
+                hint = did_you_mean(field, known) or "this event has no fields"
                 yield Diagnostic("KYB231", message, span, label="unknown", help=hint)
             elif field in _NUMBERS or (field == "value" and known == _OF_ALARMS):
-                message = f"`{field}` is a number, and a filter compares names"
+                message = f"`{field}` is a number, but a filter compares names"
                 span = callback.key_span(field)
-                yield Diagnostic("KYB231", message, span, help="compare it in a `when`")
+                yield Diagnostic("KYB231", message, span, help="compare it in a `when` instead")
             else:
                 yield from _never_said(case, sources, field, callback.text_of(field))
 
@@ -74,11 +75,12 @@ def _never_said(
 
 
 def emitted_names(case: Case) -> Iterator[Diagnostic]:
-    """KYB236: `emit` of a name that is no name, or that somebody else's event has.
+    """KYB236: `emit` is given an invalid name, or the name of an event that something else emits.
 
-    A mission's own event has letters, digits and `_`, perhaps with dots between. It may not be
-    called like an event of the engine or of a part, and may not begin with a vehicle's, a group's
-    or an input's name, `any.` or `operator.`: whoever hears it would believe that they told it.
+    The name of a mission's own event consists of letters, digits and `_`, with dots between parts.
+    It can't be that of an event of the engine or of a part. It can't begin with `any.`, `operator.`
+    or the name of a vehicle, a group, a flow or an input, because the event would seem to come from
+    there.
     """
     names = [action.value_text for action in actions_of(case, "emit")]
     names += emitted_by_transitions(case.plan)
@@ -93,14 +95,16 @@ def emitted_names(case: Case) -> Iterator[Diagnostic]:
         message = hint = ""
         if not _CUSTOM.match(name.text):
             message = f"`{name.text}` can't be the name of an event"
-            hint = "a name has letters, digits and `_`, perhaps with dots between"
+            hint = "use letters, digits and `_`, with dots between parts"
         elif name.text in taken:
-            message = f"`{name.text}` is told by the engine or by a part, not by a mission"
-            hint = f"give it a name of its own, such as `my_{name.text}`"
+            message = (
+                f"`{name.text}` is an event of the engine or of a part, which a mission can't emit"
+            )
+            hint = f"choose another name, such as `my_{name.text}`"
         elif dot and first in owners:
             who = "a person" if name.text.startswith(OPERATOR) else f"`{first}`"
-            message = f"`{name.text}` would be heard as an event of {who}"
-            hint = "begin it with another word"
+            message = f"`{name.text}` would look like an event of {who}"
+            hint = "begin the name with another word"
         if message:
             yield Diagnostic("KYB236", message, name.span, help=hint)
 
@@ -132,15 +136,15 @@ def phases(case: Case) -> Iterator[Diagnostic]:
 
 
 def logged_fields(case: Case) -> Iterator[Diagnostic]:
-    """KYB238: `log` asks for something that its event does not carry.
+    """KYB238: `log` names a field that its event does not have.
 
-    A condition without an event has `{time}`; every event has `{event}` too, one of a vehicle
-    `{vehicle}`, and each its own fields. Braces that are meant as such are written twice.
+    A callback with a condition and no event has `{time}`. Every event also has `{event}`, an event
+    of a vehicle has `{vehicle}`, and each event has its own fields. Double a brace to print it.
     """
     (events,) = case.cached(known_events)
     for callback in case.plan.callbacks:
         if callback.event and not events.sources(callback.event):
-            continue  # KYB208 says so
+            continue  # reported as KYB208
         known = log_fields(callback, events)
         for action in callback.do:
             if action.name == "log":
@@ -158,7 +162,7 @@ def log_fields(callback: CallbackPlan, events: KnownEvents) -> tuple[str, ...]:
 
 
 def carried(event: str, events: KnownEvents) -> tuple[str, ...]:
-    """The fields of the event that a callback hears; a custom one has none."""
+    """The fields of the event that triggers a callback; a custom event has none."""
     if event in events.custom or event.startswith(OPERATOR):
         return ()
     return events.fields_of(event.rpartition(".")[2])
@@ -170,7 +174,7 @@ def _placeholders(
     try:
         parsed = list(Formatter().parse(text.text))
     except ValueError:
-        message, hint = "a brace is open or closed without the other", "write `{{` for a brace"
+        message, hint = "a brace has no partner", "write `{{` to print a brace"
         yield Diagnostic("KYB238", message, text.span, help=hint)
         return
     behind = 0
@@ -181,9 +185,9 @@ def _placeholders(
         behind = start + len(name)
         place = text.part(start, max(behind, start + 1))
         if form or conversion or not _PLACEHOLDER.match(name):
-            message = "only a field's name can stand in braces"
+            message = "only the name of a field can be in braces"
             yield Diagnostic(
-                "KYB238", message, place, help="write `{vehicle}`, and `{{` for a brace"
+                "KYB238", message, place, help="write `{vehicle}`, or `{{` to print a brace"
             )
         elif name not in known:
             what = f"`{callback.event}`" if callback.event else "a condition"
@@ -193,7 +197,7 @@ def _placeholders(
 
 
 class _Said(NamedTuple):
-    """An event that an action surely brings about, with the fields that are known before."""
+    """An event that an action surely causes, with the field values that are known in advance."""
 
     vehicle: str
     event: str
@@ -201,20 +205,20 @@ class _Said(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """From a callback to another one that hears what `action` of the first brings about."""
+    """A link from a callback to another one that an event caused by `action` triggers."""
 
     action: ActionKeys
     to: int
 
 
 def cycles(case: Case) -> Iterator[Diagnostic]:
-    """KYB239: a callback brings about the event that it hears, itself or through others, and none
-    of them has a `when` that could end it.
+    """KYB239: a callback causes the event that triggers it, by itself or through others, and none
+    of them has a `when` that could stop it.
 
-    In flight one round is made in each tick: nothing hangs, but the same is done again and again.
-    `emit` tells its event, `log` the event `logged`, `set` `option_changed`, `switch`
-    `behavior_ended` and `behavior_started`, `phase` `phase_started`, `perform` `performed` or
-    `perform_refused`.
+    In flight the cycle turns once per tick: nothing hangs, but the same actions repeat forever.
+    `emit` raises its event, `log` raises `logged`, `set` raises `option_changed`, `switch` raises
+    `behavior_ended` and `behavior_started`, `phase` raises `phase_started`, and `perform` raises
+    `performed` or `perform_refused`.
     """
     callbacks = [c for c in case.plan.callbacks if c.when is None]
     heard_events = [c.event for c in callbacks if c.event]
@@ -227,16 +231,16 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
             action = next(way.action for way in out if way.to == onward)
             yield Diagnostic(
                 "KYB239",
-                f"`{heard[0]}` is answered again and again, for ever",
+                f"`{heard[0]}` triggers itself again and again, forever",
                 _key_span(callbacks[first], action),
-                label="this brings it about" if len(cycle) == 1 else "this begins a cycle",
+                label="this causes it" if len(cycle) == 1 else "this begins a cycle",
                 notes=() if len(cycle) == 1 else ("`" + "` → `".join(heard) + "`",),
-                help="add a `when`, or hear an event that this does not bring about",
+                help="add a `when`, or wait for an event that this does not cause",
             )
 
 
 def _key_span(callback: CallbackPlan, action: ActionKeys) -> Span:
-    """The place of an action's key; several targets may share it."""
+    """The place of an action's key, which several targets may share."""
     do = callback.entry("do")
     items = () if do is None else items_of(do.value)
     own = next(item for item in items if action.span.is_in(item.span))
@@ -294,7 +298,7 @@ def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:
 
 
 def _back(first: int, ways: dict[int, list[_Way]]) -> list[int]:
-    """The shortest cycle through `first`, from it on; empty when there is none."""
+    """The shortest cycle that begins at `first`; empty if there is none."""
     came: dict[int, int] = {}
     waiting = [first]
     for index in waiting:

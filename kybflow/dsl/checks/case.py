@@ -1,4 +1,4 @@
-"""The mission under judgement, as every check gets it, and lookups that several checks share."""
+"""A mission being checked, as every check receives it, and lookups that several checks share."""
 
 from __future__ import annotations
 
@@ -25,18 +25,19 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 NO_TARGET = frozenset({"fault"})
-"""Built-in states that no transition of a mission may lead to: the failsafe's own."""
+"""Built-in states that only the failsafe enters."""
 
 TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
 """The built-in states that a transition of a mission may lead to."""
 
 
 WORDS = KEYWORDS | {"all", "any", "start", "operator"}
-"""Words that no vehicle, behavior, group or flow may be called by."""
+"""Words that can't be the name of a vehicle, behavior, group or flow."""
 
 
 class Case:
-    """A mission under judgement, the parts at hand, and what its expressions may name."""
+    """A mission being checked, with the available parts and the names that its expressions may
+    use."""
 
     def __init__(self, plan: Plan, catalog: Catalog) -> None:
         self.plan = plan
@@ -45,8 +46,7 @@ class Case:
         self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
 
     def cached(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
-        """The list of what `find` finds in this case, computed once because several checks need
-        it."""
+        """The list of what `find` yields for this case, computed once for all checks."""
         if find not in self._found:
             self._found[find] = list(find(self))
         return self._found[find]
@@ -58,19 +58,19 @@ class Case:
                 yield vehicle, state
 
     def parts(self, kind: str) -> Iterator[PartSpec]:
-        """Every part of a kind at hand; one that can't be loaded is told where it is used."""
+        """Every available part of a kind. A part that can't be loaded is skipped; it is reported
+        where it is used."""
         for name in self.catalog.names(kind):
             with suppress(PartError):
                 yield self.catalog.get(kind, name)
 
     def condition(self, owner: Record, key: str, scope: Scope) -> Condition | None:
-        """The condition under a key of a record, parsed; None when there is none or when it has
-        errors."""
+        """The parsed condition under a key of a record; None if there is none or it has errors."""
         text = owner.text_of(key)
         return cast("Condition | None", None if text is None else parse(text, scope)[0])
 
     def behavior(self, vehicle: VehiclePlan, state: str) -> type[Behavior[Any]] | None:
-        """The class behind a state of the vehicle or a built-in one; None for an unknown name."""
+        """The class behind a state of the vehicle or a built-in state; None for an unknown name."""
         if state in vehicle.states:
             own: type[Behavior[Any]] = vehicle.states[state].behavior.cls
             return own
@@ -80,7 +80,7 @@ class Case:
         return None
 
     def legs(self, vehicle: VehiclePlan, state: str) -> tuple[Leg, ...]:
-        """The flight types of a state; none for an unknown name."""
+        """The flight types of a state; empty for an unknown name."""
         cls = self.behavior(vehicle, state)
         return cls.flight if cls is not None else ()
 
@@ -94,7 +94,8 @@ def part_of(vehicle: VehiclePlan, state: str) -> str:
 
 
 def wrong_goal(code: str, name: Text, vehicle: VehiclePlan) -> Diagnostic | None:
-    """The finding for a goal that the vehicle does not have; None for one that it has."""
+    """The finding for a target state that the vehicle does not have or that only the failsafe
+    enters; None for a valid one."""
     if vehicle.goal(name.text) in vehicle.states or name.text in TARGETS:
         return None
     if name.text not in NO_TARGET:
@@ -103,13 +104,13 @@ def wrong_goal(code: str, name: Text, vehicle: VehiclePlan) -> Diagnostic | None
         code,
         f"`{name.text}` can't be chosen",
         name.span,
-        label="entered by the failsafe alone",
-        help="use `auto_land` or `land_blind` to come down",
+        label="only the failsafe enters it",
+        help="use `auto_land` or `land_blind` to land",
     )
 
 
 def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] = ()) -> Diagnostic:
-    """The finding for a name that is no state or chain of the vehicle, nor one of `more`."""
+    """The finding for a name that is no state or chain of the vehicle and none of `more`."""
     key = "inner goals" if "." in name.text else "goals"
     if key not in vehicle.known:
         vehicle.known[key] = sorted(goals_like(name.text, vehicle.states))

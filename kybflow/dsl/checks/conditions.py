@@ -1,6 +1,6 @@
-"""Conditions, health and expectations: read and typed (KYB210 to KYB214,
-`kybflow.dsl.expressions.parse`), times that never come (KYB259), and what no flight can answer
-(KYB257, KYB258)."""
+"""Conditions, estimator health and expectations: parsing and types (KYB210 to KYB214,
+`kybflow.dsl.expressions.parse`), waits longer than the run (KYB259), and states and values that
+never occur (KYB257, KYB258)."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def health(case: Case) -> Iterator[Diagnostic]:
 
 
 def _misread(owner: Record, key: str, scope: Scope) -> Iterator[Diagnostic]:
-    """What is wrong with the condition under a key of a record."""
+    """The errors in the condition under a key of a record."""
     text = owner.text_of(key)
     if text is not None:
         yield from parse(text, scope)[1]
@@ -70,8 +70,8 @@ def expectations(case: Case) -> Iterator[Diagnostic]:
 
 
 class TypedCondition(NamedTuple):
-    """A condition as written and as understood. `own` is the vehicle that asks, None for an
-    expectation, a callback and a flow."""
+    """A condition as written and as parsed. `own` is the vehicle that it belongs to; None for an
+    expectation, a callback or a flow."""
 
     text: Text
     condition: Condition
@@ -80,10 +80,9 @@ class TypedCondition(NamedTuple):
 
 
 def after_the_end(case: Case) -> Iterator[Diagnostic]:
-    """KYB259: a transition that waits for longer than the run lasts, so that it never fires.
+    """KYB259: a transition waits longer than the run lasts, so it is never taken.
 
-    A run ends after `time_limit`, 600 s unless the mission says otherwise. Often a unit is wrong:
-    `min` for `ms`.
+    A run ends after `time_limit`, 600 s by default. Often the unit is wrong: `min` instead of `ms`.
     """
     limit = case.plan.time_limit
     for transition in _transitions(case):
@@ -92,11 +91,11 @@ def after_the_end(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB259",
-            f"`{transition.target}` is never reached by a wait of {_seconds(waits)}",
+            f"`{transition.target}` is never reached: the wait of {_seconds(waits)} is too long",
             transition.span,
-            label="the run is over before",
+            label="the run ends before that",
             notes=(f"its `time_limit` is {_seconds(limit)}",),
-            help="wait for less, or write a longer `time_limit`",
+            help="shorten the wait, or write a longer `time_limit`",
             related=the_time_limit(case),
         )
 
@@ -183,8 +182,8 @@ def never_entered(case: Case) -> Iterator[Diagnostic]:
                     "KYB257",
                     f"`{vehicle}` never enters `{state}`",
                     typed.text.span,
-                    label="nothing to look at",
-                    help=f"let a transition lead to `{state}`, or ask for another state",
+                    label="the state never occurs",
+                    help=f"let a transition lead to `{state}`, or name another state",
                 )
 
 
@@ -199,7 +198,8 @@ def _never(vehicle: VehiclePlan) -> frozenset[str]:
 
 
 def named_states(condition: Condition, own: str | None) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of each state that a condition names; `own` is the vehicle that asks."""
+    """(vehicle, state) of each state that a condition names. `own` is the vehicle that the
+    condition belongs to."""
     for node in nodes(condition):
         match node:
             case InState(vehicle, state):
@@ -213,12 +213,11 @@ def named_states(condition: Condition, own: str | None) -> Iterator[tuple[str, s
 
 
 def not_measured(case: Case) -> Iterator[Diagnostic]:
-    """KYB258: a condition or an expectation asks for a value that the vehicle never has.
+    """KYB258: a condition or an expectation reads a value that the vehicle never has.
 
-    The battery is known where the target's driver reports it, as are a pilot's sticks, of which
-    nothing is said where the mission has `targets` of its own; where the vehicle is, and how far
-    from its setpoint, where it has an estimator. A comparison with a value that is not known is
-    false.
+    The battery and a pilot's sticks are known if the target's driver reports them; sticks are not
+    checked if the mission has its own `targets`. The position and the position error are known if
+    the vehicle has an estimator. A comparison with an unknown value is false.
     """
     telling = ("battery.", *_ESTIMATED)
     is_blind = any(_lacking(case, v, name) for v in case.plan.vehicles for name in telling)
@@ -236,7 +235,7 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
                     f"`{node.name}` of `{vehicle.name}` is never known",
                     typed.text.span,
                     label=lacking,
-                    help="ask for something else, or change what the vehicle has",
+                    help="use another value, or give the vehicle what provides it",
                 )
 
 
@@ -245,7 +244,7 @@ def _subject(node: object, typed: TypedCondition) -> str:
 
 
 def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """What the vehicle lacks to know a value, for the report; empty when it lacks nothing."""
+    """What the vehicle lacks to know a value, as a message; empty if it lacks nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.cls.provides:
         return f"`{driver.name}` reports no battery"
@@ -258,7 +257,7 @@ def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
 
 
 def nodes(node: object) -> Iterator[object]:
-    """A node of an expression and all below it."""
+    """A node of an expression and all nodes below it."""
     yield node
     if isinstance(node, tuple):
         for inner in node:

@@ -1,4 +1,4 @@
-"""What a vehicle's parts will be created with, for the checks that ask parts."""
+"""The context with which a vehicle's parts are created, for checks that ask the parts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
-    """Every vehicle with its context, but for the tags, of which there may be thousands."""
+    """Every vehicle with its context, without the tags, of which there may be thousands."""
     plan = case.plan
     diameters = {vehicle.name: vehicle.airframe.diameter for vehicle in plan.vehicles}
     starts = {vehicle.name: vehicle.start for vehicle in plan.vehicles}

@@ -19,11 +19,12 @@ from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 
 
 def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
-    """KYB301: a part gives a kind of setpoint or command that the next one in the chain can't take.
+    """KYB301: a part outputs a kind of setpoint or command that the next part in the chain can't
+    take.
 
-    A behavior emits a kind of setpoint, each processor takes kinds and returns kinds, the tracker
-    turns setpoints into kinds of command, and the driver takes kinds of command. Processors that
-    are no safety parts are passed over in take-off and landing.
+    A behavior emits setpoints or commands, each processor takes and returns setpoints, the tracker
+    turns setpoints into commands, and the driver takes commands. Take-offs and landings bypass all
+    processors except safety processors.
     """
     for vehicle in case.plan.vehicles:
         driver, tracker = vehicle.driver, vehicle.tracker
@@ -51,13 +52,13 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lands_itself(vehicle: VehiclePlan, name: str, kind: SetpointKind | CommandKind) -> bool:
-    """Whether the vehicle lands blind by its own mode in place of the built-in state."""
+    """Whether the vehicle lands blind in its own mode instead of the built-in state."""
     is_command = isinstance(kind, CommandKind)
     return is_command and name in BUILT_IN and vehicle.driver.cls.lands_blind
 
 
 class _Refusal(NamedTuple):
-    """The part of a chain that can't take what comes to it, and what it takes."""
+    """The part of a chain that can't take its input, and what it takes."""
 
     part: PartPlan
     what: str
@@ -67,8 +68,8 @@ class _Refusal(NamedTuple):
 def _refusal(
     vehicle: VehiclePlan, kind: SetpointKind | CommandKind, stays: bool
 ) -> _Refusal | None:
-    """The first part on the way of `kind` that can't take it. `stays`: the behavior is neither a
-    take-off nor a landing, so that every processor applies."""
+    """The first part along the chain that can't take `kind`. `stays`: the behavior is neither a
+    take-off nor a landing, so every processor applies."""
     if isinstance(kind, CommandKind):
         driver = vehicle.driver
         accepted = driver.cls.takes(driver.params)
@@ -87,8 +88,8 @@ def _refusal(
 
 
 def _fitting_tracker(case: Case, vehicle: VehiclePlan, takes: frozenset[CommandKind]) -> str:
-    """The tracker that the driver asks for, else one, as it comes, whose commands it takes; empty
-    where there is none."""
+    """The tracker that the driver asks for, or else one whose commands the driver takes and that
+    needs no parameters; empty if there is none."""
     asked = vehicle.driver.cls.tracker(vehicle.driver.params)
     if asked is not None:
         return _with_tracker(case, vehicle, _written(asked))
@@ -152,7 +153,7 @@ def _sources(vehicle: VehiclePlan) -> str:
 
 
 def _way_out(case: Case, vehicle: VehiclePlan, use: EstimatorPlan, kind: MeasurementKind) -> str:
-    """A sensor that would do, where there is one."""
+    """A sensor that would help, or else general advice."""
     shows = vehicle.driver.cls.shows(vehicle.driver.params)
     for spec in case.parts("sensors"):
         if kind in spec.cls.provides and spec.cls.simulated <= shows:
@@ -162,8 +163,8 @@ def _way_out(case: Case, vehicle: VehiclePlan, use: EstimatorPlan, kind: Measure
 
 
 def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:
-    """KYB306: a driver can't work as it is told, such as with an address that is none, or can't fly
-    the vehicle: some have no payloads."""
+    """KYB306: a driver can't work with its parameters, such as an invalid address, or can't fly the
+    vehicle, such as one with a payload."""
     for vehicle in case.plan.vehicles:
         driver = vehicle.driver
         objection = driver.cls.objection(driver.params, vehicle.start, vehicle.payload)
@@ -175,7 +176,7 @@ def drivers_not_as_told(case: Case) -> Iterator[Diagnostic]:
 
 
 def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:
-    """KYB304: a vehicle has a behavior that needs an estimate of its state, and no estimator."""
+    """KYB304: a vehicle has a behavior that needs a state estimate, but no estimator."""
     for vehicle in case.plan.vehicles:
         if vehicle.estimators:
             continue
@@ -187,13 +188,13 @@ def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:
                 f"`{vehicle.name}` has no estimator",
                 vehicle.span,
                 label=f"`{state.name}` ({state.behavior.name}) needs one",
-                help="name one under `estimators`",
+                help="add one under `estimators`",
             )
 
 
 def control_rates(case: Case) -> Iterator[Diagnostic]:
-    """KYB303: the control rate does not divide the rate of the driver's own steps, so that a tick
-    would not fall on a step."""
+    """KYB303: the control rate does not divide the step rate of the driver, so control ticks would
+    not fall on steps."""
     control = case.plan.control_rate
     for vehicle in case.plan.vehicles:
         driver = vehicle.driver

@@ -1,4 +1,4 @@
-"""Conditions and expectations whose answer is known before the flight: KYB253, KYB254, KYB410 to
+"""Conditions and expectations whose result is known before the flight: KYB253, KYB254, KYB410 to
 KYB414 and KYB423 to KYB425."""
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR
 
 _OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
-"""What the state in which a condition is asked may decide."""
+"""Words of a condition whose result may depend on the state that evaluates it."""
 
 
 class _Decided(NamedTuple):
-    """A condition whose answer is known before the flight: it always `holds`, or never. is_certain:
-    whatever happens, and not only in a flight that is in order."""
+    """A condition that always `holds`, or never. is_certain: in any flight, not only in a normal
+    one."""
 
     typed: TypedCondition
     holds: bool
@@ -72,8 +72,8 @@ def _decided(case: Case) -> Iterator[_Decided]:
 
 
 class _Asked(NamedTuple):
-    """A condition that the state decides in which it is asked; `why` says how, `hint` what to do
-    where it never holds. holds: it always does, False: it never does, None: it may."""
+    """A condition evaluated in a state. holds: True if it always holds there, False if it never
+    does, None if unknown. `why` explains that; `hint` is the help if it never holds."""
 
     text: Text
     holds: bool | None
@@ -82,7 +82,7 @@ class _Asked(NamedTuple):
 
 
 def _decided_in_states(case: Case) -> Iterator[_Asked]:
-    """The conditions that are decided in every state in which they are asked."""
+    """The conditions that are decided in every state that evaluates them."""
     found: dict[Span, list[_Asked]] = {}
     told = {one.typed.text.span for one in case.cached(_decided)}
     for vehicle, state in case.states():
@@ -107,11 +107,11 @@ def _asked_in(
         return _Asked(text, None)
     here = (InState(own, where), Compare("==", Read(None, "behavior"), Word(where)))
     bounds = _within(own, longest, reaches_of(case)(own).usual)
-    why = f"asked in `{where}`, and a vehicle is in one state at a time"
-    hint = "ask for another vehicle's state or for an event, or remove this way out"
+    why = f"evaluated in `{where}`, and a vehicle is in one state at a time"
+    hint = "test another vehicle's state or an event, or remove this transition"
     if longest < inf and "elapsed" in text.text:
-        why = f"`{where}` has ended by then: it lasts {quantity(longest, DURATION)} at most"
-        hint = "ask for less, or let the behavior last longer"
+        why = f"`{where}` has ended by then: it lasts at most {quantity(longest, DURATION)}"
+        hint = "shorten the time, or let the behavior last longer"
     if never_holds(And((condition, *here)), bounds):
         return _Asked(text, False, why, hint)
     always = never_holds(And((Not(condition), *here)), bounds)
@@ -119,18 +119,19 @@ def _asked_in(
 
 
 def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
-    """How long a state may last; callbacks and requests that bring values may make it longer."""
+    """The longest duration of a state; infinite if callbacks or requests with values may change
+    it."""
     is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
     return inf if is_other else longest_time(vehicle, state)
 
 
 def _valued(case: Case) -> Iterator[bool]:
-    """Of each phase whether it enters states with values."""
+    """For each phase, whether it enters states with values."""
     return (any(map(written, phase.run.values())) for _, phase in phases(case.plan))
 
 
 def _within(own: str, longest: float, usual: Bounds) -> Bounds:
-    """The usual bounds, with those of the time in a state that lasts no longer."""
+    """The usual bounds, with `elapsed` limited to `longest`."""
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
@@ -142,23 +143,23 @@ def _within(own: str, longest: float, usual: Bounds) -> Bounds:
 
 
 def never_true_there(case: Case) -> Iterator[Diagnostic]:
-    """KYB423: the `when` of a transition can't hold in the state that it leaves: it asks for its
-    vehicle in another state, or for a time in the state that is longer than the state lasts."""
+    """KYB423: the `when` of a transition can't hold in the state that it leaves: it requires its
+    vehicle to be in another state, or to be in this one for longer than the state lasts."""
     for asked in case.cached(_decided_in_states):
         if asked.holds is False:
             yield Diagnostic(
                 "KYB423",
                 f"`{asked.text.as_written}` never holds here",
                 asked.text.span,
-                label="this way out is never taken",
+                label="this transition is never taken",
                 notes=(asked.why,),
                 help=asked.hint,
             )
 
 
 def always_true_there(case: Case) -> Iterator[Diagnostic]:
-    """KYB424: the `when` of a transition always holds in the state that it leaves, so that the
-    state is left in its first tick (a warning)."""
+    """KYB424: the `when` of a transition always holds in the state that it leaves, so the vehicle
+    leaves the state in its first tick (a warning)."""
     for asked in case.cached(_decided_in_states):
         if asked.holds:
             yield Diagnostic(
@@ -167,67 +168,68 @@ def always_true_there(case: Case) -> Iterator[Diagnostic]:
                 asked.text.span,
                 label="the state is left at once",
                 notes=(asked.why,),
-                help="ask for what happens in this state, such as `elapsed > 3 s`",
+                help="test something that changes in this state, such as `elapsed > 3 s`",
                 severity=Severity.WARNING,
             )
 
 
 def never_true(case: Case) -> Iterator[Diagnostic]:
-    """KYB253: a condition that can never hold: what it asks of one value leaves none, or the value
-    is never there.
+    """KYB253: a condition can never hold: its bounds on a value contradict each other, or the value
+    can't get there.
 
-    No speed, distance, age or time is below zero, no share outside 0 % to 100 %, no tilt above 180
-    degrees, no time beyond the mission's `time_limit`, and no vehicle is in two states at once. No
-    vehicle comes further outside the fence than the fence is long, is faster than three times its
-    airframe's speed and a fall from there, or begins anywhere but at its start. A transition with
-    such a condition never fires, an estimator with such a `healthy` is never used, and an
-    expectation fails whatever is flown.
+    Speeds, distances, ages and times are never below zero, shares stay between 0 % and 100 %, tilt
+    is at most 180 degrees, time is at most the mission's `time_limit`, and a vehicle is in one
+    state at a time. A vehicle gets no further outside the fence than the fence is long, no faster
+    than three times its airframe's speed plus a fall from there, and it begins at its start. A
+    transition with such a condition is never taken, an estimator with such a `healthy` is never
+    used, and such an expectation always fails.
     """
     for found in case.cached(_decided):
         if not found.holds and found.is_certain:
-            hint = "mend the bound, or write `or` where both can't hold at once"
+            hint = "correct the bound, or write `or` where both can't hold at once"
             if isinstance(found.typed.condition, Compare) and found.typed.is_expected:
-                hint = "mend the bound, or ask for it in a state: `min(a.state.altitude in hold)`"
+                hint = "correct the bound, or check one state: `min(a.state.altitude in hold)`"
             yield _told(case, found, "KYB253", "can never hold", "never true", hint)
 
 
 def always_true(case: Case) -> Iterator[Diagnostic]:
-    """KYB254: a condition that holds whenever it can be asked, so that it says nothing.
+    """KYB254: a condition always holds, so it has no effect.
 
-    A transition with it fires in the first tick of its state (a warning); an expectation with it
-    can't fail, which is an error but for a statistic of a state, which may never be entered.
+    A transition with it is taken in the first tick of its state (a warning). An expectation with it
+    can't fail, which is an error, unless it is a statistic of a state that may never be entered.
     """
     for found in case.cached(_decided):
         if found.holds and found.is_certain:
-            hint = "mend the bound, or leave the condition away"
+            hint = "correct the bound, or remove the condition"
             told = _told(case, found, "KYB254", "always holds", "always true", hint)
             is_empty = found.typed.is_expected and not _of_a_state(found.typed.condition)
             yield told if is_empty else replace(told, severity=Severity.WARNING)
 
 
 def not_in_order(case: Case) -> Iterator[Diagnostic]:
-    """KYB410: a condition that can't hold in a flight that is in order (a warning).
+    """KYB410: a condition can't hold in a normal flight (a warning).
 
-    It asks for a place a fifth of the fence's size outside of it, for three times the airframe's
-    speed, for an estimate that is 10 s old, or for a spread below 0.1 mm.
+    It requires a position outside the fence by more than a fifth of its size, three times the
+    airframe's speed, an estimate that is 10 s old, or a spread below 0.1 mm.
     """
     for found in case.cached(_decided):
         if not found.holds and not found.is_certain:
-            hint = "ask for what can be, or leave the condition away"
-            told = _told(case, found, "KYB410", "hardly ever holds", "out of reach", hint)
+            hint = "choose a bound within reach, or remove the condition"
+            told = _told(case, found, "KYB410", "holds in no normal flight", "out of reach", hint)
             yield replace(told, severity=Severity.WARNING)
 
 
 def generous(case: Case) -> Iterator[Diagnostic]:
-    """KYB411: a condition that always holds in a flight that is in order, so that it says next to
-    nothing (a warning).
+    """KYB411: a condition holds throughout every normal flight, so it checks almost nothing (a
+    warning).
 
-    The bounds are those of KYB410: a position error below 10 m where the fence is 6 m wide.
+    The bounds are those of KYB410; for example, a position error below 10 m where the fence is 6 m
+    wide.
     """
     for found in case.cached(_decided):
         if found.holds and not found.is_certain:
-            hint = "give the bound that you mean, or leave the condition away"
-            told = _told(case, found, "KYB411", "says next to nothing", "holds anyhow", hint)
+            hint = "choose a tighter bound, or remove the condition"
+            told = _told(case, found, "KYB411", "holds in every normal flight", "always true", hint)
             yield replace(told, severity=Severity.WARNING)
 
 
@@ -238,7 +240,7 @@ def _told(case: Case, found: _Decided, code: str, what: str, label: str, hint: s
 
 
 def _limits(case: Case, found: _Decided) -> Iterator[str]:
-    """How far the values go that decide a condition, where nature alone doesn't."""
+    """The ranges of the values that decide a condition, except where physics alone does."""
     usual, certain, _ = reaches_of(case)(found.typed.own)
     bounds, nature = (certain if found.is_certain else usual), physical_bounds(inf)
     is_known = always_holds if found.holds else never_holds
@@ -260,8 +262,8 @@ def _of_a_state(condition: Condition) -> bool:
 
 
 def false_at_first(case: Case) -> Iterator[Diagnostic]:
-    """KYB412: an `always` that is false in the first tick, where its vehicles stand at their
-    starts, so that it fails whatever is flown."""
+    """KYB412: an `always` is false in the first tick, when the vehicles are at their starts, so it
+    fails in every flight."""
     for text, expression in _expected(case):
         if not isinstance(expression, Always):
             continue
@@ -270,16 +272,16 @@ def false_at_first(case: Case) -> Iterator[Diagnostic]:
         if never_holds(condition, at_first) and not never_holds(condition, usual):
             yield Diagnostic(
                 "KYB412",
-                f"`{text.as_written}` is false at once",
+                f"`{text.as_written}` is false from the start",
                 text.span,
-                label="the vehicles stand at their starts",
-                help="ask for it in a state: `min(a.state.altitude in hold) > 1 m`",
+                label="the vehicles are still at their starts",
+                help="check one state: `min(a.state.altitude in hold) > 1 m`",
             )
 
 
 def true_at_first(case: Case) -> Iterator[Diagnostic]:
-    """KYB413: an `eventually` that is true in the first tick, where its vehicles stand at their
-    starts, so that it says nothing of the flight (a warning)."""
+    """KYB413: an `eventually` is true in the first tick, when the vehicles are at their starts, so
+    it checks nothing of the flight (a warning)."""
     for text, expression in _expected(case):
         if not isinstance(expression, Eventually):
             continue
@@ -288,10 +290,10 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
         if always_holds(condition, at_first) and not always_holds(condition, usual):
             yield Diagnostic(
                 "KYB413",
-                f"`{text.as_written}` is true at once",
+                f"`{text.as_written}` is true from the start",
                 text.span,
-                label="the vehicles stand at their starts",
-                help="write `finally` for the end of the run",
+                label="the vehicles are still at their starts",
+                help="write `finally` to check the end of the run",
                 severity=Severity.WARNING,
             )
 
@@ -305,8 +307,8 @@ def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
 
 
 def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB425: a `finally` that the end of a run decides: a run ends when everybody is on the
-    ground, so that nobody is in a state that is flown."""
+    """KYB425: the end of a run decides a `finally`: a run ends when all vehicles are on the ground,
+    so none is in a state that it flies in the air."""
     for text, expression in _expected(case):
         if isinstance(expression, Finally):
             condition, aloft = expression.condition, tuple(_aloft(case, expression.condition))
@@ -315,16 +317,16 @@ def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
             if is_false or is_true:
                 yield Diagnostic(
                     "KYB425",
-                    f"`{text.as_written}` {'fails' if is_false else 'holds'} whatever is flown",
+                    f"`{text.as_written}` {'fails' if is_false else 'holds'} in every flight",
                     text.span,
                     label="a run ends on the ground",
-                    help="ask for `landed`, or for a state on the way: `eventually a in hold`",
+                    help="test `landed`, or a state during the flight: `eventually a in hold`",
                 )
 
 
 def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
-    """Of each state that a condition names and that is flown from the air into the air: that its
-    vehicle isn't in it."""
+    """For each state named in a condition that is flown only in the air: that its vehicle is not in
+    it."""
     for vehicle, state in named_states(condition, None):
         legs = case.legs(case.plan.fleet[vehicle], state)
         if legs and all(leg.end is AIR for leg in legs):
@@ -336,7 +338,7 @@ def _unknown(_: object) -> tuple[float, float]:
 
 
 def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
-    """KYB414: an expectation gives more time than the run has, so that its `within` says nothing (a
+    """KYB414: an expectation allows more time than the run has, so its `within` has no effect (a
     warning)."""
     limit = case.plan.time_limit
     for text, expression in _expected(case):
@@ -344,10 +346,10 @@ def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
             case Eventually(_, within) | Finished(within) if within is not None and within > limit:
                 yield Diagnostic(
                     "KYB414",
-                    f"`{text.as_written}` gives more time than there is",
+                    f"`{text.as_written}` allows more time than the run has",
                     text.span,
-                    label="the run is over before",
+                    label="the run ends before that",
                     notes=(f"its `time_limit` is {format_quantity(limit, DURATION)}",),
-                    help="give less, or write a longer `time_limit`",
+                    help="allow less, or write a longer `time_limit`",
                     severity=Severity.WARNING,
                 )

@@ -1,8 +1,8 @@
-"""The least time that a vehicle needs from state to state, as far as that can be told before the
-flight: what each behavior's footprint says it needs, what a `next` waits for at least, and the
-quickest way over the graph of states.
+"""The least time that a vehicle needs from state to state, as far as it is known before the flight:
+the least time of each behavior's footprint, the waits of `next`, and the quickest way through the
+graph of states.
 
-Every number is a lower bound for a flight in which nothing fails: what is not known takes no time.
+Every number is a lower bound for a flight without failures. Unknown times count as zero.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
 _SPARE = 0.95
-"""The share of a least time that must fit: where a behavior begins is known to some centimetres."""
+"""The share of a least time that must fit, because entries are known to some centimetres only."""
 _BEGINS = 3.0
-"""Seconds in which what is entered in motion comes to rest, before its own time begins."""
+"""Seconds in which a vehicle that enters in motion stops, before the behavior's time begins."""
 _MOST_SHOWN = 5
 _HOVERS = frozenset({"brake", "hover"})
-"""Built-in states that come down after the hover limit."""
+"""Built-in states that lead to a landing after the hover limit."""
 
 
 _DISTURBING = frozenset({"switch", "phase", "stop"})
-"""Actions after which a mission goes on elsewhere, or not at all."""
+"""Actions that send a mission elsewhere or end it."""
 
 
 class Way(NamedTuple):
-    """The quickest way to a node: `seconds` in all, the last step of it, and the way before that.
-    The step is the state that was left, with the time that it took."""
+    """The quickest way to a node: its total `seconds`, the last state that it leaves, the time
+    spent there, and the way before it."""
 
     seconds: float
     state: str = ""
@@ -69,7 +69,7 @@ class Way(NamedTuple):
 
 
 def sum_of(way: Way) -> str:
-    """What adds up to the time of a way, for a note."""
+    """The terms that add up to the time of a way, for a note."""
     steps = way.steps()
     shown = sorted(sorted(steps, key=lambda s: -s[1])[:_MOST_SHOWN], key=steps.index)
     terms = [f"`{state}` {seconds_of(spent)}" for state, spent in shown]
@@ -86,8 +86,7 @@ _Edge = tuple[FlightNode, float]
 
 
 def disturbances(case: Case) -> Iterator[str]:
-    """What actions ask for after which a mission goes on elsewhere, or a behavior flies
-    differently."""
+    """Actions that send a mission elsewhere, end it, or change how a behavior flies."""
     for callback in case.plan.callbacks:
         for action in callback.do:
             is_tuned = action.name == "set" and ".behaviors." in (action.target or "")
@@ -98,7 +97,7 @@ def disturbances(case: Case) -> Iterator[str]:
 
 
 def exceeds(least: float, limit: float) -> bool:
-    """Whether a least time surely doesn't fit into a limit."""
+    """Whether a least time surely exceeds a limit."""
     return least * _SPARE > limit
 
 
@@ -108,8 +107,8 @@ def seconds_of(value: float) -> str:
 
 
 def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
-    """The least seconds from the entry of a state to the normal end of its behavior, from every
-    entry that it can have."""
+    """The least seconds from the entry of a state to the normal end of its behavior, over all its
+    known entries."""
     times: dict[str, float] = vehicle.known.setdefault("least times", {})
     name = state.name
     if name not in times:
@@ -120,8 +119,7 @@ def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
 
 
 def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
-    """The least seconds from one entry. Where there are obstacles a landing may end on one, and
-    sooner."""
+    """The least seconds from one entry. With obstacles, a landing may end early, on one of them."""
     footprint = state.footprint(entry)
     if footprint is None or (case.plan.obstacles and _lands(state)):
         return 0.0
@@ -129,8 +127,7 @@ def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
 
 
 def longest_time(vehicle: VehiclePlan, state: StatePlan) -> float:
-    """The seconds after which the behavior of a state has surely ended; infinite where it doesn't
-    say."""
+    """The seconds after which the behavior of a state has surely ended; infinite if unknown."""
     entries = entries_of(vehicle).get(state.name)
     footprints = [state.footprint(entry) for entry in entries.candidates()] if entries else []
     ends = [
@@ -149,8 +146,8 @@ def ways_from(
     first: Iterable[FlightNode],
     through: Callable[[FlightNode], bool] = lambda _: True,
 ) -> dict[FlightNode, Way]:
-    """The quickest way from any node of `first` to every node that can be reached without anything
-    failing, `through` such nodes only."""
+    """The quickest way from any node of `first` to every node reachable without failures. Ways
+    continue only through nodes that `through` accepts."""
     edges, begins = _ahead(case, vehicle), set(first)
 
     def ahead(node: FlightNode) -> Iterable[_Edge]:
@@ -164,8 +161,8 @@ def ways_from(
 def quickest(
     first: Iterable[N], ahead: Callable[[N], Iterable[tuple[N, float]]], name: Callable[[N], str]
 ) -> dict[N, Way]:
-    """The quickest way from any of `first` to every node (Dijkstra). ahead: the nodes that follow a
-    node, each with the seconds until then; name: what a node is called in a sum."""
+    """The quickest way from any of `first` to every node (Dijkstra). ahead: the successors of a
+    node, each with the seconds until then; name: the name of a node in a sum."""
     found, order = dict[N, Way](), count()
     queue = [(0.0, next(order), node, Way(0.0)) for node in first]
     while queue:
@@ -187,7 +184,7 @@ def quickest_into(ways: Mapping[FlightNode, Way], state: str) -> Way | None:
 
 
 def no_way_exceeds(case: Case, vehicle: VehiclePlan, limit: float) -> bool:
-    """Whether all that the vehicle's states can take fits into a limit; that is quick to tell."""
+    """Whether the sum of all times of the vehicle's states fits into a limit: a cheap test."""
     if "most" not in vehicle.known:
         ahead = _ahead(case, vehicle).values()
         brakes = any(target.state in _HOVERS for edges in ahead for target, _ in edges)
@@ -207,8 +204,8 @@ def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
 
 
 def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
-    """The nodes that follow each node of the vehicle's own states, with the least seconds until
-    then. What a fault breaks may fail at once."""
+    """The successors of each node of the vehicle's own states, with the least seconds until then. A
+    vehicle with a fault may fail at once."""
     if "ahead" not in vehicle.known:
         vehicle.known["ahead"] = _followers(case, vehicle)
     found: dict[FlightNode, list[_Edge]] = vehicle.known["ahead"]
@@ -238,7 +235,8 @@ def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]
 
 
 def _is_foreseen(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Whether a flight goes on there; a behavior without an end may be meant to fail."""
+    """Whether a normal flight may take the transition. A behavior without an end may be meant to
+    fail."""
     return may_end(transition, is_endless) or (is_endless and transition.cause == "failed")
 
 
@@ -252,7 +250,7 @@ def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
 
 
 def own_wait(transition: TransitionPlan) -> float:
-    """The time in the state that a transition waits for; that of a chain began before."""
+    """The time in the state that a transition waits for. The time of a chain began earlier."""
     after = 0.0 if transition.since else transition.after or 0.0
     return max(after, transition.hold)
 
@@ -267,8 +265,8 @@ def _least_elapsed(when: Condition | None, own: str) -> float:
 
 
 def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
-    """The least time of a state as it is entered there; a part that also flies may be done on the
-    ground at once."""
+    """The least time of a state entered at `node`. A part that also flies may be done at once on
+    the ground."""
     state = vehicle.states[node.state]
     if node.flight is GROUND and len({leg.start for leg in state.legs}) > 1:
         return 0.0
@@ -276,8 +274,8 @@ def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
 
 
 def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
-    """Where the time of a state is written: the parameter without which it needed less than half
-    of that, else the behavior's name."""
+    """Where the duration of a state is written: the parameter whose default would more than halve
+    it, or else the behavior's name."""
     part, entries = state.behavior, entries_of(vehicle)[state.name].candidates()
     quickest = 0.5 * least_time(case, vehicle, state)
     span = part.span

@@ -1,5 +1,5 @@
-"""The values that a state is entered with, in a phase and in a callback: KYB244. What a state does
-with them is judged by every other check."""
+"""Values that a phase or a callback passes to a state: KYB244. All other checks judge the state
+with them."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ OF_ENTRIES = (
     too_steep,
     refuses,
 )
-"""What a state is judged by when it is entered in flight with values: all that depends on them and
-on where it is entered alone."""
+"""The checks of a state that is entered with values in flight: those that depend only on the values
+and on the entry."""
 
 
 def values(case: Case) -> Iterator[Diagnostic]:
-    """KYB244: a state is asked for with values that it can't be entered with.
+    """KYB244: a request passes values that the state can't be entered with.
 
-    `run: {a: {goto: {position: [1, 0, 1]}}}` enters `goto` with another position; all else is as
-    its behavior says, and so are its transitions. Each value has the type, the unit and the bounds
-    of its parameter, and where the behavior goes with it is judged as if it were written there.
-    A built-in state takes no values, and a file is read before the flight.
+    `run: {a: {goto: {position: [1, 0, 1]}}}` enters `goto` with another position; its other
+    parameters and its transitions stay as declared. Each value must have the type and unit of its
+    parameter and lie within its bounds. The flight with the values is checked as if they were
+    written in the behavior. Built-in states take no values, and parameters that name a file can't
+    be passed.
     """
     for who, request in valued_requests(case.plan):
         for name in case.plan.members(who):
@@ -45,7 +46,7 @@ def values(case: Case) -> Iterator[Diagnostic]:
             elif request.state in BUILT_IN:
                 yield Diagnostic(
                     "KYB244",
-                    f"`{request.state}` is built in and takes no values",
+                    f"`{request.state}` is a built-in state and takes no values",
                     request.source.node.span,
-                    help="give the vehicle a behavior of its own for it",
+                    help="give the vehicle its own behavior for this",
                 )

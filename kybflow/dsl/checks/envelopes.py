@@ -1,5 +1,5 @@
-"""How far the values of a mission's vehicles go, by the fence, the airframe and the start: once as
-far as nothing goes, once as far as a flight goes that is in order, and in the first tick."""
+"""The ranges of the vehicles' values, derived from the fence, the airframe and the start: in any
+flight, in a normal flight, and in the first tick."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from kybflow.world.shapes import Box
 
 _PLACED = (0.05, 0.05, 0.05)
 _STANDS, _LEVEL = 0.05, 0.2
-"""In the first tick: how far from its start a vehicle may stand, m, its speed, m/s, its tilt."""
+"""In the first tick: distance from the start, m, per axis and speed, m/s; tilt, rad."""
 _SHARE, _ROOM = 0.2, 0.3
-"""How far outside the fence a flight in order may come: a share of its size, and m at least."""
+"""How far outside the fence a normal flight may get: a share of its size, and at least this, m."""
 _FAR = 2.0
-"""How far outside at least nothing comes, m: by as much as the fence is long, if that is more."""
+"""How far outside the fence any flight may get, m, or the fence's length if that is more."""
 _FASTER = 3.0
-"""Times the airframe's speed that gusts and failures bring it to; what falls is faster."""
+"""How many times the airframe's speed gusts and failures reach; a fall comes on top."""
 _OLD = 10.0
-"""Age of an estimate that no vehicle flies on, s."""
+"""Age of an estimate that no vehicle still flies on, s."""
 _SPREAD, _LEAST_SPREAD = 1e-4, 1e-5
-"""The spread of the best motion capture there is, and one that nothing has, m."""
+"""The spread of the best motion capture, and a spread below that of any system, m."""
 
 
 class Reaches(NamedTuple):
-    """Bounds for one who asks. usual: of a flight in order. certain: whatever happens."""
+    """Bounds of values. usual: in a normal flight. certain: in any flight."""
 
     usual: Bounds
     certain: Bounds
@@ -38,7 +38,7 @@ class Reaches(NamedTuple):
 
 
 def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
-    """The bounds by the vehicle that asks, None for none of them."""
+    """The bounds, by the vehicle that a condition belongs to (None if it belongs to none)."""
     (found,) = case.cached(_reaches)
     return found
 
@@ -87,7 +87,7 @@ def _fast(vehicle: VehiclePlan) -> float:
 def _around(
     vehicle: VehiclePlan, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
 ) -> Box:
-    """The fence and the start, with some room around; everywhere without a fence."""
+    """The fence and the start with some room around them; everywhere if there is no fence."""
     if fence is None:
         return EVERYWHERE
     x, y, z = room(fence.size)

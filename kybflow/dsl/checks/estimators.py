@@ -1,5 +1,5 @@
-"""Estimators that are never used, not for long, or not there: KYB255, KYB256, KYB305, KYB361,
-KYB362, KYB419 and KYB439."""
+"""Estimators that are missing, never used or not available for long: KYB255, KYB256, KYB305,
+KYB361, KYB362, KYB419 and KYB439."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from kybflow.parts import Estimator
 
 
 def never_used(case: Case) -> Iterator[Diagnostic]:
-    """KYB255: an estimator stands behind one that never gives way.
+    """KYB255: an estimator comes after one that is always used instead.
 
-    The first healthy one is used, from the top. One without `healthy` is healthy as long as it
-    has an estimate, however old that is; without `for_at_most` it is then used for ever. A behavior
-    may bring others to the front; of a vehicle that has one, nothing is said.
+    The first healthy estimator of the list is used. An estimator without `healthy` is healthy as
+    soon as it has an estimate, however old; without `for_at_most` it then stays in use. Vehicles
+    with a behavior that reorders the estimators are not checked.
     """
     for vehicle in case.plan.vehicles:
         if any(state.estimators for state in vehicle.states.values()):
@@ -35,9 +35,9 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
             later = vehicle.estimators[index + 1].part
             yield Diagnostic(
                 "KYB255",
-                f"`{later.alias}` is hardly ever used: `{first.part.alias}` comes first",
+                f"`{later.alias}` is almost never used: `{first.part.alias}` comes first",
                 later.span,
-                label=f"`{first.part.alias}` counts as healthy with any estimate",
+                label=f"any estimate of `{first.part.alias}` counts as healthy",
                 help=f"give `{first.part.alias}` a `healthy`, such as `age < 250 ms`",
                 severity=Severity.WARNING,
             )
@@ -45,11 +45,11 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
 
 
 def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
-    """KYB419: an estimator's `healthy` allows less age than its estimate has before the next
-    measurement comes, so that it is healthy now and then, or never (a warning, and an error).
+    """KYB419: an estimator's `healthy` allows a smaller age than its estimate reaches between two
+    measurements, so it is healthy only intermittently (a warning) or never (an error).
 
-    That age is the period of what it measures with and the time that a measurement takes to arrive:
-    those of motion capture as the driver declares them, or the period of its slowest camera.
+    That age is the measurement period plus the latency: for motion capture as the driver declares
+    them, for cameras the period of the slowest one.
     """
     for vehicle in case.plan.vehicles:
         for use in vehicle.estimators:
@@ -63,13 +63,13 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
             ):
                 continue
             is_never = never_holds(condition, _aged(least, most))
-            often = "never" if is_never else "only now and then"
+            often = "never" if is_never else "only intermittently"
             yield Diagnostic(
                 "KYB419",
                 f"`{use.part.alias}` is {often} healthy with `{healthy.as_written}`",
                 healthy.span,
                 label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
-                help=f"allow for some that are missing: `age < {_allowed(most)}`",
+                help=f"allow for missing measurements: `age < {_allowed(most)}`",
                 severity=Severity.ERROR if is_never else Severity.WARNING,
                 related=the_cameras(vehicle),
             )
@@ -80,7 +80,7 @@ def _allowed(most: float) -> str:
 
 
 def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:
-    """The least and the largest age of its estimates in a flight that is in order, s."""
+    """The least and the largest age of its estimates in a normal flight, s."""
     driver, needs = vehicle.driver, use.part.cls.uses(use.part.params)
     if Frame in needs and vehicle.body.cameras:
         return 0.0, 1.0 / min(camera.rate for camera in vehicle.body.cameras)
@@ -94,7 +94,7 @@ _AGE, _USUAL = "estimate.age", 0.25
 
 
 def _aged(low: float, high: float) -> Bounds:
-    """The bounds of an estimate whose age is in this range."""
+    """The bounds for an estimate whose age is in this range."""
 
     def bounds(value: object) -> tuple[float, float]:
         return (low, high) if isinstance(value, Read) and value.name == _AGE else (-inf, inf)
@@ -103,29 +103,29 @@ def _aged(low: float, high: float) -> Bounds:
 
 
 def unknown_first(case: Case) -> Iterator[Diagnostic]:
-    """KYB361: a behavior names an estimator to come first that its vehicle does not have."""
+    """KYB361: a behavior prefers an estimator that its vehicle does not have."""
     for vehicle, state in case.states():
         known = [use.part.alias for use in vehicle.estimators]
         for name in state.texts_of("estimators"):
             if name.text not in known:
                 message = f"`{vehicle.name}` has no estimator `{name.text}`"
-                hint = did_you_mean(name.text, known) or "name it under `estimators` of the vehicle"
+                hint = did_you_mean(name.text, known) or "add it under `estimators` of the vehicle"
                 yield Diagnostic("KYB361", message, name.span, help=hint)
 
 
 def first_twice(case: Case) -> Iterator[Diagnostic]:
-    """KYB362: a behavior names an estimator twice among those that come first."""
+    """KYB362: a behavior lists a preferred estimator twice."""
     for _, state in case.states():
         for index, name in enumerate(state.texts_of("estimators")):
             if name.text in state.estimators[:index]:
                 message = f"`{name.text}` is in this list already"
-                hint = "leave it away here"
+                hint = "remove the second one"
                 yield Diagnostic("KYB362", message, name.span, help=hint, severity=Severity.WARNING)
 
 
 def never_begins(case: Case) -> Iterator[Diagnostic]:
-    """KYB305: every estimator of a vehicle is dead reckoning, which goes on from the estimate of
-    another: none of them ever has a first one, and the vehicle never takes off."""
+    """KYB305: every estimator of a vehicle is dead reckoning, which continues the estimate of
+    another estimator: there is never a first estimate, and the vehicle never takes off."""
     for vehicle in case.plan.vehicles:
         if vehicle.estimators and all(reckons(use) for use in vehicle.estimators):
             part = vehicle.estimators[0].part
@@ -133,35 +133,35 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
                 "KYB305",
                 f"`{vehicle.name}` never has an estimate",
                 part.span,
-                label=f"`{part.alias}` goes on from the estimate of another",
-                help="name one that sees where the vehicle is, such as `mocap`, before it",
+                label=f"`{part.alias}` only continues the estimate of another",
+                help="add one that measures the position, such as `mocap`, before it",
             )
 
 
 def reckons(use: EstimatorPlan) -> bool:
-    """Whether it is told of the estimate in use, and measures nothing but its own motion."""
+    """Whether it continues the estimate in use and measures only its own motion."""
     cls, params = use.part.cls, use.part.params
     return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}
 
 
 def alone_for_a_time(case: Case) -> Iterator[Diagnostic]:
-    """KYB256: the only estimator of a vehicle may be used for a time only, then the vehicle has
-    none and goes down blind."""
+    """KYB256: the only estimator of a vehicle is limited by `for_at_most`; after that time the
+    vehicle has no estimate and lands blind."""
     for vehicle in case.plan.vehicles:
         if len(vehicle.estimators) == 1 and vehicle.estimators[0].for_at_most is not None:
             part = vehicle.estimators[0].part
             yield Diagnostic(
                 "KYB256",
-                f"`{vehicle.name}` flies blind after the time of `{part.alias}`",
+                f"`{vehicle.name}` has no estimate after the `for_at_most` of `{part.alias}`",
                 part.span,
                 label="its only estimator",
-                help="leave `for_at_most` away, or put an estimator before it",
+                help="remove `for_at_most`, or add an estimator before it",
                 severity=Severity.WARNING,
             )
 
 
 def never_again(case: Case) -> Iterator[Diagnostic]:
-    """KYB439: an estimator that was lost once is never used again: its `recover_after` is longer
+    """KYB439: an estimator that was lost is never used again, because its `recover_after` is longer
     than the run (a warning)."""
     limit = case.plan.time_limit
     for vehicle in case.plan.vehicles:

@@ -1,5 +1,5 @@
-"""Events: which of them a mission can hear, and those that transitions and callbacks wait for in
-vain: KYB208, KYB209, KYB415 and KYB449."""
+"""The events that a mission can wait for, and waits that are in vain: KYB208, KYB209, KYB415 and
+KYB449."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from kybflow.parts.events import AWAITED_EVENTS, RUN_EVENTS, VEHICLE_EVENTS, Lan
 
 
 def unknown_events(case: Case) -> Iterator[Diagnostic]:
-    """KYB208: a transition or a callback waits for an event that nothing here emits, or that no
-    tick follows, so that nothing ever comes of it.
+    """KYB208: a transition or a callback waits for an event that nothing emits, or that comes too
+    late to act on.
 
-    Known are the engine's events, those that the vehicles' parts declare, those that the mission's
-    own actions emit, and `operator.NAME`, which a person gives. A transition hears its own
-    vehicle's and the run's as `NAME`; everybody hears `VEHICLE.NAME` and `any.NAME`; a callback
+    The known events are those of the engine, of the vehicles' parts and of the mission's own
+    actions, and `operator.NAME`, which a person gives. A transition may write an event of its own
+    vehicle or of the run as `NAME`; any other is `VEHICLE.NAME` or `any.NAME`, and in a callback
     also `GROUP.NAME`.
     """
     (known,) = case.cached(known_events)
@@ -53,39 +53,41 @@ def _unheard_by(
 
 
 def _heard(records: Iterable[Record]) -> Iterator[Text]:
-    """The event that each transition or callback waits for, where it does."""
+    """The event of each transition or callback that waits for one."""
     return (event for one in records if (event := one.text_of("event")) is not None)
 
 
 def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
     hint, notes = did_you_mean(event.text, known.names(own, groups)), list[str]()
     if "." not in event.text and any(event.text in events for events in known.of.values()):
-        hint = f"it is a vehicle's: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
+        hint = f"it is an event of a vehicle: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
     elif not hint.startswith("did"):
         notes = [_of_a_person(event.text.rpartition(".")[2])]
-    message = f"nothing here tells the event `{event.text}`"
-    return Diagnostic("KYB208", message, event.span, "never heard", tuple(notes), hint)
+    message = f"nothing emits the event `{event.text}`"
+    return Diagnostic("KYB208", message, event.span, "never occurs", tuple(notes), hint)
 
 
 def _of_a_person(name: str) -> str:
-    """A note that says how an operator or a callback can give an event that no part emits."""
+    """A note on how an operator or a callback can raise an event that no part emits."""
     given = f"{OPERATOR}{name}"
-    return f"a person gives `{given}`: `run --emit {given}@2s`; a callback gives `{{emit: {name}}}`"
+    return (
+        f"a person emits `{given}` (`--emit {given}@2s`), a callback any name (`{{emit: {name}}}`)"
+    )
 
 
 def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
     kind = AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent)
     if kind.awaited == "too late" and event.text not in known.custom:
-        message = f"nothing can follow the event `{event.text}`"
-        yield Diagnostic("KYB208", message, event.span, label="the run is over then")
+        message = f"nothing can react to the event `{event.text}`"
+        yield Diagnostic("KYB208", message, event.span, label="the run has ended by then")
 
 
 def never_emitted(case: Case) -> Iterator[Diagnostic]:
     """KYB415: a transition or a callback waits for an event that its vehicle can't have.
 
-    It flies on no camera, or has no payload, or there is no fence to leave. That nobody else
-    commands a vehicle, as in a simulator, is a warning, and only where the mission has no `targets`
-    of its own.
+    For example, the vehicle has no camera or no payload, or there is no fence. A vehicle that
+    nobody else can command, such as one in a simulator, gets a warning, and only if the mission has
+    no `targets` of its own.
     """
     (known,) = case.cached(known_events)
     for vehicle, state in case.states():
@@ -99,7 +101,7 @@ def never_emitted(case: Case) -> Iterator[Diagnostic]:
 
 
 def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Iterator[Diagnostic]:
-    """The finding for an event that none of the vehicles can have of which it speaks."""
+    """The finding for an event that no vehicle named by it can have."""
     name, vehicles = event.text.rpartition(".")[2], known.sources(event.text)
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
@@ -110,27 +112,27 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
     if lacks and all(lacks):
         yield Diagnostic(
             "KYB415",
-            f"the event `{event.text}` never comes",
+            f"the event `{event.text}` never occurs",
             event.span,
             label=lacks[0],
-            help="wait for something else, or give the vehicle what tells it",
+            help="wait for another event, or give the vehicle what emits it",
             severity=Severity.WARNING if is_doubt else Severity.ERROR,
         )
 
 
 def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB449: a behavior that flies from the air into the air waits for its own vehicle to have
-    landed, which comes only when another behavior has brought it down."""
+    """KYB449: a behavior that stays in the air waits for its own vehicle to have landed, which only
+    happens after another behavior has landed it."""
     for vehicle, state in case.states():
         for event in _heard(way for way in state.transitions if not way.since):
             own = {LANDED} if state.inherited else {LANDED, f"{vehicle.name}.{LANDED}"}
             if event.text in own and _stays_in_the_air(state):
                 yield Diagnostic(
                     "KYB449",
-                    f"`{event.text}` never comes in `{state.name}`",
+                    f"`{event.text}` never occurs in `{state.name}`",
                     event.span,
                     label=f"`{state.behavior.name}` stays in the air",
-                    help="let it lead to a landing, and hear the event there",
+                    help="let it lead to a landing, and wait for the event there",
                 )
 
 
@@ -139,7 +141,7 @@ def _stays_in_the_air(state: StatePlan) -> bool:
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
-    """What a vehicle lacks to have an event; empty when it lacks nothing."""
+    """What a vehicle lacks to have an event; empty if it lacks nothing."""
     vehicle = case.plan.fleet[name]
     if event not in AWAITED_EVENTS:
         return _silent(case, vehicle, event)
@@ -154,12 +156,12 @@ def _lacks(case: Case, name: str, event: str) -> str:
         case "flows" if not case.plan.flows:
             return "the mission has no flows"
         case "other commanders" if not vehicle.driver.cls.shared:
-            return f"nobody else commands `{name}` on `{vehicle.driver.name}`"
+            return f"nothing else can command `{name}` on `{vehicle.driver.name}`"
     return ""
 
 
 def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
-    """The supervisor that alone emits an event, and has nothing to watch; empty where one does."""
+    """A message if no supervisor that emits an event has anything to watch; otherwise empty."""
     emitting = [part for part in vehicle.supervisors if event in part.cls.events]
     context = next(c for v, c in case.cached(contexts) if v is vehicle) if emitting else None
     if context is None or any(event in part.cls.can_emit(context) for part in emitting):
@@ -168,11 +170,10 @@ def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
 
 
 def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
-    """KYB209: a mission acts on something that only the simulator knows.
+    """KYB209: a mission acts on an event that only the simulator knows.
 
-    That a fault is at work no vehicle can know, and on hardware nobody tells. A mission answers
-    what the vehicle notices instead: `estimate_lost`, `battery_low`, `jumped`. A callback may `log`
-    it.
+    On hardware nothing reports that a fault is active. A mission reacts instead to what the vehicle
+    itself notices: `estimate_lost`, `battery_low`, `jumped`. A callback may `log` the event.
     """
     ways = [way for _, state in case.states() for way in state.transitions]
     phases = (phase for flow in case.plan.flows for phase in flow.phases.values())
@@ -180,29 +181,30 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     acting = [c for c in case.plan.callbacks if any(action.name != "log" for action in c.do)]
     for event in _heard((*ways, *acting)):
         if AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent).awaited == "to log it":
-            message = f"only the simulator knows of `{event.text}`"
-            hint = "answer what the vehicle notices, like `estimate_lost`; a callback may `log` it"
+            message = f"only the simulator knows about `{event.text}`"
+            hint = (
+                "wait for what the vehicle notices, like `estimate_lost`; a callback may `log` it"
+            )
             yield Diagnostic("KYB209", message, event.span, help=hint)
 
 
 ANY = "any"
 LANDED = Landed.name
-"""The event of a vehicle whose landing has ended."""
+"""The event after a vehicle's landing."""
 OPERATOR = "operator."
-"""How the name of an event begins that a person gives."""
+"""The prefix of events that a person gives."""
 
 
 def given_by_a_person(event: str, plan: Plan) -> bool:
-    """Whether a person gives an event, by command or by a button."""
+    """Whether a person gives an event, by a command or a button."""
     first, _, button = event.partition(".")
     use = plan.inputs_by_name.get(first)
     return event.startswith(OPERATOR) or (use is not None and button in use.button_names.values())
 
 
 class KnownEvents:
-    """The events of a mission. `custom` are those that its actions emit, the ends of its flows and
-    the buttons of its inputs,
-    `of` those of a vehicle by their bare names."""
+    """The events of a mission. `of` are those of each vehicle, by their bare names. `custom` are
+    those that its actions emit, the ends of its flows, and the buttons of its inputs."""
 
     def __init__(self, case: Case) -> None:
         self._plan = case.plan
@@ -220,8 +222,8 @@ class KnownEvents:
         return RUN_EVENTS | self.custom | {f"{flow.name}.finished" for flow in self._plan.flows}
 
     def sources(self, event: str) -> tuple[str, ...]:
-        """The vehicles that an event's name speaks of: `("",)` is the run. None tells an unknown
-        one."""
+        """The vehicles that an event's name refers to; `("",)` is the run. Empty for an unknown
+        event."""
         first, dot, name = event.partition(".")
         if event in self.of_the_run or event.startswith(OPERATOR):
             return ("",)
@@ -231,7 +233,7 @@ class KnownEvents:
         return tuple(vehicle for vehicle in asked if name in self.of[vehicle])
 
     def fields_of(self, event: str) -> tuple[str, ...]:
-        """The fields of an event, by its bare name. A mission's own event has none."""
+        """The fields of an event, given its bare name. A mission's own event has none."""
         if event in AWAITED_EVENTS:
             return tuple(AWAITED_EVENTS[event].fields)
         for vehicle in self._plan.vehicles:
@@ -243,14 +245,14 @@ class KnownEvents:
         return tuple(AlarmRaised.fields)
 
     def hears(self, event: str, own: str | None) -> bool:
-        """Whether a transition can hear an event: of the vehicle `own`, or of a flow (None)."""
+        """Whether a transition of the vehicle `own`, or of a flow (None), can wait for an event."""
         if own is not None and event in self.of[own]:
             return True
         return event.partition(".")[0] not in self._plan.groups and bool(self.sources(event))
 
     def names(self, own: str | None, groups: Iterable[str]) -> set[str]:
-        """Every name under which an event can be heard: by `own` also its vehicle's bare ones, and
-        those of `groups`."""
+        """Every name that an event can be waited for by: for `own` including the bare names of its
+        events, and for each of `groups`."""
         events = {event for known in self.of.values() for event in known}
         return {
             *self.of_the_run,
@@ -286,7 +288,7 @@ def emitted_by_transitions(plan: Plan) -> list[Text]:
 
 
 def _emitted_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
-    """The events that belong to the vehicle, by their bare names."""
+    """The events of a vehicle, by their bare names."""
     parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
     parts += [estimator.part for estimator in vehicle.estimators]
     parts += [state.behavior for state in vehicle.states.values()]

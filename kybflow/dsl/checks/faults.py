@@ -1,5 +1,5 @@
-"""Faults: whom they break, when, and where that can be done: KYB330 to KYB336, KYB438 and
-KYB457."""
+"""Faults: what they break, when, and on which targets that is possible: KYB330 to KYB336, KYB438
+and KYB457."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import ActiveFaults
 
 _LATE: Time = 1000 * NS
-"""When whatever rises has risen."""
+"""A time by which every effect has reached its full strength."""
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
-    """KYB330: a fault breaks a vehicle that the mission does not have, or names one beside it."""
+    """KYB330: a fault names a vehicle that the mission does not have."""
     known = case.plan.fleet
     for fault in case.plan.faults:
         for name, span in _vehicles(fault):
             if name not in known:
-                message, hint = f"no vehicle is called `{name}`", did_you_mean(name, known)
+                message, hint = f"there is no vehicle `{name}`", did_you_mean(name, known)
                 group = case.plan.groups.get(name)
                 if group is not None:
                     members = ", ".join(f"`{member}`" for member in group)
-                    message = f"`{name}` is a group, and a fault breaks one vehicle"
+                    message = f"`{name}` is a group, but a fault breaks one vehicle"
                     hint = f"write one fault for each of {members}"
                 yield Diagnostic("KYB330", message, span, help=hint)
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
-    """KYB331: a fault on a target that is no simulation: nothing there can be broken on purpose.
-    On a firmware's own simulator that is so of the vehicle, but not of our side."""
+    """KYB331: the mission has a fault, but the target is no simulation, so nothing can be broken on
+    purpose. With a firmware's own simulator, only what kybflow itself provides can be broken."""
     target = case.plan.target
     for fault in case.plan.faults:
         for name, _ in _vehicles(fault):
@@ -53,7 +53,9 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
                 continue
             where = "no simulation"
             if shows:
-                where = "another program's simulator: only what comes from it can be broken here"
+                where = (
+                    "another program's simulator: only what kybflow receives from it can be broken"
+                )
             yield Diagnostic(
                 "KYB331",
                 f"`{fault.part.name}` can't be injected on the target `{target}`",
@@ -65,7 +67,7 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
 
 
 def too_late(case: Case) -> Iterator[Diagnostic]:
-    """KYB332: a fault that begins at or after the end of the mission's time."""
+    """KYB332: a fault begins at or after the mission's time limit."""
     limit = case.plan.time_limit
     for fault in case.plan.faults:
         if fault.time is not None and fault.time >= limit:
@@ -74,31 +76,31 @@ def too_late(case: Case) -> Iterator[Diagnostic]:
                 f"`{fault.part.name}` is never injected",
                 fault.span,
                 label=f"at {format_quantity(fault.time, DURATION)}",
-                notes=(f"the mission's time is over at {format_quantity(limit, DURATION)}",),
+                notes=(f"the mission's time limit is {format_quantity(limit, DURATION)}",),
                 severity=Severity.WARNING,
             )
 
 
 def twice(case: Case) -> Iterator[Diagnostic]:
-    """KYB333: one and the same fault stands twice in the list."""
+    """KYB333: the list contains the same fault twice."""
     first: dict[object, Span] = {}
     for fault in case.plan.faults:
         when = fault.text_of("when")
         key = (fault.part.name, fault.part.params, fault.vehicle, fault.time, when and when.text)
         place = first.setdefault(key, fault.span)
         if place is not fault.span:
-            message = f"`{fault.part.name}` is injected twice at once"
-            note = f"first at {place.at}"
+            message = f"`{fault.part.name}` is listed twice"
+            note = f"the first is at {place.at}"
             yield Diagnostic("KYB333", message, fault.span, notes=(note,), help="remove one")
 
 
 def itself(case: Case) -> Iterator[Diagnostic]:
-    """KYB334: a fault between two vehicles that names one vehicle twice."""
+    """KYB334: a fault between two vehicles names one vehicle twice."""
     for fault in case.plan.faults:
         for name, span in _named(fault, "vehicle"):
             if name == fault.vehicle:
-                message = f"`{fault.part.name}` is between two vehicles, this is one"
-                yield Diagnostic("KYB334", message, span, label="named by `on` already")
+                message = f"`{fault.part.name}` needs two different vehicles"
+                yield Diagnostic("KYB334", message, span, label="already named by `on`")
 
 
 def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
@@ -114,8 +116,8 @@ def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
 
 
 def of_no_effect(case: Case) -> Iterator[Diagnostic]:
-    """KYB336: a fault of the camera, the tags or motion capture on a vehicle that flies on nothing
-    of the kind."""
+    """KYB336: a fault of the camera, the tags or motion capture is applied to a vehicle that uses
+    none of them."""
     for fault in case.plan.faults:
         vehicle, kind = case.plan.fleet.get(fault.vehicle), fault.part.cls.spoils
         if vehicle is None or kind is None:
@@ -126,36 +128,36 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
         known = ", ".join(f"`{part.alias}`" for part in parts) or "nothing"
         yield Diagnostic(
             "KYB336",
-            f"`{fault.part.name}` can't break `{vehicle.name}`: no estimator of it needs "
+            f"`{fault.part.name}` can't affect `{vehicle.name}`: none of its estimators needs "
             f"{kind_name(kind)}s",
             fault.part.span,
-            label=f"it flies on {known}",
-            help="break another vehicle, or remove the fault",
+            label=f"its estimators: {known}",
+            help="apply it to another vehicle, or remove the fault",
         )
 
 
 def of_no_size(case: Case) -> Iterator[Diagnostic]:
-    """KYB438: a fault whose parameters leave nothing of it, such as a gust of `[0, 0, 0]` (a
-    warning). Each fault says so of itself."""
+    """KYB438: a fault's parameters leave it without any effect, such as a gust of `[0, 0, 0]` (a
+    warning). Each kind of fault decides that for itself."""
     for fault in case.plan.faults:
         part = fault.part
         if part.cls.is_nothing(part.params):
             yield Diagnostic(
                 "KYB438",
-                f"`{part.name}` changes nothing",
+                f"`{part.name}` has no effect",
                 _first_span(part),
-                label="leaves everything as it is",
-                help="give it a size, or remove the fault",
+                label="changes nothing",
+                help="give it a strength, or remove the fault",
                 severity=Severity.WARNING,
             )
 
 
 def too_strong(case: Case) -> Iterator[Diagnostic]:
-    """KYB457: a fault is more than the vehicle can hold against (a warning).
+    """KYB457: a fault is stronger than the vehicle can withstand (a warning).
 
-    With what the fault adds, the rotors must lift it, and its largest tilt must outweigh what
-    pushes it across: g tan(tilt) against the drag of the wind and a push. Weak rotors and wrong
-    sensors are not judged: what becomes of them is what such a mission is for.
+    The rotors must lift the vehicle with what the fault adds, and its largest tilt must withstand
+    the horizontal push: g tan(tilt) against the drag of the wind plus a push. Weak rotors and wrong
+    sensors are not judged, because such missions test their effect.
     """
     for fault in case.plan.faults:
         vehicle = case.plan.fleet.get(fault.vehicle)
@@ -167,33 +169,33 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         across = hypot(frame.drag * wx + px, frame.drag * wy + py)
         able = GRAVITY * tan(frame.tilt)
         if heavy > frame.max_thrust:
-            why = f"its rotors lift {frame.max_thrust:.3g} N of {heavy:.3g} N"
+            why = f"its rotors lift {frame.max_thrust:.3g} N, but it weighs {heavy:.3g} N"
         elif across > able:
-            why = f"it is pushed with {across:.3g} m/s^2, and its tilt allows {able:.3g} m/s^2"
+            why = f"it is pushed with {across:.3g} m/s^2, but its tilt withstands {able:.3g} m/s^2"
         else:
             continue
         yield Diagnostic(
             "KYB457",
-            f"`{vehicle.name}` can't hold against `{fault.part.name}`",
+            f"`{vehicle.name}` can't withstand `{fault.part.name}`",
             _first_span(fault.part),
             label=why,
-            help="make the fault smaller, unless that is what the mission is to show",
+            help="make the fault weaker, unless the mission is meant to show this",
             severity=Severity.WARNING,
         )
 
 
 def _first_span(part: PartPlan) -> Span:
-    """The place of its first parameter, else of its name."""
+    """The place of its first parameter, or else of its name."""
     written = entries_of(part.source.node).values()
     return next((entry.value.span for entry in written), part.span)
 
 
 def _rig_under(fault: FaultPlan) -> ActiveFaults:
-    """The vehicle's rig with the fault's effects."""
+    """The vehicle's active faults with the fault's effects."""
     rig = ActiveFaults(fault.vehicle)
     try:
         effects = fault.part.cls(fault.part.params, Random(0)).effects(rig.vehicle)
-    except Exception:  # a part may raise anything: `fault_failed` tells it when it is injected
+    except Exception:  # a part may raise anything; `fault_failed` reports it in flight
         return rig
     if rig.vehicle in effects:
         rig.begin(effects[rig.vehicle], 0)
@@ -201,7 +203,7 @@ def _rig_under(fault: FaultPlan) -> ActiveFaults:
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
-    """Every `when` of every fault, as of its vehicle: KYB210 to KYB214."""
+    """Every `when` of every fault, read in the scope of its vehicle: KYB210 to KYB214."""
     for fault in case.plan.faults:
         when = fault.text_of("when")
         if when is not None and fault.vehicle in case.plan.fleet:
@@ -215,6 +217,6 @@ def _vehicles(fault: FaultPlan) -> Iterator[tuple[str, Span]]:
 
 
 def _named(fault: FaultPlan, what: Named) -> Iterator[tuple[str, Span]]:
-    """The vehicles, or whatever names are asked for, among its parameters."""
+    """The names of the kind `what` among the fault's parameters."""
     for parameter, name in named_in(fault.part.params, what).items():
         yield name, fault.part.span_of(parameter)

@@ -1,4 +1,5 @@
-"""What two vehicles can't share, and waits for each other: KYB440, KYB441 and KYB443."""
+"""Things that two vehicles can't share, and vehicles that wait for each other: KYB440, KYB441 and
+KYB443."""
 
 from __future__ import annotations
 
@@ -29,12 +30,13 @@ from kybflow.parts import AIR, Claim
 from kybflow.parts.observables import is_in
 
 _UP = 0.2
-"""Metres above its start that a vehicle which stands there is surely not seen at."""
+"""Metres above its start where the estimate of a standing vehicle surely never is."""
 
 
 def taken_twice(case: Case) -> Iterator[Diagnostic]:
-    """KYB440: two vehicles have what only one can have on the target: a body of motion capture, a
-    system id at one address, a device. Each would be taken for the other, or one has nothing."""
+    """KYB440: two vehicles claim something that only one can have on the target: a body of motion
+    capture, a system id at one address, a device. They would be mistaken for each other, or one
+    would have nothing."""
     first: dict[str, tuple[VehiclePlan, PartPlan]] = {}
     for vehicle, part, claim in _claims(case):
         owner, other = first.setdefault(claim.what, (vehicle, part))
@@ -42,9 +44,9 @@ def taken_twice(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB440",
-            f"`{vehicle.name}` has {claim.what}, as `{owner.name}` has",
+            f"`{vehicle.name}` and `{owner.name}` both have {claim.what}",
             part.span_of(claim.parameter),
-            notes=(f"`{owner.name}` takes it at {other.span.at}",),
+            notes=(f"`{owner.name}` has it at {other.span.at}",),
             help=f"give each its own `{claim.parameter}`",
         )
 
@@ -63,8 +65,8 @@ def _claims(case: Case) -> Iterator[tuple[VehiclePlan, PartPlan, Claim]]:
 
 
 def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
-    """KYB441: two vehicles have their home so close to each other that they touch. Home is where
-    `go_home` flies and the failsafe may land; without one it is the start."""
+    """KYB441: the homes of two vehicles are so close that the vehicles would touch. Home is where
+    `go_home` flies and where the failsafe may land; by default it is the start."""
     vehicles = case.plan.vehicles
     for index, b in enumerate(vehicles):
         for a in vehicles[:index]:
@@ -75,19 +77,19 @@ def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
                 continue
             yield Diagnostic(
                 "KYB441",
-                f"`{b.name}` has its home where `{a.name}` has",
+                f"the homes of `{b.name}` and `{a.name}` are too close",
                 written.value.span,
                 label=f"{format_quantity(gap, LENGTH)} away",
                 notes=(f"the home of `{a.name}` is at {shown_point(a.home or a.start)}",),
-                help=f"let them be at least {format_quantity(apart, LENGTH)} apart",
+                help=f"keep them at least {format_quantity(apart, LENGTH)} apart",
                 severity=Severity.WARNING,
             )
             break
 
 
 class _Settled(NamedTuple):
-    """Where a vehicle comes to by itself, and stays: `state`, None where it rests for good. `seen`:
-    every state that it may have been in by then, should anything fail on the way."""
+    """Where a vehicle ends up by itself. state: None if it rests for good. seen: every state that
+    it may have been in by then, including after failures."""
 
     vehicle: VehiclePlan
     state: StatePlan | None
@@ -101,11 +103,11 @@ class _Settled(NamedTuple):
 
 
 def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
-    """KYB443: a behavior without an end that is never left: every way out waits for another vehicle
-    to be in a state, and that one waits in its turn, or never comes there.
+    """KYB443: a behavior without an end is never left: each of its transitions waits for another
+    vehicle to be in a state, and that vehicle waits in turn or never enters the state.
 
-    That is told of vehicles that come to such a behavior by `then` alone, and that no flow or
-    callback asks for anything. Conditions count that say in which state a vehicle is.
+    Checked are vehicles that reach such a behavior by `then` alone and that no flow or callback
+    controls. Only conditions that name the state of a vehicle count.
     """
     settled = {s.vehicle.name: s for v in case.plan.vehicles if (s := _settled(v)) is not None}
     waiting = {name for name, s in settled.items() if s.state is not None and _waits(s.state)}
@@ -122,7 +124,7 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
         others = " and ".join(f"`{other}`" for other in sorted(_awaited(case, name, state)))
         yield Diagnostic(
             "KYB443",
-            f"`{name}` waits in `{state.name}` for ever",
+            f"`{name}` waits in `{state.name}` forever",
             state.span,
             label=f"waits for {others}",
             notes=tuple(_where(settled[other]) for other in sorted(_awaited(case, name, state))),
@@ -137,12 +139,12 @@ def _waits(state: StatePlan) -> bool:
 def _where(other: _Settled) -> str:
     name = other.vehicle.name
     if other.state is None:
-        return f"`{name}` rests for good by then"
+        return f"`{name}` has ended by then"
     return f"`{name}` waits in `{other.state.name}`"
 
 
 def _settled(vehicle: VehiclePlan) -> _Settled | None:
-    """Where a vehicle comes to by `then` alone; None where anything else may lead elsewhere."""
+    """Where a vehicle ends up by `then` alone; None if anything else may lead elsewhere."""
     if vehicle.requested:
         return None
     name, passed, endless = vehicle.begin, list[StatePlan](), endless_states(vehicle)
@@ -174,7 +176,7 @@ def _flies(state: StatePlan) -> bool:
 
 
 def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:
-    """Whether no way out of the state that a vehicle waits in can open while the `waiting` wait."""
+    """Whether no transition of a vehicle's state can be taken while the `waiting` wait."""
     own = settled[name].state
     assert own is not None
     scope = case.scopes.condition(name)
@@ -188,7 +190,7 @@ def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[
 
 
 def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
-    """Whether a condition can't come to hold while vehicles wait where they have settled."""
+    """Whether a condition can't become true while the vehicles wait where they settled."""
     match when:
         case And(parts):
             return any(_is_barred(part, settled, waiting) for part in parts)
@@ -209,8 +211,8 @@ def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str])
 
 
 def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state: str) -> bool:
-    """Whether a vehicle is never in a state as long as it stays where it is. Into those that are
-    built in, the failsafe may bring it."""
+    """Whether a vehicle is never in a state while it stays where it is. Built-in states don't
+    count, because the failsafe may enter them."""
     other = _resting(settled, waiting, name)
     if other is None or state in BUILT_IN:
         return False
@@ -218,7 +220,7 @@ def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state:
 
 
 def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Settled | None:
-    """The vehicle of this name where it stays as it is while the `waiting` wait; else None."""
+    """The named vehicle, if it stays as it is while the `waiting` wait; otherwise None."""
     other = settled.get(name)
     if other is None or name in waiting or other.state is None:
         return other
@@ -226,7 +228,7 @@ def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Set
 
 
 def _awaited(case: Case, name: str, state: StatePlan) -> set[str]:
-    """The vehicles that the ways out of a state ask about."""
+    """The vehicles that the transitions of a state wait for."""
     scope = case.scopes.condition(name)
     conditions = [case.condition(t, "when", scope) for t in state.transitions]
     return {v for when in conditions if when is not None for v in _named(when)} - {name}

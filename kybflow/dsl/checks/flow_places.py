@@ -1,8 +1,8 @@
-"""Where vehicles are when a flow asks them for a state, as far as its conditions say it.
+"""Where vehicles are when a flow requests a state, as far as its conditions say.
 
-A vehicle that waits for its flow is at its start. A way out of a phase that waits until a vehicle
-`in hover` or `in landed`, or in a behavior that stays in its place, says that it is where the state
-that the phase asked it for has led it. Of all else nothing is known.
+A vehicle that waits for its flow is at its start. A transition of a phase that waits until a
+vehicle is in `hover`, in `landed` or in a behavior that stays in place tells that the vehicle is
+where the requested state ends. All other positions are unknown.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 
 _MOST = 16
 _KEEP = frozenset({"hover", "landed"})
-"""Built-in states that a vehicle is still in, at the same place, when the next phase begins."""
+"""Built-in states in which a vehicle stays, in place, until the next phase begins."""
 _Points = frozenset[Vec3]
 _Places = dict[str, _Points]
-"""Where each vehicle may be, as far as it is known."""
+"""Where each vehicle may be, if known."""
 
 
 class EnteredByFlow(NamedTuple):
-    """A state as a flow leads to it: entered at `point`."""
+    """A state that a flow leads to, entered at `point`."""
 
     vehicle: VehiclePlan
     state: str
@@ -37,7 +37,7 @@ class EnteredByFlow(NamedTuple):
 
 
 def entered_by_flows(case: Case) -> Iterator[EnteredByFlow]:
-    """Every entry of a state that flows lead to and that the vehicle's own states don't tell."""
+    """Every entry of a state through flows that the vehicle's own states don't already give."""
     told: set[tuple[str, str, Vec3]] = set()
     for flow in () if case.cached(disturbances) else case.plan.flows:
         for name, places in _places(case, flow).items():
@@ -59,7 +59,7 @@ def _entries(vehicle: VehiclePlan, goal: str, points: Iterable[Vec3]) -> Iterato
 
 
 def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
-    """Where each vehicle may be when a phase is entered, by phase."""
+    """Where each vehicle may be on entry to each phase."""
     fleet = case.plan.fleet
     first: _Places = {
         name: frozenset({fleet[name].start})
@@ -88,8 +88,8 @@ def _united(a: _Places, b: _Places) -> _Places:
 def _places_after(
     case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
-    """Where vehicles are after a way out of a phase: those that it asked for nothing where they
-    were, those that are in a state that stays where that is."""
+    """Where vehicles are after a transition of a phase: those without a request where they were
+    before, those whose condition names a state that stays in place where that state is."""
     plan = case.plan
     run = runs_of(case, phase)
     given = {asked.vehicle for asked in handovers(plan, phase)}
@@ -107,7 +107,7 @@ def _places_after(
 
 
 def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
-    """The known entries of a state that is entered at `point`, and of all that follow it."""
+    """The known entries of the state `goal`, entered at `point`, and of all states that follow."""
     walks: dict[tuple[str, Vec3], dict[str, set[Vec3]]] = vehicle.known.setdefault("walks", {})
     if (goal, point) in walks:
         return walks[goal, point]

@@ -1,5 +1,5 @@
-"""Groups and flows: their names, their phases, and that none of these blocks for ever: KYB190 to
-KYB197, KYB240 and KYB454."""
+"""Groups and flows: their names, their phases, and phases that block forever: KYB190 to KYB197,
+KYB240 and KYB454."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_o
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
-    """KYB191: a flow is called like a vehicle, a group or a word of the language, or a phase
-    `end`."""
+    """KYB191: a flow has the name of a vehicle, a group or a word of the language, or a phase is
+    called `end`."""
     plan = case.plan
     for flow in plan.flows:
         name = flow.name
@@ -38,8 +38,8 @@ def flow_names(case: Case) -> Iterator[Diagnostic]:
 
 
 def phase_targets(case: Case) -> Iterator[Diagnostic]:
-    """KYB193: a phase asks something of a vehicle or a group that is none, or gives to a flow that
-    is none."""
+    """KYB193: a phase addresses a vehicle or a group that does not exist, or gives a vehicle to a
+    flow that does not exist."""
     plan = case.plan
     for flow, phase in phases(plan):
         for who, _ in (pair for key in ASKED for pair in goals_of(phase, key)):
@@ -51,17 +51,17 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
                 hint = did_you_mean(goal.text, [n for n in plan.flows_by_name if n != flow.name])
                 yield Diagnostic("KYB193", message, goal.span, label="unknown", help=hint)
             elif goal.text == flow.name:
-                message = f"`{goal.text}` can't give to itself"
-                yield Diagnostic("KYB193", message, goal.span, label="drives it already")
+                message = f"`{goal.text}` can't give a vehicle to itself"
+                yield Diagnostic("KYB193", message, goal.span, label="already controls it")
 
 
 def _nobody(who: Text, plan: Plan) -> Diagnostic:
-    """The finding for what is no vehicle and no group; a flow that the mission starts from may need
-    a group."""
+    """The finding for a name that is neither a vehicle nor a group. A flow that the mission
+    inherits may need a group."""
     finding = unknown_vehicle("KYB193", who, plan)
     if not who.span.used:
         return finding
-    group = f"write `groups: {{{who.text}: [...]}}`, with the vehicles that the flow is about"
+    group = f"write `groups: {{{who.text}: [...]}}`, with the vehicles of the flow"
     near = finding.help.startswith("did")
     message = f"there is no vehicle and no group `{who.text}`"
     return replace(finding, message=message, help=finding.help if near else group)
@@ -71,7 +71,7 @@ def phase_states(case: Case) -> Iterator[Diagnostic]:
     """KYB194: a phase runs a state that one of its vehicles does not have.
 
     A state is one of the vehicle's own behaviors or one of the built-in states `landed`, `brake`,
-    `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
+    `hover`, `auto_land` and `land_blind`. Only the failsafe enters `fault`.
     """
     for _, phase in phases(case.plan):
         for vehicle, _, state in assignments(case.plan, phase, "run"):
@@ -95,17 +95,16 @@ def phase_transitions(case: Case) -> Iterator[Diagnostic]:
 
 
 def tries_for_ever(case: Case) -> Iterator[Diagnostic]:
-    """KYB454: a phase that did not get through in its time begins anew, and so on for ever (a
-    warning)."""
+    """KYB454: a phase that times out starts again, and so on forever (a warning)."""
     for _, phase in phases(case.plan):
         for transition in phase.transitions:
             if transition.cause == "within" and transition.target == phase.name != END:
                 yield Diagnostic(
                     "KYB454",
-                    f"`{phase.name}` tries again for ever",
+                    f"`{phase.name}` repeats forever",
                     transition.target_span,
                     label="leads back to itself",
-                    help="let it lead to a phase that lands everybody",
+                    help="let it lead to a phase that lands all vehicles",
                     severity=Severity.WARNING,
                 )
 
@@ -113,8 +112,8 @@ def tries_for_ever(case: Case) -> Iterator[Diagnostic]:
 def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
     """KYB196: no transition and no callback leads to a phase.
 
-    Phases that came through `like` are excepted: a template may offer more than one mission uses.
-    Where a transition leads to an unknown name, nothing is said before that is mended.
+    Phases inherited through `like` are exempt: a template may offer more than one mission uses.
+    Flows with a transition to an unknown phase are checked once that is corrected.
     """
     for flow in case.plan.flows:
         found = reached(case.plan, flow)
@@ -127,11 +126,12 @@ def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
 
 
 def barriers(case: Case) -> Iterator[Diagnostic]:
-    """KYB197: a phase that waits for others can block for ever.
+    """KYB197: a phase that waits for others can block forever.
 
-    What it waits for may never come: a vehicle fails, an event is not told. So it has `within` and
-    `otherwise`, or a way out by time alone. Two waits need no bound: for a person (`operator.NAME`
-    and `INPUT.BUTTON`), and for the end of a flow that was given a vehicle, which has its own.
+    The awaited event or state may never come, for example because a vehicle fails. The phase
+    therefore needs `within` and `otherwise`, or a transition that waits only for time. Two waits
+    need no bound: a wait for a person (`operator.NAME` and `INPUT.BUTTON`), and a wait for the end
+    of a flow that was given a vehicle, because that flow has its own bounds.
     """
     for flow, phase in phases(case.plan):
         bounded = any(_is_time_alone(transition) for transition in phase.transitions)
@@ -140,10 +140,12 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
         if waits and not bounded:
             yield Diagnostic(
                 "KYB197",
-                f"the phase `{phase.name}` can block for ever",
+                f"the phase `{phase.name}` can block forever",
                 phase.span,
                 label="waits for others",
-                notes=(f"{waits[0].span.beside(phase.span)} waits for what may never come",),
+                notes=(
+                    f"{waits[0].span.beside(phase.span)} waits for something that may never happen",
+                ),
                 help="add `within: 20 s` and `otherwise: PHASE`",
             )
 
@@ -153,7 +155,7 @@ def _is_time_alone(transition: TransitionPlan) -> bool:
 
 
 def _may_wait(transition: TransitionPlan, flow: FlowPlan, plan: Plan) -> bool:
-    """Whether waiting for this alone needs no bound."""
+    """Whether a phase may wait for this alone without a bound."""
     if transition.event is None or transition.when is not None:
         return False
     given = {goal for phase in flow.phases.values() for goal in phase.give.values()}
@@ -162,8 +164,7 @@ def _may_wait(transition: TransitionPlan, flow: FlowPlan, plan: Plan) -> bool:
 
 
 def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
-    """KYB240: phases follow each other in a cycle in which no time passes: each goes on `after:
-    0 s`."""
+    """KYB240: phases form a cycle in which no time passes: each continues `after: 0 s`."""
     for flow in case.plan.flows:
         told: set[str] = set()
         for name in flow.phases:
@@ -172,16 +173,16 @@ def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
                 told.update(cycle)
                 yield Diagnostic(
                     "KYB240",
-                    f"the flow `{flow.name}` runs in a cycle without an end",
+                    f"the flow `{flow.name}` runs in an endless cycle",
                     flow.phases[name].span,
                     label="no time passes here",
                     notes=("`" + "` → `".join([*cycle, cycle[0]]) + "`",),
-                    help="let one of them wait for something",
+                    help="let one of these phases wait for something",
                 )
 
 
 def _cycle(flow: FlowPlan, name: str) -> list[str]:
-    """The phases that follow `name` at once, up to itself; none when they don't come back."""
+    """The phases that follow `name` at once, up to itself; empty if they don't return to it."""
     path = [name]
     while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
         assert ahead is not None
@@ -192,7 +193,7 @@ def _cycle(flow: FlowPlan, name: str) -> list[str]:
 
 
 def _at_once(phase: PhasePlan | None) -> str | None:
-    """The phase that follows at once; None when something may be waited for."""
+    """The phase that follows at once; None if the phase may wait."""
     for transition in phase.transitions if phase else ():
         if transition.after == 0.0 and transition.when is None and transition.event is None:
             return transition.target
@@ -210,24 +211,24 @@ def phase_conditions(case: Case) -> Iterator[Diagnostic]:
 
 
 def groups(case: Case) -> Iterator[Diagnostic]:
-    """KYB190: a group that can't be one.
+    """KYB190: a group is invalid.
 
-    Its name is no vehicle's and no word of the language; it has a member at least; each is a
-    vehicle of the mission, and named once.
+    Its name can't be that of a vehicle or a word of the language. It has at least one member, and
+    each member is a vehicle of the mission, listed once.
     """
     plan = case.plan
     own_groups = plan.entry("groups")
     for name, entry in entries_of(own_groups and own_groups.value).items():
         span, own = entry.key.span, items_of(entry.value)
         if name in plan.fleet:
-            message, hint = f"`{name}` is a vehicle already", "give the group another name"
+            message, hint = f"`{name}` is already a vehicle", "give the group another name"
             yield Diagnostic("KYB190", message, span, label="a group", help=hint)
         elif name in WORDS:
             message = f"a group can't be called `{name}`"
             yield Diagnostic("KYB190", message, span, label="a word of the language")
         if not own:
             message = f"the group `{name}` is empty"
-            yield Diagnostic("KYB190", message, span, help="name a vehicle, or remove it")
+            yield Diagnostic("KYB190", message, span, help="list a vehicle, or remove the group")
         members = [item.as_text for item in own if isinstance(item, Scalar)]
         yield from _members(name, members, plan)
 
@@ -236,13 +237,13 @@ def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic
     first: dict[str, Text] = {}
     for member in members:
         if member.text in first:
-            message = f"`{member.text}` is in `{group}` twice"
-            yield Diagnostic("KYB190", message, member.span, help="name it once")
+            message = f"`{member.text}` is twice in `{group}`"
+            yield Diagnostic("KYB190", message, member.span, help="list it once")
         elif member.text not in plan.fleet:
             is_group = member.text in plan.groups
             hint = did_you_mean(member.text, plan.fleet)
             if is_group:
-                hint = "a group holds vehicles: name each of them"
+                hint = "a group contains vehicles: list each of them"
             message = f"there is no vehicle `{member.text}`"
             label = "a group" if is_group else "unknown"
             yield Diagnostic("KYB190", message, member.span, label=label, help=hint)
@@ -251,12 +252,12 @@ def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic
 
 Asked = Literal["run", "give"]
 ASKED: tuple[Asked, ...] = get_args(Asked)
-"""The keys of a phase that ask something of vehicles."""
+"""The keys of a phase that make a request to vehicles."""
 
 
 class Assignment(NamedTuple):
-    """What a phase asks of one vehicle: to enter a state, or to be given to a flow. `who` is the
-    vehicle or the group as written."""
+    """The request of a phase to one vehicle: to enter a state, or to be given to a flow. `who` is
+    the vehicle or the group as written."""
 
     vehicle: str
     who: Text
@@ -286,14 +287,14 @@ def _name(goal: Node) -> Text:
 
 
 def assignments(plan: Plan, phase: PhasePlan, key: Asked) -> Iterator[Assignment]:
-    """The `run` or the `give` of a phase, vehicle by vehicle; unknown names are left out."""
+    """The `run` or the `give` of a phase, by vehicle. Unknown names are skipped."""
     for who, goal in goals_of(phase, key):
         for vehicle in plan.members(who.text):
             yield Assignment(vehicle, who, goal)
 
 
 def runs_of(case: Case, phase: PhasePlan) -> Mapping[str, str]:
-    """The state or chain that a phase asks each of its vehicles for."""
+    """The state or chain that a phase requests from each of its vehicles."""
     (runs,) = case.cached(_runs)
     return runs[id(phase)]
 
@@ -306,13 +307,13 @@ def _runs(case: Case) -> Iterator[dict[int, Mapping[str, str]]]:
 
 
 def handovers(plan: Plan, phase: PhasePlan) -> Iterator[Assignment]:
-    """The `give` of a phase, vehicle by vehicle, to flows that exist."""
+    """The `give` of a phase, by vehicle, to flows that exist."""
     asked = assignments(plan, phase, "give")
     yield from (a for a in asked if a.goal.text in plan.flows_by_name)
 
 
 def all_known(plan: Plan) -> bool:
-    """Whether every vehicle and state that phases ask for exists."""
+    """Whether every vehicle and state that phases request exists."""
     asked = [one for _, phase in phases(plan) for one in phase.run.items()]
     return all(
         bool(plan.members(who))
@@ -325,12 +326,12 @@ def all_known(plan: Plan) -> bool:
 
 
 def has_state(vehicle: VehiclePlan, state: str) -> bool:
-    """Whether a mission's own state, or a chain of them, has that name."""
+    """Whether a vehicle has its own state, or a chain of states, with that name."""
     return vehicle.goal(state) in vehicle.states
 
 
 def reached(plan: Plan, flow: FlowPlan) -> set[str]:
-    """The phases that transitions lead to from the first, or from one that a callback asks for."""
+    """The phases reached from the first one, or from one that a callback enters."""
     waiting = [flow.begin, *_asked(plan, flow)]
     found = set(waiting)
     while waiting:

@@ -1,4 +1,4 @@
-"""Inputs and who is steered by them: KYB401 to KYB407 and KYB447."""
+"""Inputs and the vehicles that they steer: KYB401 to KYB407 and KYB447."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOST = "input_lost"
 
 
 class _Steered(NamedTuple):
-    """A state whose behavior is steered, and the name of the input as it is written."""
+    """A state whose behavior is steered, and the name of the input as written."""
 
     state: StatePlan
     input: Text
@@ -36,7 +36,8 @@ def _steered(case: Case) -> Iterator[_Steered]:
 
 
 def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
-    """KYB401: a behavior names an input, or an input a vehicle, that isn't there."""
+    """KYB401: a behavior names an input that does not exist, or an input names a vehicle that does
+    not exist."""
     known = case.plan.inputs_by_name
     for _, name in case.cached(_steered):
         if name.text not in known:
@@ -49,7 +50,7 @@ def unknown_inputs(case: Case) -> Iterator[Diagnostic]:
 
 
 def missing_axes(case: Case) -> Iterator[Diagnostic]:
-    """KYB402: an input lacks an axis by which a behavior is steered."""
+    """KYB402: an input lacks an axis that a behavior needs."""
     for state, name in case.cached(_steered):
         use = case.plan.inputs_by_name.get(name.text)
         lacking = [a for a in state.behavior.cls.axes if use is not None and a not in use.axes]
@@ -58,7 +59,7 @@ def missing_axes(case: Case) -> Iterator[Diagnostic]:
                 "KYB402",
                 f"`{name.text}` has no axis `{lacking[0]}`",
                 name.span,
-                label=f"`{state.behavior.name}` is steered by it",
+                label=f"`{state.behavior.name}` needs it",
                 notes=(f"`{name.text}` ({use.part.name}) is at {use.part.span.at}",),
                 help=f"its axes are {_listed(use.axes)}",
             )
@@ -79,14 +80,14 @@ def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
 
 
 def _renamed(use: InputPlan) -> list[Text]:
-    """The buttons of the device that the mission gives names of its own."""
+    """The buttons of the device that the mission names."""
     buttons = use.entry("buttons")
     named = () if buttons is None else entries_of(buttons.value).values()
     return [one.value.as_text for one in named if isinstance(one.value, Scalar)]
 
 
 def unused_inputs(case: Case) -> Iterator[Diagnostic]:
-    """KYB404: nothing is steered by an input, waits for one of its buttons or asks for one of its
+    """KYB404: an input is unused: no behavior is steered by it, and nothing uses its buttons or
     axes (a warning)."""
     used = {name.text for _, name in case.cached(_steered)} | _heard(case)
     for typed in case.cached(conditions_of) if case.plan.inputs else ():
@@ -97,13 +98,13 @@ def unused_inputs(case: Case) -> Iterator[Diagnostic]:
                 "KYB404",
                 f"nothing uses the input `{use.name}`",
                 use.span,
-                help=f"steer by it (`input: {use.name}`), hear one of its buttons, or remove it",
+                help=f"steer by it (`input: {use.name}`), use one of its buttons, or remove it",
                 severity=Severity.WARNING,
             )
 
 
 def _heard(case: Case) -> set[str]:
-    """What stands before the dot in every event that a mission waits for."""
+    """The part before the dot of every event that the mission waits for."""
     ways = [t for _, state in case.states() for t in state.transitions]
     ways += [t for f in case.plan.flows for p in f.phases.values() for t in p.transitions]
     events = [way.event for way in ways] + [one.event for one in case.plan.callbacks]
@@ -113,9 +114,9 @@ def _heard(case: Case) -> set[str]:
 def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
     """KYB405: a steered behavior doesn't say what follows when its input is lost.
 
-    A device may be unplugged, a battery empty, a person gone. The vehicle brakes at once, and the
-    behavior fails when the input stays lost; `failed` says what it does then. A `next` that hears
-    `input_lost` does as well.
+    A device may be unplugged, its battery may be empty, the person may leave. The vehicle brakes at
+    once, and the behavior fails if the input stays lost; `failed` says what follows. A `next` that
+    waits for `input_lost` also works.
     """
     for state, name in case.cached(_steered):
         own = state.transitions
@@ -123,16 +124,16 @@ def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB405",
-            f"nothing says what follows when `{name.text}` is lost",
+            f"the mission doesn't say what follows when `{name.text}` is lost",
             state.behavior.span,
-            label="it would only brake",
-            help="write what it does then, like `failed: down`",
+            label="the vehicle would only brake",
+            help="write what follows, such as `failed: down`",
         )
 
 
 def input_names(case: Case) -> Iterator[Diagnostic]:
-    """KYB406: an input is called like a vehicle, a group, a flow or a word of the language, so that
-    `NAME.x` could mean either."""
+    """KYB406: an input has the name of a vehicle, a group, a flow or a word of the language, so
+    `NAME.x` would be ambiguous."""
     plan = case.plan
     taken = dict.fromkeys(plan.fleet, "a vehicle's name")
     taken |= dict.fromkeys(plan.groups, "a group's name")
@@ -145,7 +146,7 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
 
 
 def not_as_told(case: Case) -> Iterator[Diagnostic]:
-    """KYB407: an input can't work as it is told: its device has no such axis."""
+    """KYB407: an input can't work with its parameters: its device has no such axis."""
     for use in case.plan.inputs:
         objection = use.part.cls.objection(use.part.params)
         if objection is not None:
@@ -158,11 +159,11 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 _SILENT = 5.0
-"""Seconds for which nobody may be steered by what an input said before."""
+"""The longest time to steer with the last values of an input, s."""
 
 
 def silent_for_long(case: Case) -> Iterator[Diagnostic]:
-    """KYB447: an input that falls silent steers on with what it said last for more than 5 s (a
+    """KYB447: an input that falls silent keeps steering with its last values for more than 5 s (a
     warning)."""
     steering = {name.text for _, name in case.cached(_steered)}
     for use in case.plan.inputs:
@@ -170,8 +171,8 @@ def silent_for_long(case: Case) -> Iterator[Diagnostic]:
             silent = quantity(use.silent_after, DURATION)
             yield Diagnostic(
                 "KYB447",
-                f"`{use.name}` steers on for {silent} after it has fallen silent",
+                f"`{use.name}` keeps steering for {silent} after it falls silent",
                 use.span_of("silent_after"),
-                help="write less, such as `silent_after: 300 ms`",
+                help="write a shorter time, such as `silent_after: 300 ms`",
                 severity=Severity.WARNING,
             )

@@ -1,5 +1,5 @@
-"""What is asked of an airframe beyond its limits, and what carries a payload and lets it go: KYB316
-to KYB319, KYB395 to KYB397, KYB420 and KYB421."""
+"""Demands beyond an airframe's limits, implausible airframes, and payloads: KYB316 to KYB319,
+KYB395 to KYB397, KYB420 and KYB421."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from kybflow.world.vehicle_context import Airframe, Parcel
 
 _ROUNDING = 1e-6
 _SPARE = 1.15
-_STEER = "15 % more than the weight is needed to steer"
+_STEER = "steering needs 15 % more thrust than the weight"
 LIMITS = frozenset({"tilt", "speed", "climb"})
-"""The airframe's parameters that bound those of the same name in a tracker and a processor."""
+"""The airframe's parameters that limit those of the same name in a tracker and a processor."""
 
 
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
-    """KYB316: a tracker or a processor is given a `tilt`, `speed` or `climb` beyond the
-    airframe's."""
+    """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor exceeds that of the
+    airframe."""
     for vehicle in case.plan.vehicles:
         for part in (vehicle.tracker, *vehicle.processors):
             if not LIMITS.isdisjoint(part.source.node.entries):
@@ -47,16 +47,16 @@ def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
             continue
         yield Diagnostic(
             "KYB316",
-            f"`{part.name}` asks for more {name} than `{vehicle.name}` has",
+            f"`{part.name}` asks for more {name} than `{vehicle.name}` allows",
             part.span_of(name),
             label=format_quantity(value, dimension),
-            notes=(f"its airframe has {format_quantity(limit, dimension)}",),
+            notes=(f"its airframe allows {format_quantity(limit, dimension)}",),
             related=the_limit(vehicle, name),
         )
 
 
 def too_steep(case: Case) -> Iterator[Diagnostic]:
-    """KYB317: a behavior's curves need more tilt than the airframe has: atan(a / g) for the
+    """KYB317: a behavior's curves need more tilt than the airframe allows: atan(a / g) for an
     acceleration a."""
     for vehicle, state, _, footprint in case.cached(footprints):
         limit, tilt = vehicle.airframe.tilt, atan(footprint.acceleration / GRAVITY)
@@ -68,10 +68,10 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             state.behavior.span,
             label=f"needs a tilt of {format_quantity(tilt, ANGLE)}",
             notes=(
-                f"its airframe may tilt {format_quantity(limit, ANGLE)}",
+                f"its airframe allows {format_quantity(limit, ANGLE)}",
                 *_sharpest(footprint),
             ),
-            help="fly it slower or wider",
+            help="fly it more slowly, or make its curves wider",
             related=(*the_limit(vehicle, "tilt"), *values_of(state.behavior)),
         )
 
@@ -81,7 +81,7 @@ def _sharpest(footprint: Footprint) -> tuple[str, ...]:
 
 
 class _Frame(NamedTuple):
-    """An airframe, what is called by it, and where that stands."""
+    """An airframe, its name in messages, and the place of that name."""
 
     name: str
     span: Span
@@ -92,7 +92,7 @@ class _Frame(NamedTuple):
         return self.body.airframe
 
     def place(self, *keys: str) -> Span:
-        """Where the first of `keys` is that is written in the same file."""
+        """The first of `keys` that is written in the same file, or else the name."""
         spans = (self.body.span_of(key) for key in keys if self.body.is_written(key))
         return next((s for s in spans if s.file == self.span.file), self.span)
 
@@ -107,7 +107,8 @@ def _airframes(case: Case) -> Iterator[_Frame]:
 
 
 def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
-    """Whether its rotors lift it with a payload of this mass, kg, and can steer it then."""
+    """Whether its rotors lift it with a payload of this mass, kg, with enough thrust left to
+    steer."""
     return airframe.max_thrust >= _SPARE * (airframe.mass + payload) * GRAVITY
 
 
@@ -117,7 +118,7 @@ def _is_rigid(airframe: Airframe) -> bool:
 
 
 def too_heavy(case: Case) -> Iterator[Diagnostic]:
-    """KYB318: four rotors at their largest thrust can't lift the airframe with 15 % to spare."""
+    """KYB318: four rotors at full thrust can't lift the airframe with 15 % to spare."""
     for frame in _airframes(case):
         most, weight = frame.airframe.max_thrust, frame.airframe.hover_thrust
         if _lifts(frame.airframe):
@@ -133,7 +134,7 @@ def too_heavy(case: Case) -> Iterator[Diagnostic]:
 
 
 def _meant_in_grams(frame: Airframe) -> str:
-    """A mass a thousandth as large is what was meant where only that can fly."""
+    """The help line: grams, if only a thousandth of the mass can fly."""
     meant = replace(frame, mass=frame.mass / 1000.0)
     if _lifts(meant) and frame.mass >= 10.0:
         return f"write `mass: {frame.mass:g} g` if grams are meant"
@@ -141,11 +142,11 @@ def _meant_in_grams(frame: Airframe) -> str:
 
 
 def implausible(case: Case) -> Iterator[Diagnostic]:
-    """KYB420: an airframe's or a payload's numbers can't be those of a quadrotor, such as a
-    diameter in millimetres or rotors that take seconds.
+    """KYB420: the numbers of an airframe or a payload can't be right for a quadrotor, such as a
+    diameter in millimetres or rotors that take seconds to respond.
 
-    Judged are disc loading, radius of gyration, torque ratio and rotor time, and of a payload its
-    size under the airframe and its density (`kybflow.world.plausible`).
+    For an airframe, this checks disc loading, radius of gyration, torque ratio and rotor time; for
+    a payload, its size below the airframe and its density (`kybflow.world.plausible`).
     """
     for doubt in case.cached(_implausible):
         if doubt.found.is_certain:
@@ -153,7 +154,7 @@ def implausible(case: Case) -> Iterator[Diagnostic]:
 
 
 def unusual(case: Case) -> Iterator[Diagnostic]:
-    """KYB421: an airframe's or a payload's numbers are unusual for a quadrotor (a warning)."""
+    """KYB421: the numbers of an airframe or a payload are unusual for a quadrotor (a warning)."""
     for doubt in case.cached(_implausible):
         if not doubt.found.is_certain:
             told = _doubted("KYB421", "is unusual", doubt)
@@ -161,7 +162,7 @@ def unusual(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Doubt(NamedTuple):
-    """What is implausible, of whom, and where it is written."""
+    """An implausible number, whose it is, and where it is written."""
 
     name: str
     found: Implausible
@@ -194,52 +195,52 @@ def _doubted(code: str, what: str, doubt: _Doubt) -> Diagnostic:
 
 
 def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
-    """KYB319: moments of inertia that no body has: each is at most the sum of the other two."""
+    """KYB319: no body can have these moments of inertia: each must be at most the sum of the other
+    two."""
     for frame in _airframes(case):
         if _is_rigid(frame.airframe):
             continue
         yield Diagnostic(
             "KYB319",
-            f"no body has the moments of inertia of `{frame.name}`",
+            f"no rigid body has the moments of inertia of `{frame.name}`",
             frame.place("inertia"),
-            help="each is above zero and at most the sum of the other two",
+            help="each must be above zero and at most the sum of the other two",
         )
 
 
 _GRAMS = 10.0
-"""From so many kilograms on, a mass is one of grams without its unit."""
+"""From this many kilograms on, a mass is probably in grams without its unit."""
 
 
 def nothing_to_hold(case: Case) -> Iterator[Diagnostic]:
-    """KYB395: a behavior loads or releases a payload, and its vehicle carries none."""
+    """KYB395: a behavior loads or releases a payload, but its vehicle carries none."""
     for vehicle, state in _gripping(case):
         if vehicle.payload is None:
             yield Diagnostic(
                 "KYB395",
-                f"`{state.behavior.name}` needs a payload, and `{vehicle.name}` has none",
+                f"`{state.behavior.name}` needs a payload, but `{vehicle.name}` has none",
                 state.behavior.span,
                 help=f"give `{vehicle.name}` one: `payload: {{mass: 200 g, size: 10 cm}}`",
             )
 
 
 def no_servo(case: Case) -> Iterator[Diagnostic]:
-    """KYB396: a behavior loads or releases a payload, and the driver of the target moves no
-    servo."""
+    """KYB396: a behavior loads or releases a payload, but the target's driver controls no servo."""
     for vehicle, state in _gripping(case):
         driver = vehicle.driver
         if vehicle.payload is not None and not driver.cls.grips:
             yield Diagnostic(
                 "KYB396",
-                f"`{state.behavior.name}` needs a servo, and `{driver.name}` moves none",
+                f"`{state.behavior.name}` needs a servo, but `{driver.name}` controls none",
                 state.behavior.span,
                 label=f"`{vehicle.name}` flies on `{driver.name}`",
-                help="fly it on a target whose driver has one, or leave the behavior out",
+                help="fly on a target whose driver has one, or remove the behavior",
             )
 
 
 def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
-    """KYB397: four rotors at their largest thrust can't lift the vehicle and its payload with 15 %
-    to spare."""
+    """KYB397: four rotors at full thrust can't lift the vehicle and its payload with 15 % to
+    spare."""
     for vehicle in case.plan.vehicles:
         if vehicle.payload is None:
             continue
@@ -257,19 +258,19 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lighter(vehicle: VehiclePlan, payload: Parcel) -> str:
-    """The way out: the same number in grams where that was probably meant, else the largest
+    """The help line: the number in grams if that was probably meant, or else the largest
     payload."""
     most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
     if _GRAMS <= payload.mass <= 1000.0 * most:
         return f"did you mean `mass: {payload.mass:g} g`?"
     if most <= 0.0:
-        return "fly another airframe: this one has nothing to spare"
+        return "use another airframe: this one has no thrust to spare"
     grams = floor(most * 1000.0)
-    return f"carry {format_quantity(grams / 1000.0, MASS)} at most, or fly a stronger airframe"
+    return f"carry at most {format_quantity(grams / 1000.0, MASS)}, or use a stronger airframe"
 
 
 def _gripping(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan]]:
-    """Every state whose behavior uses the servo of the payload."""
+    """Every state whose behavior uses the payload servo."""
     for vehicle, state in case.states():
         if state.behavior.cls.grips:
             yield vehicle, state

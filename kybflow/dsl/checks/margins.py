@@ -1,4 +1,4 @@
-"""Whether a tracker's gains suit the loop that answers them: KYB323 and KYB324."""
+"""Whether a tracker's gains suit the inner loop that it commands: KYB323 and KYB324."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from kybflow.world.inner_loop import InnerLoop
 
 GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"
 _SWINGS = Margins(1.1, radians(10.0), 0.0)
-"""Below these a loop swings long after each disturbance."""
+"""Below these margins a loop oscillates long after each disturbance."""
 
 
 class _Closed(NamedTuple):
-    """A vehicle's position loop. is_chosen: its gains are the author's or follow from the loop, so
-    that they are no tracker's by nature."""
+    """A vehicle's position loop. is_chosen: the gains are the author's or derived from the loop,
+    not the tracker's defaults."""
 
     vehicle: VehiclePlan
     outer: OuterLoop
@@ -41,7 +41,7 @@ class _Closed(NamedTuple):
 
 
 def _loops(case: Case) -> Iterator[_Closed]:
-    """The loop of each vehicle of which one is known."""
+    """The position loop of each vehicle for which it is known."""
     period = 1.0 / case.plan.control_rate
     for vehicle in case.plan.vehicles:
         driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
@@ -56,7 +56,7 @@ def _loops(case: Case) -> Iterator[_Closed]:
 
 
 def _gains(tracker: PartPlan) -> Iterator[tuple[float | None, float | None]]:
-    """Each gain of a tracker, and the one that it has by itself."""
+    """(value, default) of each gain of a tracker."""
     for field in tracker.fields:
         if field.name in GAINS:
             yield getattr(tracker.params, field.name), field.default
@@ -68,15 +68,14 @@ def _is_chosen(gain: tuple[float | None, float | None]) -> bool:
 
 
 def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
-    """KYB323: a tracker's gains would make the vehicle oscillate on the loop that answers them, or
-    all but.
+    """KYB323: with a tracker's gains the vehicle would oscillate, or almost.
 
-    They leave a gain margin below 1.4 (3 dB), a phase margin below 15 degrees, or less than 5 ms
-    for what comes later than it is believed to.
+    The gain margin is below 1.4 (3 dB), the phase margin below 15 degrees, or the delay margin
+    below 5 ms.
 
-    The margins are those of the linear loop: the on-board attitude loop that the airframe declares,
-    and the delays that the driver does. A tracker's own gains, which nobody wrote, are only warned
-    of (KYB324).
+    The margins are those of the linear loop, with the on-board attitude loop that the airframe
+    declares and the delays that the driver declares. A tracker's default gains only get a warning
+    (KYB324).
     """
     for loop in case.cached(_loops):
         if loop.is_chosen and not holds(loop.margins, LEAST):
@@ -84,11 +83,11 @@ def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
 
 
 def gains_near_the_limit(case: Case) -> Iterator[Diagnostic]:
-    """KYB324: a tracker's gains leave little margin on the loop that answers them: a gain margin
-    below 2 (6 dB), a phase margin below 30 degrees or a delay margin below 20 ms (a warning).
+    """KYB324: a tracker's gains leave little margin: a gain margin below 2 (6 dB), a phase margin
+    below 30 degrees or a delay margin below 20 ms (a warning).
 
-    Where the gains that follow from the loop leave a gain margin below 2 themselves, theirs is what
-    is asked for. A tracker's own gains are told where KYB323 would refuse written ones.
+    If even the gains derived from the loop have a gain margin below 2, theirs is the bound. A
+    tracker's default gains are reported only if they fail the bounds of KYB323.
     """
     for loop in case.cached(_loops):
         is_refused = loop.is_chosen and not holds(loop.margins, LEAST)
@@ -114,30 +113,30 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
         f"`{tracker.name}` {what}",
         tracker.span_of(next(written, "")),
         label=in_words(loop.margins),
-        notes=(f"at least {in_words(bound)} are asked for", *_estimated(loop)),
+        notes=(f"required: at least {in_words(bound)}", *_estimated(loop)),
         help=_way_out(loop, bound),
     )
 
 
 def _estimated(loop: _Closed) -> Iterator[str]:
     if loop.outer.stiffness is not None and loop.outer.stiffness.is_coupled:
-        yield f"estimated, because `{MATRIX}` couples the height with x and y"
+        yield f"estimated, because `{MATRIX}` couples height with x and y"
 
 
 def _way_out(loop: _Closed, bound: Margins) -> str:
-    """The largest gains that leave what is planned for, or the quickest observer."""
+    """The help line: the largest gains with the planned margins, or the fastest observer."""
     outer, inner = loop.outer, loop.inner
     if not loop.is_chosen:
-        return "use a tracker whose gains follow from the loop, as those of `geometric` do"
+        return "use a tracker that derives its gains from the loop, such as `geometric`"
     if holds(margins_of(outer._replace(observer=0.0), inner), bound):
-        return f"give `observer: {quickest_observer(outer, inner, bound):g} Hz` at most"
+        return f"write at most `observer: {quickest_observer(outer, inner, bound):g} Hz`"
     gains = designed(outer, inner)
     if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
-        return "no gains suit this loop: make it answer sooner"
+        return "no gains suit this loop: make it respond faster"
     if outer.stiffness is not None:
         k, d, i = (f"{gain:.3g}" for gain in gains)
         start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"
         return f"start at `{MATRIX}: {start}`, `derivative: {d}`, `integral: {i}`"
     if outer.proportional != loop.vehicle.tracker.params.proportional:
-        return "give smaller gains: start at half of them"
-    return "give at most " + ", ".join(f"`{n}: {v:.3g}`" for n, v in zip(GAINS, gains, strict=True))
+        return "use smaller gains: start with half of them"
+    return "use at most " + ", ".join(f"`{n}: {v:.3g}`" for n, v in zip(GAINS, gains, strict=True))

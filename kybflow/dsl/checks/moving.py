@@ -1,4 +1,4 @@
-"""Where obstacles that move go: KYB556 and KYB557."""
+"""The paths of moving obstacles: KYB556 and KYB557."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kybflow.world.moving_sphere import MovingSphere
 
 
 class _Way(NamedTuple):
-    """All that a ball sweeps on its way from `start` to `end`."""
+    """The volume that a ball sweeps on its way from `start` to `end`."""
 
     start: Vec3
     end: Vec3
@@ -32,11 +32,11 @@ class _Way(NamedTuple):
 
 
 def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
-    """KYB556: an obstacle that moves comes where a vehicle takes off or lands (a warning): nothing
-    keeps it away from what is there then.
+    """KYB556: a moving obstacle crosses a place where a vehicle takes off or lands, during which
+    nothing avoids it (a warning).
 
-    Each line along which it goes must stay further from the line of the climb, from the start on,
-    than its radius and the vehicle's arm.
+    The obstacle's path must stay further from the line of the climb or descent than its radius plus
+    the vehicle's arm.
     """
     balls = list(_balls(case))
     for vehicle, state, _, footprint in case.cached(footprints) if balls else ():
@@ -50,31 +50,30 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
                 who, what = vehicle.name, state.name
                 yield Diagnostic(
                     "KYB556",
-                    f"`{ball.name}` comes where `{who}` does `{what}`",
+                    f"`{ball.name}` crosses the place where `{who}` does `{what}`",
                     ball.span,
                     label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
                     notes=(f"`{what}` is at {state.span.beside(ball.span)}",),
-                    help="let it go elsewhere: nothing is avoided in a take-off or a landing",
+                    help="move its path: a vehicle avoids nothing during take-off and landing",
                     severity=Severity.WARNING,
                 )
 
 
 def _balls(case: Case) -> Iterator[tuple[Obstacle, MovingSphere]]:
-    """Every obstacle that moves."""
+    """Every moving obstacle."""
     return ((o, o.moving) for o in case.plan.world.obstacles if o.moving is not None)
 
 
 def goes_nowhere(case: Case) -> Iterator[Diagnostic]:
-    """KYB557: an obstacle that moves has all its points in one place, where it stays (a
-    warning)."""
+    """KYB557: a moving obstacle stays in place, because all its points are the same (a warning)."""
     for ball, sphere in _balls(case):
         first = sphere.along[0]
         if all(point == first for point in sphere.along):
             yield Diagnostic(
                 "KYB557",
-                f"`{ball.name}` moves from a place to the same place",
+                f"`{ball.name}` moves along a path of a single point",
                 ball.span,
                 label=f"stays at {shown_point(first)}",
-                help="give `along` another point, or write a `sphere`",
+                help="add another point to `along`, or write a `sphere`",
                 severity=Severity.WARNING,
             )

@@ -1,4 +1,4 @@
-"""Obstacles that move, and what sees where they are: KYB511 and KYB547."""
+"""Moving obstacles and the sensors that track them: KYB511 and KYB547."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from kybflow.dsl.world import Obstacle
 
 
 def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
-    """KYB511: an obstacle moves, the target's vehicles are real, and none has a sensor that could
-    tell where it is: motion capture."""
+    """KYB511: an obstacle moves, but the target's vehicles are real and none has a motion-capture
+    sensor that could track it."""
     if all(vehicle.driver.cls.simulated for vehicle in case.plan.vehicles):
         return
     for moving in _moving(case):
         if case.plan.tracked_by(moving.name) is None:
             yield Diagnostic(
                 "KYB511",
-                f"nothing sees where `{moving.name}` is",
+                f"nothing tracks `{moving.name}`",
                 moving.span,
-                label="motion capture tracks no vehicle",
-                help=f"give one the sensor {_real(case)}, or fly a simulated target",
+                label="no vehicle uses motion capture",
+                help=f"give a vehicle the sensor {_real(case)}, or fly on a simulated target",
             )
 
 
@@ -36,8 +36,8 @@ def _real(case: Case) -> str:
 
 
 def seen_as_another(case: Case) -> Iterator[Diagnostic]:
-    """KYB547: an obstacle that moves has the body in motion capture of a vehicle, or of another
-    obstacle: it would be where that one is."""
+    """KYB547: a moving obstacle has the motion-capture body of a vehicle or of another obstacle, so
+    its position would be theirs."""
     taken: dict[str, str] = {}
     for vehicle in case.plan.vehicles if case.plan.moving else ():
         for sensor in vehicle.sensors:
@@ -50,7 +50,7 @@ def seen_as_another(case: Case) -> Iterator[Diagnostic]:
         if claim is not None and taken.setdefault(claim.what, name) != name:
             yield Diagnostic(
                 "KYB547",
-                f"`{name}` has {claim.what}, as `{taken[claim.what]}` has",
+                f"`{name}` and `{taken[claim.what]}` both have {claim.what}",
                 moving.span,
                 help="give it its own `body`",
             )

@@ -1,5 +1,5 @@
-"""Obstacles and where the vehicles stand, fly and return to: KYB340 to KYB343, KYB345, KYB453,
-KYB546 and KYB558."""
+"""Obstacles, and where vehicles start, fly, land and have their homes: KYB340 to KYB343, KYB345,
+KYB453, KYB546 and KYB558."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
-"""How far above its ground a start may be told: where its frame is, is not where its legs are."""
+"""Accepted height of a start above the ground, m: the frame's origin is not at its legs."""
 _LANDS = 0.15
-"""How far above what is under it a landing may be told to end: a pad that no obstacle describes."""
+"""Accepted height of the end of a landing, m: there may be a pad that is no obstacle."""
 _TOUCHES = 0.02
-"""How deep in an obstacle a vehicle's hub may be told to go that only means to touch it."""
+"""Depth in an obstacle up to which a vehicle may intend to touch it, m."""
 _CLAMPED = 0.02
-"""How far a processor may keep a vehicle from a goal that is still taken for reached."""
+"""Distance to a goal that a processor may add before the goal is out of reach, m."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -44,14 +44,14 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
                 vehicle.span_of("start", "at"),
                 label=room_needed(vehicle, room),
                 notes=(_stands(case, obstacle),),
-                help="start further away",
+                help="move the start further away",
             )
             break
 
 
 def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB345: a vehicle starts neither on the ground nor on an obstacle. In the simulator it
-    falls until its take-off catches it; a real one can't be put there."""
+    """KYB345: a vehicle starts neither on the ground nor on an obstacle. In the simulator it falls
+    until its take-off catches it; a real one can't be placed there."""
     for vehicle in case.plan.vehicles:
         if any(_starts_in(shape, vehicle) for shape in case.plan.obstacles.values()):
             continue
@@ -61,16 +61,16 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
             side = "above" if above > 0 else "below"
             yield Diagnostic(
                 "KYB345",
-                f"`{vehicle.name}` starts with nothing under it",
+                f"`{vehicle.name}` starts in the air or below the ground",
                 vehicle.span_of("start", "at"),
                 label=f"{format_quantity(abs(above), LENGTH)} {side} {what}",
-                help=f"start at a height of {format_quantity(below, LENGTH)}; `take_off` climbs",
+                help=f"start at {format_quantity(below, LENGTH)} and climb with `take_off`",
                 severity=Severity.WARNING,
             )
 
 
 def _support(case: Case, place: Vec3) -> tuple[float, str]:
-    """The height of what is under a place, and what that is."""
+    """The height of what is below a place, and its name."""
     below, what = 0.0, "the ground"
     for name, shape in case.plan.obstacles.items():
         top, inside = _top(shape, place)
@@ -80,8 +80,7 @@ def _support(case: Case, place: Vec3) -> tuple[float, str]:
 
 
 def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB453: a landing ends on a point that is more than 15 cm above whatever is under it (a
-    warning)."""
+    """KYB453: a landing ends more than 15 cm above whatever is below it (a warning)."""
     for vehicle, state, _, footprint in case.cached(footprints):
         legs = state.behavior.cls.flight
         if footprint.exit is None or not any((leg.start, leg.end) == (AIR, GROUND) for leg in legs):
@@ -100,12 +99,12 @@ def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def flies_into(case: Case) -> Iterator[Diagnostic]:
-    """KYB341: a behavior leads its vehicle into an obstacle, from an entry that it can have.
+    """KYB341: a behavior flies its vehicle into an obstacle, from an entry that is known to occur.
 
-    The path between the points of a behavior, where that is known, must stay further from every
-    obstacle than the vehicle's arm. An obstacle that carries the vehicle before a take-off or after
-    a landing is none to it, nor is one that it is too close to already. Where a processor leads it
-    round obstacles, only the points themselves must be clear.
+    The path of the behavior, if known, must stay further from every obstacle than the length of the
+    vehicle's arm. This excludes an obstacle on which the vehicle stands before a take-off or after
+    a landing, and one that it is already too close to at entry. If a processor leads the vehicle
+    around obstacles, only the points of the path must be clear.
     """
     obstacles = _kept_from(case)
     for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
@@ -131,10 +130,10 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
 
 
 def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
-    """KYB558: a behavior waits until it is at a place that is nearer to an obstacle than a
-    processor lets its vehicle go: in vain.
+    """KYB558: a behavior waits until the vehicle reaches a place that is closer to an obstacle than
+    a processor lets it go, so it waits in vain.
 
-    A processor that the mission switches, or gives other values in flight, is not judged.
+    Processors that the mission switches or retunes in flight are not checked.
     """
     obstacles = _kept_from(case)
     keepers = _keepers(case) if obstacles else {}
@@ -144,26 +143,26 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
         for part, keep in keepers.get(vehicle.name, ()):
             found = _out_of_reach(footprint, keep, obstacles)
             if found is None or found.room < vehicle.airframe.arm - _ROUNDING:
-                continue  # what is nearer, KYB341 tells
+                continue  # reported as KYB341
             where = f"{shown_point(found.goal)} is {format_quantity(found.room, LENGTH)}"
             yield Diagnostic(
                 "KYB558",
-                f"`{part.alias}` keeps `{vehicle.name}` from where `{state.name}` goes",
+                f"`{part.alias}` keeps `{vehicle.name}` from the goal of `{state.name}`",
                 aim_of(state, footprint),
                 label=f"{where} from `{found.obstacle}`",
                 notes=(
-                    f"`{part.alias}` keeps its centre {format_quantity(keep, LENGTH)} away",
+                    f"`{part.alias}` keeps it at least {format_quantity(keep, LENGTH)} away",
                     _stands(case, found.obstacle),
                     *footprint.line_of(found.goal),
                 ),
-                help="stay further from the obstacle, or let the processor keep less",
+                help="move the goal further away, or reduce the processor's distance",
                 related=values_of(state.behavior),
             )
             break
 
 
 class _OutOfReach(NamedTuple):
-    """A goal that is too near to an obstacle."""
+    """A goal that is too close to an obstacle."""
 
     goal: Vec3
     room: float
@@ -173,7 +172,7 @@ class _OutOfReach(NamedTuple):
 def _out_of_reach(
     footprint: Footprint, keep: float, obstacles: Mapping[str, Shape]
 ) -> _OutOfReach | None:
-    """The first goal that nobody reaches who keeps so far away."""
+    """The first goal that a vehicle which keeps this distance can't reach."""
     for goal, near in footprint.goals:
         for name, shape in obstacles.items():
             room = shape.distance(goal)
@@ -183,7 +182,7 @@ def _out_of_reach(
 
 
 def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
-    """The processors of each vehicle that keep it off obstacles all the time, and how far."""
+    """The processors of each vehicle that always keep it away from obstacles, and how far."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
     names = [action.value for action in switched]
     names += [name.text for name, _ in sets_of(case)]
@@ -200,14 +199,14 @@ def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
 
 
 def _way_round(obstacle: str, room: float) -> str:
-    """What to do about a way into an obstacle; one that touches and goes no deeper may be meant."""
-    meant = ", or say `contact: allowed` where it stands" if room > -_TOUCHES else ""
-    return f"lead it round by points beside `{obstacle}`, or further away{meant}"
+    """The help line for a path into an obstacle. A path that only touches it may be intended."""
+    meant = ", or write `contact: allowed` for the obstacle" if room > -_TOUCHES else ""
+    return f"fly around `{obstacle}`, or further away from it{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
-    """KYB546: no point of a scan or of a map is in the fence (a warning): it is in another unit, or
-    its origin is elsewhere."""
+    """KYB546: no point of a scan or a map is inside the fence: its unit or its origin is probably
+    wrong (a warning)."""
     fence = case.plan.fence
     for obstacle in case.plan.world.obstacles:
         if fence is None or not isinstance(obstacle.shape, Scanned):
@@ -219,11 +218,11 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
             low, high = obstacle.shape.bounds
             yield Diagnostic(
                 "KYB546",
-                f"no point of `{obstacle.name}` is in the fence",
+                f"no point of `{obstacle.name}` is inside the fence",
                 obstacle.span_of("occupancy" if obstacle.occupancy else "point_cloud", "file"),
                 label=f"it reaches from {shown_point(low)} to {shown_point(high)}",
                 notes=(extent(fence),),
-                help="mend where its origin is, or the unit that it is taken in",
+                help="correct its origin or its unit",
                 severity=Severity.WARNING,
             )
 
@@ -235,8 +234,8 @@ def _kept_from(case: Case) -> Mapping[str, Shape]:
 
 
 def may_fly_into(case: Case) -> Iterator[Diagnostic]:
-    """KYB342: it can't be told whether a behavior stays clear of an obstacle, because only the
-    bounds of its path are known and the obstacle stands within."""
+    """KYB342: it is unknown whether a behavior stays clear of an obstacle, because only the bounds
+    of its path are known and the obstacle is inside them."""
     obstacles = _kept_from(case)
     for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
         if path_of(footprint) or not footprint.points:
@@ -258,8 +257,8 @@ def may_fly_into(case: Case) -> Iterator[Diagnostic]:
 
 
 def homes(case: Case) -> Iterator[Diagnostic]:
-    """KYB343: the place that `go_home` flies to, and where the failsafe may land the vehicle, is
-    outside the fence or in an obstacle."""
+    """KYB343: a vehicle's home, where `go_home` flies and the failsafe may land, is outside the
+    fence or in an obstacle."""
     fence = case.plan.fence
     for vehicle in case.plan.vehicles:
         home, label, note = vehicle.home, "", ""
@@ -277,7 +276,7 @@ def homes(case: Case) -> Iterator[Diagnostic]:
         if label:
             yield Diagnostic(
                 "KYB343",
-                f"`{vehicle.name}` can't go home",
+                f"`{vehicle.name}` can't fly home",
                 vehicle.span_of("home"),
                 label=label,
                 notes=(note,),
@@ -286,20 +285,20 @@ def homes(case: Case) -> Iterator[Diagnostic]:
 
 
 def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
-    """The points that straight lines join along the path; none where it is not known. Two points
-    bound nothing but the line between them."""
+    """The points of the path, joined by straight lines; empty if the path is unknown. Two points
+    bound just the line between them."""
     return footprint.path or (footprint.points if len(footprint.points) <= 2 else ())
 
 
 class _Solid(Protocol):
-    """What is convex, or a scan."""
+    """A convex solid, or a scan."""
 
     def distance(self, p: Vec3) -> float: ...
 
 
 def nearest(path: tuple[Vec3, ...], shape: _Solid, enough: float) -> tuple[float, Vec3]:
-    """The least distance of a path from a shape, and where. Lines that keep `enough` away are not
-    looked at closely."""
+    """The least distance of a path from a shape, and where it occurs. Lines that keep at least
+    `enough` away are not examined closely."""
     rooms = [(shape.distance(p), p) for p in path]
     found = min(rooms, default=(inf, (0.0, 0.0, 0.0)))
     for (room, a), (other, b) in pairwise(rooms):
@@ -312,8 +311,8 @@ def nearest(path: tuple[Vec3, ...], shape: _Solid, enough: float) -> tuple[float
 
 
 def _on_line(a: Vec3, b: Vec3, shape: _Solid, enough: float) -> tuple[float, Vec3]:
-    """The least distance of a line from a shape, by golden section: that of a convex solid has one
-    minimum along a line. Ends as soon as it is sure that the line keeps `enough` away."""
+    """The least distance of a line from a shape, by golden section: a convex solid has a single
+    minimum along a line. Stops once the line surely keeps `enough` away."""
     if isinstance(shape, Scanned):
         return shape.nearest_on(a, b)
     low, high, length = 0.0, 1.0, distance(a, b)
@@ -336,12 +335,12 @@ def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
 
 
 def _goes_round(vehicle: VehiclePlan, state: StatePlan) -> bool:
-    """Whether something leads the vehicle round what is in the way: it does so in the air only."""
+    """Whether a processor leads the vehicle around obstacles, which happens only in the air."""
     return not is_vertical(state) and any(use.cls.goes_round for use in vehicle.processors)
 
 
 def is_vertical(state: StatePlan) -> bool:
-    """Whether it is a take-off or a landing."""
+    """Whether the behavior is a take-off or a landing."""
     return any(GROUND in leg and leg.start is not leg.end for leg in state.behavior.cls.flight)
 
 
@@ -352,7 +351,7 @@ def _starts_in(shape: Shape, vehicle: VehiclePlan) -> bool:
 
 
 def _carries(shape: Shape, point: Vec3, vehicle: VehiclePlan) -> bool:
-    """Whether the vehicle, at or above the top of the obstacle, has all of itself over it."""
+    """Whether the whole vehicle is over the obstacle, at or above its top."""
     top, inside = _top(shape, point)
     return point[2] >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
 
@@ -376,11 +375,11 @@ def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
 
 
 def room_needed(vehicle: VehiclePlan, room: float) -> str:
-    """How close it comes, and what it needs."""
+    """How close the vehicle comes, and how much room it needs."""
     where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
     return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
 
 
 def _stands(case: Case, name: str) -> str:
     obstacle = next(o for o in case.plan.world.obstacles if o.name == name)
-    return f"`{name}` stands in the world at {obstacle.span.at}"
+    return f"`{name}` is at {obstacle.span.at}"

@@ -1,13 +1,13 @@
-"""Flows, phase by phase: which of them drives a vehicle (KYB198, KYB199, KYB242), and whether the
-vehicle can enter the state that a phase asks it for (KYB243).
+"""Flows, phase by phase: which flow controls a vehicle (KYB198, KYB199, KYB242), and whether the
+vehicle can enter the state that a phase requests (KYB243).
 
-The first walk begins in a flow's first phase with the vehicles that it has from the start. A
-vehicle that it gave away is its own again when it hears `FLOW.finished` of the flow that it gave it
-to; after any other way out of the phase nobody can tell, and the runtime decides.
+The first walk begins in a flow's first phase with the vehicles that the flow has from the start. A
+vehicle that it gave away returns when `FLOW.finished` of the flow that received it occurs. After
+any other transition the owner is unknown, and the runtime decides.
 
-In the second, a vehicle that waits in `landed` is on the ground until a phase asks something of it;
-a way out whose condition says in which state a vehicle is, says where it is when the next phase
-begins. Of all else nothing is known, and the runtime decides.
+In the second walk, a vehicle that waits in `landed` stays on the ground until a phase requests a
+state. A transition whose condition names the state of a vehicle tells where the vehicle is when the
+next phase begins. Everything else is unknown, and the runtime decides.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 
 class _Holder(NamedTuple):
-    """The flow that has a vehicle. `given` is where another flow gave it to that one, None where
-    nobody did; `is_sure` when this holds along every path to here."""
+    """The flow that controls a vehicle. given: where another flow gave it the vehicle, or None.
+    is_sure: whether this holds along every path."""
 
     flow: str
     given: Span | None = None
@@ -43,10 +43,10 @@ _Holders = dict[str, _Holder]
 
 
 def two_drivers(case: Case) -> Iterator[Diagnostic]:
-    """KYB198: two flows have a vehicle from the start.
+    """KYB198: two flows control a vehicle from the start.
 
-    A flow has every vehicle that it names and that no other flow gives it. A vehicle is driven by
-    one flow at a time: let one give it to the other.
+    A flow has every vehicle that it names and that no other flow gives it. Only one flow can
+    control a vehicle at a time: let one give it to the other.
     """
     first: dict[str, FlowPlan] = {}
     for flow in case.plan.flows:
@@ -57,15 +57,15 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
             other = first[vehicle]
             yield Diagnostic(
                 "KYB198",
-                f"`{flow.name}` and `{other.name}` both drive `{vehicle}`",
+                f"`{flow.name}` and `{other.name}` both control `{vehicle}`",
                 _named_at(case.plan, flow, vehicle),
                 label=f"`{other.name}` has it from the start",
-                help=f"let a phase of one give it: `give: {{{vehicle}: {flow.name}}}`",
+                help=f"let one give it to the other: `give: {{{vehicle}: {flow.name}}}`",
             )
 
 
 def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
-    """Where a flow names a vehicle first."""
+    """The first place where a flow names a vehicle."""
     for phase in flow.phases.values():
         for assignment in (one for key in ASKED for one in assignments(plan, phase, key)):
             if assignment.vehicle == vehicle:
@@ -74,8 +74,8 @@ def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
 
 
 def not_driven(case: Case) -> Iterator[Diagnostic]:
-    """KYB199: a phase runs or gives a vehicle that another flow drives then; where that holds
-    along some ways into the phase only, it is a warning."""
+    """KYB199: a phase runs or gives a vehicle that another flow controls at that time. It is a
+    warning if that depends on how the phase was reached."""
     for flow in case.plan.flows:
         holders = _holders(case.plan, flow)
         for name, phase in flow.phases.items():
@@ -96,7 +96,7 @@ def _taken(
     sure, given = holder.is_sure, holder.given
     yield Diagnostic(
         "KYB199",
-        f"`{holder.flow}` {'drives' if sure else 'may drive'} `{assignment.vehicle}` in the phase "
+        f"`{holder.flow}` {'controls' if sure else 'may control'} `{assignment.vehicle}` in phase "
         f"`{phase.name}`",
         assignment.who.span,
         label=f"`{flow.name}` {'does' if sure else 'may'} not have it",
@@ -108,7 +108,7 @@ def _taken(
 
 def _way_out(holder: _Holder) -> str:
     if holder.given is None:
-        return "give a flow all of its vehicles in one phase"
+        return "give a flow all its vehicles in one phase"
     return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
 
 
@@ -137,8 +137,8 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
 
 
 def _first(plan: Plan, flow: FlowPlan) -> _Holders:
-    """The holder of each vehicle when the flow begins. A flow that waits for its vehicles surely
-    has those that every giver gives it."""
+    """The holder of each vehicle when the flow begins. A flow that waits for vehicles surely has
+    those that every giver gives it."""
     own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
         (other.name, {w.vehicle for w in given})
@@ -154,7 +154,7 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
 
 
 def _held_after(holder: _Holder, own: _Holder, event: str) -> _Holder:
-    """The holder of a vehicle after a transition out of a phase."""
+    """The holder of a vehicle after a transition of a phase."""
     if holder.flow == own.flow or event == f"{holder.flow}.finished":
         return own
     return holder.doubtful
@@ -168,8 +168,8 @@ def _merged(a: _Holder, b: _Holder) -> _Holder:
 
 
 def assigned_twice(case: Case) -> Iterator[Diagnostic]:
-    """KYB242: a phase asks one vehicle for two things, by its name and by a group's, or by two
-    groups'."""
+    """KYB242: a phase requests two different things from one vehicle, through its own name and a
+    group, or through two groups."""
     for _, phase in phases(case.plan):
         for key in ASKED:
             first: dict[str, Assignment] = {}
@@ -178,12 +178,12 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
                 if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
                         "KYB242",
-                        f"`{assignment.vehicle}` is asked for `{before.goal.text}` and for "
+                        f"`{assignment.vehicle}` is requested for both `{before.goal.text}` and "
                         f"`{assignment.goal.text}`",
                         assignment.who.span,
                         label="a second time",
                         notes=(f"first as `{before.who.text}`",),
-                        help="name each vehicle once in a phase",
+                        help="name each vehicle once per phase",
                     )
 
 
@@ -194,10 +194,10 @@ _DISTURBING = frozenset({"switch", "phase"})
 
 
 def can_not_enter(case: Case) -> Iterator[Diagnostic]:
-    """KYB243: a phase runs a state that its vehicle can't enter where it surely is then, such as a
-    flight on the ground.
+    """KYB243: a phase runs a state that its vehicle can't enter from where it surely is at that
+    time, such as a flight on the ground.
 
-    Nothing is said where callbacks switch vehicles or enter phases, because anything may be then.
+    This is not checked if callbacks switch vehicles or enter phases.
     """
     actions = [action for callback in case.plan.callbacks for action in callback.do]
     if any(a.name in _DISTURBING or a.part is not None for a in actions):
@@ -232,7 +232,7 @@ def _said(places: set[Flight] | frozenset[Flight]) -> str:
 
 
 def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
-    """Where each vehicle can be when a phase is entered."""
+    """Where each vehicle can be on entry to each phase."""
     plan = case.plan
     own = own_vehicles(plan, flow)
     first = {
@@ -256,7 +256,7 @@ def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
 def _conditions_after(
     case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
-    """Where each vehicle can be after a way out of a phase."""
+    """Where each vehicle can be after a transition of a phase."""
     plan = case.plan
     asked = {*runs_of(case, phase)}
     asked |= {assignment.vehicle for assignment in handovers(plan, phase)}
@@ -269,7 +269,7 @@ def _conditions_after(
 
 
 def said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of everything that a condition requires."""
+    """(vehicle, state) of every state that a condition requires."""
     match when:
         case InState(vehicle, state):
             yield vehicle, state
@@ -281,7 +281,7 @@ def said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
 
 
 def _places_of(case: Case, vehicle: str, state: str) -> frozenset[Flight]:
-    """Where a vehicle in a state can be: between the ends of a take-off or a landing it moves."""
+    """Where a vehicle in a state can be. Within a take-off or a landing it is moving."""
     owner = case.plan.fleet[vehicle]
     if state not in owner.states and owner.goal(state) != state:
         return _ANY  # a chain of states

@@ -1,9 +1,8 @@
-"""The proof that everything that flies comes down: KYB205, KYB251 and KYB252.
+"""The proof that every vehicle that flies also lands: KYB205, KYB251 and KYB252.
 
-It walks the graph of states as they are entered in each flight condition (`flights`), with the
-transitions of the mission and those that the language adds: what ends without a `then` brakes,
-hovers and lands, what fails without a `failed` does so too, and a landing that fails goes down
-blind.
+It walks the graph of states by flight condition (`flights`), along the transitions of the mission
+and those that the language adds: a behavior that ends without `then` is followed by `brake`,
+`hover` and a landing, one that fails without `failed` is too, and a landing that fails lands blind.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ from kybflow.parts import AIR, GROUND
 
 
 def never_lands(case: Case) -> Iterator[Diagnostic]:
-    """KYB205: from a behavior in the air no sequence of transitions reaches the ground.
+    """KYB205: no sequence of transitions leads from a behavior in the air to the ground.
 
-    A behavior that ends and has no `then` is followed by `brake`, `hover` and, after the hover
-    limit, a landing. So this is a behavior without an end that no `next` or `within` ends, or a
-    cycle of `then` that no `next` leaves, and no callback or flow asks for what comes down.
-    Failures do not count as a way out, nor does a `within` where the behavior ends before it. A
-    `then` that is never taken is reported as KYB206 alone.
+    A behavior that ends without `then` is followed by `brake`, `hover` and, after the hover limit,
+    a landing. The finding therefore means a behavior without an end that no `next` or `within`
+    leaves, or a cycle of `then` that no `next` leaves, if no callback or flow requests a landing
+    either. Failures do not count as an exit, nor does a `within` if the behavior ends before it. A
+    `then` that is never taken is reported only as KYB206.
     """
     for vehicle, flights in case.cached(_sound):
         endless = endless_states(vehicle) - _told(vehicle)
@@ -46,22 +45,22 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
         for path in _traps(vehicle, flights, flights.nodes - down, endless):
             yield Diagnostic(
                 "KYB205",
-                f"after `{path[0]}` the vehicle never comes down",
+                f"after `{path[0]}` the vehicle never lands",
                 vehicle.states[path[0]].span,
-                label="no way to the ground from here",
+                label="no transitions lead to the ground",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
             )
 
 
 def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
-    """KYB251: nothing but a condition or an event ends a behavior or a cycle in the air. Should it
-    never come, the vehicle flies until its battery or the time limit of the run lands it.
+    """KYB251: only a condition or an event ends a behavior or a cycle in the air. If it never
+    comes, the vehicle flies until its battery or the time limit of the run lands it.
 
-    It is enough that a behavior of the cycle goes elsewhere when it ends; one without an end needs
-    a `within`, or an `after` without a condition. An event of a person is enough too, and so is
-    what a callback or a flow asks for, and that the battery has less than a share left which it
-    must come to within the `time_limit`.
+    To avoid this, let a behavior of the cycle lead elsewhere when it ends; give a behavior without
+    an end a `within`, or an `after` without a condition. An event that a person gives is also
+    enough, and so are a request by a callback or a flow, and a condition on the remaining battery
+    that hovering reaches within the `time_limit`.
     """
     for vehicle, flights in case.cached(_sound):
         endless = endless_states(vehicle)
@@ -75,7 +74,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
                 "KYB251",
                 f"only a condition or an event ends `{path[0]}`",
                 vehicle.states[path[0]].span,
-                label="no way out that surely opens",
+                label="may never be left",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
                 severity=Severity.WARNING,
@@ -83,11 +82,11 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
 
 
 def failures_in_a_cycle(case: Case) -> Iterator[Diagnostic]:
-    """KYB252: a behavior in the air that fails, or takes too long, comes back to itself by failures
-    alone: what makes it fail for good keeps the vehicle in the air.
+    """KYB252: a behavior in the air that fails or takes too long returns to itself through failures
+    alone, so a permanent failure keeps the vehicle in the air.
 
-    Without a `failed` of its own, what flies brakes and lands, and a landing that fails goes down
-    blind: a failure then always ends on the ground.
+    Without a `failed` of its own, a failed behavior brakes and lands, and a failed landing lands
+    blind, so that every failure ends on the ground.
     """
     for vehicle, flights in case.cached(_sound):
         failing = {link.source: link for link in flights.links if link.transition.cause == "failed"}
@@ -100,16 +99,16 @@ def failures_in_a_cycle(case: Case) -> Iterator[Diagnostic]:
             states = [link.source.state for link in cycle]
             yield Diagnostic(
                 "KYB252",
-                f"when `{node.state}` keeps failing the vehicle never comes down",
+                f"if `{node.state}` keeps failing, the vehicle never lands",
                 cycle[0].transition.target_span,
-                label="leads back by failures alone",
+                label="leads back through failures alone",
                 notes=("`" + "` → `".join([*states, states[0]]) + "` → ...",),
-                help="let one of them fail to `auto_land`, or leave `failed` away",
+                help="write `failed: auto_land` in one of them, or remove `failed`",
             )
 
 
 def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[FlightEdge]:
-    """The transitions from `first` back to it, each a failure; none where they end elsewhere."""
+    """The failure transitions from `first` back to itself; empty if they end elsewhere."""
     cycle = [failing[first]]
     for _ in failing:
         link = cycle[-1]
@@ -123,8 +122,8 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
 
 
 def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
-    """The vehicles whose transitions all lead somewhere and meet; before that nothing can be
-    proven."""
+    """The vehicles whose transitions all have valid targets; nothing can be proven for the
+    others."""
     for vehicle in case.plan.vehicles:
         flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
@@ -132,8 +131,8 @@ def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
 
 
 def _drains(case: Case, vehicle: VehiclePlan, transition: TransitionPlan) -> bool:
-    """Whether a transition waits for nothing but that the vehicle's own battery has less than some
-    share left, which hovering brings about within the mission's time limit."""
+    """Whether a transition waits only for the vehicle's own battery to fall below a share that
+    hovering reaches within the mission's time limit."""
     if transition.event is not None or transition.after is not None or transition.hold > 0.0:
         return False
     own = vehicle.name
@@ -149,7 +148,7 @@ def _comes_surely(
     transition: TransitionPlan,
     is_endless: bool,
 ) -> bool:
-    """Whether a transition opens without anything that may never be, and nothing before it."""
+    """Whether a transition is sure to be taken."""
     if drains(transition):
         return True
     if transition.event is not None:
@@ -162,18 +161,18 @@ def _comes_surely(
 def _way_out(path: list[str]) -> str:
     """The help line for a trap: a cycle of states, or one state that never ends."""
     if len(path) > 1:
-        return "let the last of them go on to a landing, such as `auto_land`"
+        return "let the last of them lead to a landing, such as `auto_land`"
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
 
 
 def _asked_down(vehicle: VehiclePlan, down: AbstractSet[FlightNode]) -> bool:
-    """Whether a callback or a flow asks for something that comes down."""
+    """Whether a callback or a flow requests a state that leads to the ground."""
     own = any(FlightNode(state, AIR) in down for state in vehicle.requested)
     return own or not vehicle.requested <= vehicle.states.keys()
 
 
 def _told(vehicle: VehiclePlan) -> set[str]:
-    """The states with a `then`: where it is never taken, KYB206 says so."""
+    """The states with a `then`: if it is never taken, KYB206 reports it."""
     states = vehicle.states.items()
     return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
 
@@ -184,8 +183,8 @@ def _traps(
     stuck: AbstractSet[FlightNode],
     endless: AbstractSet[str],
 ) -> Iterator[list[str]]:
-    """Each state that never ends and each cycle of `then` among the `stuck`, once: its states, the
-    first again at the end of a cycle."""
+    """Each endless state and each cycle of `then` among the `stuck`, once: its states, with the
+    first one repeated at the end of a cycle."""
     names = {node.state for node in stuck}
     thens = (link for link in flights.links if link.transition.cause == "then")
     ahead = {link.source.state: link.transition.target for link in thens}
@@ -199,7 +198,7 @@ def _traps(
 
 
 def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[str]:
-    """The states from `name` on, along `then`, up to the first that comes twice or never ends."""
+    """The states from `name` along `then`, up to the first that repeats or never ends."""
     path, passed = [name], {name}
     while path[-1] in ahead and path[-1] not in endless:
         path.append(ahead[path[-1]])
@@ -210,7 +209,7 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
 
 
 def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:
-    """The counter-example: from the first state into the trap, and round in it."""
+    """The counter-example: the path from the first state into the trap and around it."""
     names = [*_way(vehicle.begin, path[0], flights)[:-1], *path]
     shown = "`" + "` → `".join(names) + "`"
     if path[-1] in path[:-1]:
@@ -220,7 +219,7 @@ def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> s
 
 
 def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
-    """The shortest way along the transitions; the goal alone where it is asked for from outside."""
+    """The shortest path along the transitions; only the goal if it is requested from outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
         ahead.setdefault(link.source.state, []).append(link.transition.target)

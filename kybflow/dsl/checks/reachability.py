@@ -1,9 +1,8 @@
 """How each state of a vehicle can be entered: in which flight condition (on the ground, in the air
-or moving) and from which positions, as far as that can be told before the flight.
+or moving) and from which positions, as far as that is known before the flight.
 
-The walk begins on the ground in the first state. Only the normal end of a behavior reaches the far
-side of its leg; a leg between ground and air that is left in any other way leaves the vehicle
-MOVING.
+The walk begins on the ground in the first state. Only the normal end of a behavior completes its
+flight type. A take-off or a landing that is left in any other way leaves the vehicle MOVING.
 """
 
 from __future__ import annotations
@@ -20,14 +19,15 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
 
 class FlightNode(NamedTuple):
-    """A state as it is entered in one flight condition."""
+    """A state entered in one flight condition."""
 
     state: str
     flight: Flight
 
 
 class FlightEdge(NamedTuple):
-    """A transition of the mission out of a node; `flight` is what it leaves the vehicle in."""
+    """A transition of the mission from a node. `flight` is the condition in which it leaves the
+    vehicle."""
 
     source: FlightNode
     transition: TransitionPlan
@@ -36,9 +36,9 @@ class FlightEdge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FlightGraph:
-    """The graph of states by flight condition: the `nodes` that can be entered, the `links` that
-    fit, and the `broken` ones, whose target can't start where the source leaves the vehicle. Links
-    to names that can't be a target are in neither."""
+    """The graph of states by flight condition: the reachable `nodes`, the valid `links`, and the
+    `broken` ones, whose target can't start in the condition in which the source leaves the vehicle.
+    Links to unknown names are in neither."""
 
     nodes: frozenset[FlightNode]
     links: tuple[FlightEdge, ...]
@@ -46,8 +46,8 @@ class FlightGraph:
 
 
 def flight_graph(case: Case, vehicle: VehiclePlan) -> FlightGraph:
-    """Walk every transition of the mission from the first state, and from those that may be asked
-    for wherever they can start."""
+    """Walk every transition of the mission, from the first state and from the states that may be
+    requested, in each condition in which they can start."""
     if "flights" not in vehicle.known:
         vehicle.known["flights"] = _flights(case, vehicle)
     found: FlightGraph = vehicle.known["flights"]
@@ -88,8 +88,8 @@ def _links(state: StatePlan, node: FlightNode) -> Iterator[FlightEdge]:
 
 
 def may_end(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Whether a transition may be taken without anything failing, from a behavior that has an end
-    or none: `within` is the way out of one without, and the failure of one that has."""
+    """Whether a transition may be taken without a failure, from a behavior with or without an end:
+    `within` counts as a failure unless the behavior is endless."""
     if transition.cause == "within":
         return is_endless
     return transition.cause == "next" or (transition.cause == "then" and not is_endless)
@@ -101,11 +101,10 @@ def comes_down(
     endless: AbstractSet[str],
     counts: Callable[[TransitionPlan, bool], bool] = may_end,
 ) -> frozenset[FlightNode]:
-    """The nodes from which the ground can be reached without anything failing, by transitions that
-    count.
+    """The nodes from which the counting transitions lead to the ground without a failure.
 
-    A behavior without `then` ends in `brake`, `hover` and then `auto_land`, or is on the ground.
-    The states of `endless` have no normal end.
+    A behavior without `then` is followed by `brake`, `hover` and then `auto_land`, or is on the
+    ground. The states of `endless` have no normal end.
     """
     before: dict[FlightNode, list[FlightNode]] = {}
     waiting = [node for node in flights.nodes if node.flight is GROUND]
@@ -136,7 +135,7 @@ def _ends_by_default(vehicle: VehiclePlan, node: FlightNode) -> bool:
 
 
 PHRASES = {GROUND: "on the ground", AIR: "in the air", MOVING: "moving"}
-"""How a report says where a vehicle is."""
+"""The flight conditions in words, for reports."""
 
 
 _MOST = 16
@@ -145,13 +144,14 @@ _SAME = 1e-6
 
 @dataclass(slots=True)
 class Entries:
-    """The entries of one state. `known` is false when it can also be entered from elsewhere."""
+    """The known entries of a state. `known` is false if it can also be entered elsewhere."""
 
     points: list[Vec3] = field(default_factory=list)
     known: bool = True
 
     def add(self, point: Vec3 | None) -> bool:
-        """Note an entry; whether it is a new one. More than a few are as good as any."""
+        """Note an entry and return whether it is new. Beyond a few entries, the state counts as
+        entered anywhere."""
         if point is None or len(self.points) >= _MOST:
             changed, self.known = self.known, False
             return changed
@@ -161,14 +161,14 @@ class Entries:
         return True
 
     def candidates(self) -> list[Vec3 | None]:
-        """The entries to ask a footprint for; None stands for one that is unknown."""
+        """The entries to compute a footprint for; None stands for an unknown one."""
         return [*self.points] if self.known else [*self.points, None]
 
 
 def entries_of(vehicle: VehiclePlan) -> dict[str, Entries]:
-    """The entries of every state of the vehicle that is reached, from its start on. One that a
-    callback or a flow may ask for is also entered from anywhere; where a flow's first request finds
-    it, it waits at its start."""
+    """The entries of every reachable state of the vehicle, from its start on. A state that a
+    callback or a flow may request is also entered from anywhere; a flow's first request finds the
+    vehicle at its start."""
     if "entries" not in vehicle.known:
         vehicle.known["entries"] = _walked(vehicle)
     found: dict[str, Entries] = vehicle.known["entries"]
@@ -188,7 +188,7 @@ def _walked(vehicle: VehiclePlan) -> dict[str, Entries]:
 
 
 def entries_after(vehicle: VehiclePlan, goals: Iterable[str]) -> dict[str, Entries]:
-    """The entries of every state that is reached from `goals`, which are entered anywhere."""
+    """The entries of every state reached from `goals`, which are entered anywhere."""
     waiting: list[tuple[str, Vec3 | None]] = [(goal, None) for goal in goals]
     return _followed(vehicle, {goal: Entries([], known=False) for goal, _ in waiting}, waiting)
 
@@ -212,7 +212,7 @@ def _followed(
 
 
 def endless_states(vehicle: VehiclePlan) -> frozenset[str]:
-    """The states whose behavior has no normal end, as its parameters are."""
+    """The states whose behavior, with its parameters, has no normal end."""
     if "endless" not in vehicle.known:
         vehicle.known["endless"] = frozenset(_endless(vehicle))
     endless: frozenset[str] = vehicle.known["endless"]
@@ -228,7 +228,7 @@ def _endless(vehicle: VehiclePlan) -> Iterator[str]:
 
 
 def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
-    """Where a transition for `cause` leaves the vehicle; None when that can't be told."""
+    """Where a transition for `cause` leaves the vehicle; None if unknown."""
     cls = state.behavior.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry
@@ -241,7 +241,7 @@ def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
 
 
 def stays(state: StatePlan, entry: Vec3 | None) -> bool:
-    """Whether a behavior surely keeps its vehicle at one place."""
+    """Whether a behavior surely keeps its vehicle in one place."""
     footprint = state.footprint(entry)
     if footprint is None or not footprint.points:
         return False

@@ -1,5 +1,5 @@
-"""What callbacks ask at a moment at which it can't be done, or ends what it should serve: KYB450 to
-KYB452."""
+"""Requests of callbacks that come at a moment when they can't be met, or that defeat their purpose:
+KYB450 to KYB452."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 _STARTED, _ENDED, _TOOK_OFF = "behavior_started", "behavior_ended", "took_off"
 _AFTER = {LANDED: (GROUND, MOVING), _TOOK_OFF: (AIR, MOVING)}
-"""How a vehicle may be found when an event is heard: its next behavior has begun."""
+"""The flight condition after an event, when the next behavior has already begun."""
 _BEFORE_ALL = frozenset({"run_started", "preflight_passed", _TOOK_OFF})
-"""Events before anything of a mission is flown."""
+"""Events that occur before anything is flown."""
 
 
 def always_refused(case: Case) -> Iterator[Diagnostic]:
-    """KYB450: a callback asks for a state that its vehicle can't enter when the event is heard, so
-    that the request is always refused.
+    """KYB450: a callback requests a state that its vehicle can't enter when the event occurs, so
+    the request is always refused.
 
-    Known is where a vehicle is when one of its behaviors has begun, and when it has taken off or
-    landed: a take-off or a landing that is broken off leaves it moving, which only a landing and
-    `brake` accept.
+    The vehicle's flight condition is known when one of its behaviors has just begun, and after a
+    take-off or a landing. An interrupted take-off or landing leaves the vehicle moving, which only
+    landings and `brake` accept.
     """
     for callback, action, vehicle in case.cached(_switched):
         flights = _found(case, callback, vehicle)
@@ -39,13 +39,13 @@ def always_refused(case: Case) -> Iterator[Diagnostic]:
                 action.value.span,
                 label=f"starts {starts}",
                 notes=(f"`{vehicle.name}` is {PHRASES[flights[0]]} then",),
-                help="ask for a state that fits, or at another event",
+                help="request a state that starts there, or use another event",
             )
 
 
 def never_goes_on(case: Case) -> Iterator[Diagnostic]:
-    """KYB451: a callback asks for a state again whenever it has ended, so that nothing that follows
-    it is ever flown (a warning)."""
+    """KYB451: a callback requests a state again whenever it ends, so whatever follows it is never
+    flown (a warning)."""
     for callback, action, vehicle in case.cached(_switched):
         state = _behavior(callback)
         is_whenever = callback.when is None and len(callback.fields) == 1
@@ -54,17 +54,17 @@ def never_goes_on(case: Case) -> Iterator[Diagnostic]:
         if state in vehicle.states and vehicle.goal(action.value.state) == state:
             yield Diagnostic(
                 "KYB451",
-                f"`{state}` never comes to what follows it",
+                f"nothing that follows `{state}` is ever flown",
                 action.value.span,
-                label="begins again whenever it has ended",
-                help="ask for another state, or add a `when` that ends it",
+                label="restarts whenever it ends",
+                help="request another state, or add a `when` that becomes false",
                 severity=Severity.WARNING,
             )
 
 
 def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
-    """KYB452: a callback stops the run before anything of the mission is flown: at its begin or at
-    a take-off (a warning)."""
+    """KYB452: a callback stops the run before anything is flown: at its beginning or at a take-off
+    (a warning)."""
     for callback in case.plan.callbacks:
         if not callback.event or callback.when is not None or callback.fields:
             continue
@@ -74,14 +74,14 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
                 "KYB452",
                 f"`stop` at `{callback.event}` leaves nothing to fly",
                 stops[0].span,
-                label="lands everybody at once",
+                label="lands all vehicles at once",
                 help="stop at a later event, or add a `when`",
                 severity=Severity.WARNING,
             )
 
 
 def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:
-    """Every request of a callback that hears the very vehicle that it asks."""
+    """Every request of a callback whose event comes from the very vehicle that it switches."""
     plan = case.plan
     for callback in plan.callbacks:
         asked = [action for action in callback.do if action.name == "switch"]
@@ -105,12 +105,12 @@ def _bare(callback: CallbackPlan) -> str:
 
 
 def _behavior(callback: CallbackPlan) -> str:
-    """The behavior of which alone the callback hears; empty where it hears of several."""
+    """The only behavior that the callback filters for; empty if it filters for none."""
     return dict(callback.fields).get("behavior", "")
 
 
 def _found(case: Case, callback: CallbackPlan, vehicle: VehiclePlan) -> tuple[Flight, ...]:
-    """How the vehicle may be found at the callback's event; empty where that is not known."""
+    """The possible flight conditions of the vehicle at the callback's event; empty if unknown."""
     event, state = _bare(callback), _behavior(callback)
     if event == _STARTED:
         legs = case.legs(vehicle, state)

@@ -30,19 +30,18 @@ _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
 
 
 class RestingPlace(NamedTuple):
-    """A place where a vehicle stays, and what in the mission says so."""
+    """A place where a vehicle stays, and the span that says so."""
 
     at: Vec3
     span: Span
 
 
 def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
-    """KYB344: two vehicles come to rest so close to each other that they touch, whenever they come.
+    """KYB344: two vehicles come to rest so close together that they touch.
 
-    A vehicle that never flies rests where it starts; another one where its last landing ends; one
-    that a flow drives, where that leads it which the flow asks of it last. Where
-    a mission leaves that open in any way, by a place that is not known or by landings in several
-    places of which one is free, nothing is said.
+    A vehicle that never flies rests at its start, any other where its last landing ends. For a
+    vehicle that a flow controls, that is where the flow's last request leads. Vehicles are not
+    checked if one of their resting places is unknown, or if one of several is free.
     """
     resting = [(v, rests) for v in case.plan.vehicles if (rests := _rests(case, v))]
     for index, (b, own) in enumerate(resting):
@@ -62,14 +61,13 @@ def _together(
         second.span,
         label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
         notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
-        help=f"let them rest at least {format_quantity(apart, LENGTH)} apart",
+        help=f"keep their resting places at least {format_quantity(apart, LENGTH)} apart",
         severity=Severity.WARNING,
     )
 
 
 def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
-    """Every place where the vehicle may come to rest when nothing fails; empty when one of them is
-    not known."""
+    """Every place where the vehicle may come to rest without a failure; empty if one is unknown."""
     found: list[RestingPlace] = []
     endless = endless_states(vehicle)
     goals = _asked_last(case, vehicle) if vehicle.requested else frozenset[str]()
@@ -95,8 +93,8 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
 
 
 def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
-    """The states that a flow can have asked the vehicle for when it ends; empty where another one
-    or a callback may ask it for more."""
+    """The states that a flow may have requested last when it ends; empty if another flow or a
+    callback may request more."""
     name, plan = vehicle.name, case.plan
     flows = [f for f in plan.flows if name in named_vehicles(plan, f)]
     if len(flows) != 1 or name in given_vehicles(plan, flows[0]) or case.cached(disturbances):
@@ -105,7 +103,7 @@ def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
 
 
 def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[str]:
-    """What the vehicle was asked for last, along every way from the first phase to the end."""
+    """The vehicle's last requested state, along every path from the first phase to the end."""
     waiting, seen = [(flow.begin, vehicle.begin)], set[tuple[str, str]]()
     while waiting:
         name, goal = waiting.pop()
@@ -120,7 +118,7 @@ def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[st
 
 
 def _rest(vehicle: VehiclePlan, state: StatePlan, entry: Vec3 | None) -> RestingPlace | None:
-    """Where the vehicle rests after a behavior that nothing follows: below the end of its way."""
+    """Where the vehicle rests after a behavior that nothing follows: below the end of its path."""
     footprint = state.footprint(entry)
     if footprint is None or footprint.exit is None:
         return None

@@ -1,4 +1,4 @@
-"""What processors give other values, of the vehicle's tracker: KYB535."""
+"""Tracker options that processors change in flight: KYB535."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 
 
 def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:
-    """KYB535: a processor retunes an option that the vehicle's tracker doesn't have, or that no
-    flight changes.
+    """KYB535: a processor retunes an option that the vehicle's tracker doesn't have or that can't
+    change in flight.
 
-    A processor declares which options of a tracker it retunes. On another target the vehicle may
-    have another tracker.
+    A processor declares which options of a tracker it retunes. The vehicle may have another tracker
+    on another target.
     """
     for vehicle in case.plan.vehicles:
         tracker = vehicle.tracker
@@ -27,8 +27,10 @@ def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:
                     "KYB535",
                     f"`{processor.name}` can't retune `{tracker.name}`",
                     processor.span,
-                    label=f"`{tracker.name}` has no `{option}` that changes in flight",
-                    help=f"use {fitting}, or leave it out" if fitting else "leave it out",
+                    label=f"`{tracker.name}` has no `{option}` that can change in flight",
+                    help=f"use {fitting}, or remove the processor"
+                    if fitting
+                    else "remove the processor",
                 )
 
 

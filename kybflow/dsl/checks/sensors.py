@@ -1,4 +1,4 @@
-"""Sensors beside the driver, and what they look at: KYB387, KYB388, KYB391 to KYB394."""
+"""Sensors besides the driver, and what they observe: KYB387, KYB388, KYB391 to KYB394."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kybflow.dsl.plan import SensorPlan, VehiclePlan
 
 
 def of_no_use(case: Case) -> Iterator[Diagnostic]:
-    """KYB391: a sensor measures nothing of what the estimator that it is named for needs."""
+    """KYB391: a sensor measures nothing that the estimator it is assigned to needs."""
     for vehicle, use in _written(case):
         estimator = next(
             (e.part for e in vehicle.estimators if e.part.alias in use.estimators), None
@@ -35,22 +35,22 @@ def _kinds(kinds: frozenset[MeasurementKind]) -> str:
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
-    """KYB392: a sensor watches a simulated vehicle, and the vehicle's driver shows none."""
+    """KYB392: a sensor observes simulated vehicles, but the vehicle's driver simulates none."""
     for vehicle, use in _written(case):
         driver = vehicle.driver
         if use.part.cls.simulated and not driver.cls.shows(driver.params):
             yield Diagnostic(
                 "KYB392",
-                f"`{use.part.name}` watches simulated vehicles only",
+                f"`{use.part.name}` observes only simulated vehicles",
                 use.part.span,
                 label=f"`{vehicle.name}` flies on `{vehicle.driver.name}`",
-                help="name a real sensor here, and this one under a simulated target",
+                help="use a real sensor here, and this one only for a simulated target",
             )
 
 
 def not_as_told(case: Case) -> Iterator[Diagnostic]:
-    """KYB393: a sensor can't work as it is told: the airframe carries no such camera, or the
-    address of its server is none."""
+    """KYB393: a sensor can't work with its parameters: the airframe has no such camera, or the
+    address of its server is invalid."""
     for vehicle, use in _written(case):
         objection = use.part.cls.objection(use.part.params, vehicle.own_cameras)
         if objection is not None:
@@ -59,23 +59,23 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
 
 
 def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
-    """KYB394: two sensors give a vehicle the same measurements. Every estimator that needs them
-    hears every sensor of the vehicle, whatever name a sensor stands under, so they would be
-    mixed."""
+    """KYB394: two sensors give a vehicle the same measurements. An estimator receives the
+    measurements of all sensors of its vehicle, whatever name a sensor is listed under, so they
+    would be mixed."""
     given: dict[tuple[str, str], SensorPlan] = {}
     for vehicle, use in _written(case):
         for what in use.part.cls.claims(use.part.params, vehicle.own_cameras):
             first = given.setdefault((vehicle.name, what), use)
             if first is use or (_is_same(first, use) and first.estimators != use.estimators):
                 continue
-            beside = f"for `{use.estimators[0]}`, and one for `{first.estimators[0]}` as well"
+            beside = f"listed for `{use.estimators[0]}`, the other for `{first.estimators[0]}`"
             yield Diagnostic(
                 "KYB394",
                 f"`{vehicle.name}` gets {what} from two sensors",
                 use.part.span,
                 label="" if first.estimators == use.estimators else beside,
                 notes=(f"the other is at {first.part.span.at}",),
-                help="leave one out: its measurements are for all estimators of the vehicle",
+                help="remove one: all estimators of the vehicle receive its measurements",
             )
             break
 
@@ -91,7 +91,7 @@ def _written(case: Case) -> Iterator[tuple[VehiclePlan, SensorPlan]]:
 
 
 def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
-    """KYB387: an estimator needs the frames of a camera, and the airframe carries none."""
+    """KYB387: an estimator needs camera frames, but the airframe has no camera."""
     for vehicle in case.plan.vehicles:
         for use in () if vehicle.body.cameras else vehicle.estimators:
             if Frame not in use.part.cls.uses(use.part.params):
@@ -99,7 +99,7 @@ def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
             camera = "{down: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 70 deg}}"
             yield Diagnostic(
                 "KYB387",
-                f"`{use.part.name}` needs a camera, and the airframe has none",
+                f"`{use.part.name}` needs a camera, but the airframe has none",
                 use.part.span,
                 notes=(f"`{vehicle.name}` is at {vehicle.span.at}",),
                 help=f"give the airframe `cameras: {camera}`",
@@ -107,7 +107,7 @@ def nothing_to_see_with(case: Case) -> Iterator[Diagnostic]:
 
 
 def nothing_to_see(case: Case) -> Iterator[Diagnostic]:
-    """KYB388: an estimator finds its way by printed tags, and the world has none."""
+    """KYB388: an estimator locates the vehicle by printed tags, but the world has none."""
     for vehicle in case.plan.vehicles:
         for use in () if case.plan.world.tags else vehicle.estimators:
             cls = use.part.cls
@@ -115,7 +115,7 @@ def nothing_to_see(case: Case) -> Iterator[Diagnostic]:
                 grid = "{grid: {family: 36h11, count: [10, 10], size: 19.5 cm, spacing: 2 cm}}"
                 yield Diagnostic(
                     "KYB388",
-                    f"`{use.part.name}` needs tags, and the world has none",
+                    f"`{use.part.name}` needs tags, but the world has none",
                     use.part.span,
                     help=f"write `world: {{tags: {{floor: {grid}}}}}`",
                 )

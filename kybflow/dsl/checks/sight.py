@@ -1,4 +1,4 @@
-"""Whether a vehicle that finds its way by printed tags sees any: KYB422 and KYB445."""
+"""Whether a vehicle that locates itself by printed tags sees any: KYB422 and KYB445."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
 _LOW = 0.3
-"""Metres above its start up to which a vehicle takes off and lands, on what it saw there."""
+"""Height above its start, m, below which a vehicle need not see a tag: it takes off or lands."""
 _DOWNWARD = -0.95
-"""The z of the axis of a camera that looks down, level."""
+"""The z of the axis up to which a camera looks straight down."""
 _LEVEL = -0.5
-"""The z of the axis of a camera that looks down by 30 degrees."""
+"""The z of the axis of a camera 30 degrees below the horizontal."""
 
 
 def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
-    """KYB422: a vehicle that flies on tags alone goes where its cameras see no tag (a warning).
+    """KYB422: a vehicle that relies on tags alone flies to a place where its cameras see no tag (a
+    warning).
 
-    A tag counts that may be in the image of a camera that looks down, whatever the heading; that
-    fits into it as a whole; and whose side is at least 12 pixels long, as the search for tags asks.
-    Dead reckoning may bridge what is between two places, so only their ends are judged.
+    A tag counts if it can be in the image of a camera that looks down at any heading, fits into the
+    image as a whole, and has a side of at least 12 pixels, which the detector needs. Dead reckoning
+    may bridge the way between two places, so only its ends are checked.
     """
     tags = [*chain.from_iterable(use.tags for use in case.plan.world.tags)]
     blind = {v.name for v in case.plan.vehicles if tags and _flies_on_tags(v)}
@@ -49,7 +50,7 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
                     aim_of(state, footprint),
                     label=reason,
                     notes=(f"at {shown_point(place)}",),
-                    help="go where tags are, at another height, or print others",
+                    help="fly above tags, or at another height, or print other tags",
                     severity=Severity.WARNING,
                     related=(*the_cameras(vehicle), *_tags(case)),
                 )
@@ -57,8 +58,8 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
 
 
 def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
-    """KYB445: a vehicle flies on tags alone, which all lie flat, and none of its cameras looks down
-    by 30 degrees or more (a warning)."""
+    """KYB445: a vehicle relies on tags alone and all tags lie flat, but none of its cameras points
+    at least 30 degrees below the horizontal (a warning)."""
     for vehicle in case.plan.vehicles if case.plan.world.tags else ():
         if not vehicle.body.cameras or not _knows_tags_alone(vehicle):
             continue
@@ -67,10 +68,10 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
             camera = vehicle.body.cameras[0]
             yield Diagnostic(
                 "KYB445",
-                f"`{camera.name}` of `{vehicle.name}` looks past the tags",
+                f"`{camera.name}` of `{vehicle.name}` can't see the tags",
                 camera.span_of("facing"),
                 label="looks to the side",
-                notes=("every tag of the world lies flat",),
+                notes=("all tags of the world lie flat",),
                 help="write `facing: down`, or print tags for the walls",
                 severity=Severity.WARNING,
                 related=_tags(case),
@@ -84,7 +85,7 @@ def _tags(case: Case) -> tuple[Related, ...]:
 
 
 def _axes(vehicle: VehiclePlan) -> list[float]:
-    """The z of each camera's axis, in a level vehicle: -1 where it looks down."""
+    """The z component of each camera's axis in a level vehicle: -1 if it looks straight down."""
     return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in vehicle.own_cameras.values()]
 
 
@@ -93,13 +94,14 @@ def _lies_flat(tag: Tag) -> bool:
 
 
 def _flies_on_tags(vehicle: VehiclePlan) -> bool:
-    """Whether nothing but tags and dead reckoning tells where it is, by cameras that look down."""
+    """Whether the vehicle relies on tags and dead reckoning alone, with cameras that all look
+    down."""
     down = [axis < _DOWNWARD for axis in _axes(vehicle)]
     return bool(down) and all(down) and _knows_tags_alone(vehicle)
 
 
 def _knows_tags_alone(vehicle: VehiclePlan) -> bool:
-    """Whether nothing but tags and dead reckoning tells where it is."""
+    """Whether the vehicle relies on tags and dead reckoning alone."""
     sees = [_sees_tags(use) for use in vehicle.estimators]
     known = (
         is_by_tags or reckons(use) for is_by_tags, use in zip(sees, vehicle.estimators, strict=True)
@@ -113,7 +115,7 @@ def _sees_tags(use: EstimatorPlan) -> bool:
 
 
 def _unseen(vehicle: VehiclePlan, place: Vec3, tags: Sequence[Tag]) -> str:
-    """Why no tag is seen from a place; empty where one is."""
+    """Why no tag is seen from a place; empty if one is."""
     reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
     return reasons[0] if all(reasons) else ""
 
@@ -130,9 +132,11 @@ def _hidden(camera: Camera, place: Vec3, tags: Sequence[Tag]) -> str:
         pixels = lens.fx * tag.size / height
         if tag.size > min(wide, high):
             room = format_quantity(min(wide, high), LENGTH)
-            reason = f"the image shows {room}, a tag is {format_quantity(tag.size, LENGTH)} wide"
+            reason = (
+                f"the image shows {room}, but a tag is {format_quantity(tag.size, LENGTH)} wide"
+            )
         elif pixels < LEAST_SIDE:
-            reason = f"a tag is {pixels:.2g} pixels wide, {LEAST_SIDE:g} are needed"
+            reason = f"a tag is {pixels:.2g} pixels wide, but needs {LEAST_SIDE:g}"
         else:
             return ""
     return reason or "no tag is in the image"

@@ -1,4 +1,4 @@
-"""Where a vehicle goes and how fast, and whether anything keeps it in the room: KYB311 to KYB315,
+"""Where a vehicle flies and how fast, and whether anything keeps it in the room: KYB311 to KYB315,
 KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _ROUNDING = 1e-6
 
 
 def starts_outside(case: Case) -> Iterator[Diagnostic]:
-    """KYB311: a vehicle's start pose is outside the fence."""
+    """KYB311: a vehicle starts outside the fence."""
     fence = case.plan.fence
     for vehicle in case.plan.vehicles:
         if fence is None or fence.outside_by(vehicle.start) <= _ROUNDING:
@@ -38,9 +38,9 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
 
 
 def starts_too_close(case: Case) -> Iterator[Diagnostic]:
-    """KYB312: two vehicles start closer to each other than the larger one's diameter.
+    """KYB312: two vehicles start closer together than the larger one's diameter.
 
-    Each vehicle is reported with the first that it is too close to.
+    Each vehicle is reported only for the first one that it is too close to.
     """
     vehicles = list(case.plan.vehicles)
     for index, b in enumerate(vehicles):
@@ -63,7 +63,7 @@ def _apart(a: VehiclePlan, b: VehiclePlan) -> float:
 
 
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
-    """KYB313: a behavior goes outside the fence from an entry inside it that it can have."""
+    """KYB313: a behavior leaves the fence, from an entry inside it that is known to occur."""
     fence = case.plan.fence
     for vehicle, state, entry, footprint in case.cached(footprints):
         if fence is None or (entry is not None and fence.outside_by(entry) > _ROUNDING):
@@ -81,7 +81,8 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
 
 
 def held_back(case: Case) -> Iterator[Diagnostic]:
-    """KYB320: a behavior stays inside the fence, but goes where a processor lets no setpoint go."""
+    """KYB320: a behavior stays inside the fence but flies to where a processor lets no setpoint
+    go."""
     fence = case.plan.fence
     if fence is None:
         return
@@ -96,27 +97,26 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 continue
             yield Diagnostic(
                 "KYB320",
-                f"`{part.alias}` keeps `{vehicle.name}` from where `{state.name}` goes",
+                f"`{part.alias}` keeps `{vehicle.name}` from the goal of `{state.name}`",
                 aim_of(state, footprint),
                 label=_beyond(room, far),
                 notes=(
-                    f"`{part.alias}` lets it go from {shown_point(room.low)} to "
-                    f"{shown_point(room.high)}",
+                    f"`{part.alias}` allows {shown_point(room.low)} to {shown_point(room.high)}",
                     *footprint.line_of(far),
                 ),
-                help="stay further from the fence, or make the margin smaller",
+                help="stay further away from the fence, or reduce the margin",
                 related=(*the_fence(case), *values_of(state.behavior)),
             )
 
 
 def too_fast(case: Case) -> Iterator[Diagnostic]:
-    """KYB314: a behavior asks for more speed than the airframe may fly; in a take-off and a
-    landing, for more than it may climb or sink."""
+    """KYB314: a behavior is faster than the airframe allows: its `speed`, or in a take-off or a
+    landing also its `climb`."""
     for vehicle, state, _, footprint in case.cached(footprints):
         legs = state.behavior.cls.flight
         is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
         limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
-        verb = "fly" if limit == vehicle.airframe.speed else "climb and sink"
+        verb = "fly" if limit == vehicle.airframe.speed else "climb and descend"
         if footprint.speed <= limit + _ROUNDING:
             continue
         yield Diagnostic(
@@ -125,7 +125,7 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
             state.behavior.span_of("speed"),
             label=f"reaches {format_quantity(footprint.speed, SPEED)}",
             notes=(
-                f"its airframe may {verb} {format_quantity(limit, SPEED)}",
+                f"its airframe may {verb} at {format_quantity(limit, SPEED)}",
                 *_fastest(footprint),
             ),
             related=(
@@ -140,8 +140,8 @@ def _fastest(footprint: Footprint) -> tuple[str, ...]:
 
 
 def refuses(case: Case) -> Iterator[Diagnostic]:
-    """KYB372: a behavior would refuse to start where a transition leads to it, such as a trajectory
-    that begins too far away."""
+    """KYB372: a behavior would refuse to start where a transition leads to it, for example because
+    a trajectory begins too far away."""
     for _, state, entries in _entered(case):
         for entry in entries.points:
             reason = state.behavior.cls.refusal(state.behavior.params, entry)
@@ -157,8 +157,8 @@ def refuses(case: Case) -> Iterator[Diagnostic]:
 
 
 def undecided(case: Case) -> Iterator[Diagnostic]:
-    """KYB315: it can't be told before the flight where a behavior goes, because it can be entered
-    from anywhere; the fence processor and supervisor still hold it."""
+    """KYB315: a behavior's path is unknown before the flight, because it can be entered from
+    anywhere. The fence processor and supervisor still protect it."""
     fence, obstacles = case.plan.fence, case.plan.obstacles
     if fence is None and not obstacles:
         return
@@ -172,21 +172,21 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
                 f"can't tell whether `{state.name}` {bounds}",
                 state.behavior.span,
                 label="its path depends on where it begins",
-                notes=("where it begins is not known before the flight",),
+                notes=("where it begins is unknown before the flight",),
                 severity=Severity.WARNING,
             )
 
 
 def _entered(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Entries]]:
-    """Every state that is reached, with its entries."""
+    """Every reachable state, with its entries."""
     for vehicle in case.plan.vehicles:
         for name, entries in entries_of(vehicle).items():
             yield vehicle, vehicle.states[name], entries
 
 
 def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None, Footprint]]:
-    """The footprint of every state that is reached, from every entry that it can have; where there
-    are obstacles, also from those that flows lead to."""
+    """The footprint of every reachable state from each of its entries; with obstacles, also from
+    the entries by flows."""
     for vehicle, state, entries in _entered(case):
         for entry in entries.candidates():
             footprint = state.footprint(entry)
@@ -211,50 +211,50 @@ def _beyond(fence: Box, point: Vec3) -> str:
 
 
 def extent(fence: Box) -> str:
-    """Where the fence is, for a note."""
+    """The extent of the fence, for a note."""
     return f"the fence goes from {shown_point(fence.low)} to {shown_point(fence.high)}"
 
 
 def the_fence(case: Case) -> tuple[Related, ...]:
-    """Where the fence is written, beside what leaves it."""
+    """The place of the fence, if the mission itself writes it."""
     world = case.plan.world
     return (Related(world.key_span("fence"), "the fence"),) if world.is_written("fence") else ()
 
 
 def the_time_limit(case: Case) -> tuple[Related, ...]:
-    """Where the mission's time is written, beside what is over too late for it."""
+    """The place of the time limit, if the mission itself writes it."""
     plan = case.plan
     is_own = plan.is_written("time_limit")
-    return (Related(plan.key_span("time_limit"), "the mission's time"),) if is_own else ()
+    return (Related(plan.key_span("time_limit"), "the mission's time limit"),) if is_own else ()
 
 
 def the_limit(vehicle: VehiclePlan, name: str) -> tuple[Related, ...]:
-    """Where the mission itself writes a limit of the airframe, beside what is beyond it."""
+    """The place of an airframe's limit, if the mission itself writes it."""
     span = vehicle.body.span_of(name)
     is_own = vehicle.body.is_written(name) and span.file == vehicle.span.file
     return (Related(span, f"the {name} of its airframe"),) if is_own else ()
 
 
 def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
-    """Where the mission itself describes the cameras of a vehicle."""
+    """The places of a vehicle's cameras that the mission itself describes."""
     own = (use for use in vehicle.body.cameras if use.span.file == vehicle.span.file)
     return tuple(Related(use.span, f"its camera `{use.name}`") for use in own)
 
 
 def values_of(part: PartPlan) -> tuple[Related, ...]:
-    """Where the values of a mission's parameters are written that a part has."""
+    """The places of the mission parameters whose values a part has."""
     given = {name: e.value.span.given for name, e in nodes.entries_of(part.source.node).items()}
     return tuple(Related(span, f"its `{name}`") for name, span in given.items() if span)
 
 
 def shown_point(point: Vec3) -> str:
-    """A point as reports show it; rounding leaves no -0 and no 1e-17."""
+    """A point as reports show it, without -0 or 1e-17."""
     return "[" + ", ".join(f"{round(c, 6) + 0.0:.4g}" for c in point) + "] m"
 
 
 def unfenced(case: Case) -> Iterator[Diagnostic]:
     """KYB321: there is a fence, but no processor of a vehicle keeps its setpoints inside; the
-    supervisor lands it only when it is outside."""
+    supervisor only lands it once it is outside."""
     fence = case.plan.fence
     for vehicle in case.plan.vehicles if fence is not None else ():
         boxes = (p.cls.keeps_inside(p.params, fence) for p in vehicle.processors)
@@ -264,17 +264,17 @@ def unfenced(case: Case) -> Iterator[Diagnostic]:
             "KYB321",
             f"no processor keeps `{vehicle.name}` inside the fence",
             vehicle.span,
-            label="lands only when it is outside",
+            label="lands only once it is outside",
             help="add `fence` to its processors",
             severity=Severity.WARNING,
         )
 
 
 def without_a_fence(case: Case) -> Iterator[Diagnostic]:
-    """KYB322: the mission has no fence, so that neither the supervisor nor the processor `fence`
-    keeps a vehicle that flies anywhere. It is told once, for the first of them.
+    """KYB322: the mission has no fence, so neither the supervisor nor the processor `fence`
+    protects a flying vehicle. It is reported once, for the first one.
 
-    Where the world itself ends no flight, outdoors, it still tells the failsafe when to land.
+    A fence is also useful outdoors: it tells the failsafe when to land.
     """
     if case.plan.fence is not None:
         return
@@ -283,11 +283,11 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
         others = ", ".join(f"`{v.name}`" for v in flying[1:])
         yield Diagnostic(
             "KYB322",
-            f"nothing keeps `{flying[0].name}` in the room: the mission has no fence",
+            f"nothing keeps `{flying[0].name}` inside the room: the mission has no fence",
             flying[0].span,
             label="may fly anywhere",
-            notes=(f"nor {others}",) if others else (),
-            help="under `world`, write its bounds: `fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}`",
+            notes=(f"the same is true of {others}",) if others else (),
+            help="write the bounds under `world`: `fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}`",
             severity=Severity.WARNING,
         )
 
@@ -300,7 +300,8 @@ _SAME = 1e-6
 
 
 def aim_of(state: StatePlan, footprint: Footprint) -> Span:
-    """The place that the behavior was told to go to, where it was; else the behavior's name."""
+    """The place of the written target that the behavior flies to, if there is one, or else of the
+    behavior's name."""
     part = state.behavior
     way = (*footprint.points, *footprint.path, *([footprint.exit] if footprint.exit else []))
     for field in part.fields:
@@ -315,5 +316,6 @@ def aim_of(state: StatePlan, footprint: Footprint) -> Span:
 
 
 def _leads(told: Iterable[Vec3], way: tuple[Vec3, ...]) -> bool:
-    """Whether the way touches or passes above one of the places: the middle of a circle is none."""
+    """Whether the path passes through, above or below one of the points. The middle of a circle
+    doesn't count."""
     return any(hypot(t[0] - w[0], t[1] - w[1]) < _SAME for t in told for w in way)

@@ -16,14 +16,14 @@ from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
 
 _PLANE = 0.005
-"""Tags whose faces are no further apart, metres, are on the same plane."""
+"""Tags at most this far apart across their faces, m, are in the same plane."""
 _PARALLEL = 0.999
 _ROUNDING = 1e-6
 _SHOWN = 8
 
 
 class _Floor(NamedTuple):
-    """An entry of `tags`: those of it, the largest one's side, and where the centres lie."""
+    """An entry of `tags`: its tags, the side of the largest, and the range of the centres."""
 
     use: Tags
     tags: list[Tag]
@@ -33,8 +33,8 @@ class _Floor(NamedTuple):
 
 
 def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
-    """KYB383: the same number of one family is on two tags of the world, so that no camera can tell
-    which of them it sees."""
+    """KYB383: two tags of the world have the same family and number, so a camera can't tell them
+    apart."""
     first: dict[Key, tuple[Tags, int]] = {}
     for use in case.plan.world.tags:
         doubled = [i for i, tag in enumerate(use.tags) if tag.key in first]
@@ -47,7 +47,7 @@ def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
         more = f", and {len(doubled) - 1} more" if len(doubled) > 1 else ""
         yield Diagnostic(
             "KYB383",
-            f"tag {tag.id} of {tag.family} is in `{use.name}` and in `{other.name}`",
+            f"tag {tag.id} of {tag.family} is in both `{use.name}` and `{other.name}`",
             use.span,
             label=f"{_place(use, doubled[0])}{more}" if use.lines else more.removeprefix(", "),
             notes=(f"first at {other.span.at}{_in_file(other, index)}",),
@@ -56,7 +56,7 @@ def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
 
 
 def _place(use: Tags, index: int) -> str:
-    return f"in line {use.lines[index]} of it"
+    return f"in line {use.lines[index]} of the table"
 
 
 def _in_file(use: Tags, index: int) -> str:
@@ -68,13 +68,12 @@ def _renumbered(use: Tags, every: tuple[Tags, ...]) -> str:
     taken = [t.id for other in every if other is not use for t in other.tags if t.family == family]
     free = max(taken) + 1
     if use.grid is not None:
-        return f"number it from {free} on: `first: {free}`"
-    return f"the first number that nothing above has is {free}"
+        return f"number it from {free}: `first: {free}`"
+    return f"the first free number is {free}"
 
 
 def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
-    """KYB384: the black squares of two tags of the world cover each other, on one plane and facing
-    the same way."""
+    """KYB384: the black squares of two tags overlap, in one plane and facing the same way."""
     floors = list(_floors(case.plan.world.tags))
     for index, under in enumerate(floors):
         for over in floors[index:]:
@@ -84,7 +83,7 @@ def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
 
 
 def _floors(uses: tuple[Tags, ...]) -> Iterator[_Floor]:
-    """Each entry with those of its tags that no entry above has."""
+    """Each entry, without the tags that an entry above also has."""
     known: set[Key] = set()
     for use in uses:
         own = [tag for tag in use.tags if tag.key not in known]
@@ -99,9 +98,9 @@ def _overlap(pairs: list[tuple[Tag, Tag]], under: Tags, over: Tags) -> Diagnosti
     a, b = pairs[0]
     covered = sorted({tag.id for tag, _ in pairs})
     more = f"; {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
-    hint = "move one of them"
+    hint = "move one of the two"
     if under.grid is not None and under is not over and len(covered) <= _SHOWN:
-        hint = f"move it, or leave out what it covers of `{under.name}`: `leave_out: {covered}`"
+        hint = f"move it, or leave out the covered tags of `{under.name}`: `leave_out: {covered}`"
     return Diagnostic(
         "KYB384",
         f"tag {b.id} of `{over.name}` overlaps tag {a.id} of `{under.name}`",
@@ -113,8 +112,8 @@ def _overlap(pairs: list[tuple[Tag, Tag]], under: Tags, over: Tags) -> Diagnosti
 
 
 def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
-    """The tags of two entries that overlap, or of one; those of a grid never do among
-    themselves. They are looked for cell by cell, because there may be thousands."""
+    """The overlapping tags of two entries or of one. The tags of a grid never overlap each other.
+    The search goes cell by cell, because there may be thousands of tags."""
     reach = (under.size + over.size) / sqrt(2.0)
     is_one = under is over
     if is_one and under.use.grid is not None:
@@ -139,8 +138,8 @@ def _cell(tag: Tag, side: float) -> tuple[float, float]:
 
 
 def overlap(a: Tag, b: Tag) -> bool:
-    """Whether two squares on one plane that face the same way have more than an edge in common, by
-    the separating axis theorem."""
+    """Whether two squares in one plane that face the same way share more than an edge, by the
+    separating axis theorem."""
     apart = sub(b.position, a.position)
     if distance(a.position, b.position) >= (a.size + b.size) / sqrt(2.0):
         return False
@@ -161,17 +160,17 @@ def _seen(axis: Vec3, x: Vec3, y: Vec3) -> Vec3:
 
 
 def _half(size: float, axis: Vec3) -> float:
-    """Half of what a square along the axes covers of another axis."""
+    """Half the extent along `axis` of an axis-aligned square."""
     return 0.5 * size * (abs(axis[0]) + abs(axis[1]))
 
 
 _LARGE = 2.0
-"""Side of a black square, metres, that hardly anybody prints."""
+"""Side of a black square, m, that is hardly ever printed."""
 
 
 def in_another_unit(case: Case) -> Iterator[Diagnostic]:
-    """KYB386: tags that are larger than 2 m, or that lie further from the fence than it is long, as
-    those do whose numbers are centimetres and have no unit (a warning)."""
+    """KYB386: tags are larger than 2 m, or further from the fence than it is long, probably because
+    their numbers are centimetres without a unit (a warning)."""
     fence = case.plan.fence
     for use in case.plan.world.tags:
         index = next((i for i, tag in enumerate(use.tags) if tag.size > _LARGE), None)
@@ -195,14 +194,14 @@ def _is_far(tag: Tag, fence: Box | None) -> bool:
 
 def _strange(use: Tags, index: int, what: str, column: str) -> Diagnostic:
     tag = use.tags[index]
-    hint = "give the number its unit, like `19.5 cm`, if it is no metres"
+    hint = "write the unit, such as `19.5 cm`, unless it is metres"
     if use.lines:
-        hint = f"name the unit in the table's first line, like `{column} [cm]`, if it is no metres"
+        hint = f"write the unit in the table's header, such as `{column} [cm]`, unless it is metres"
     return Diagnostic(
         "KYB386",
         f"tag {tag.id} of `{use.name}` {what}",
         use.span,
-        label=f"in line {use.lines[index]} of it" if use.lines else "",
+        label=_place(use, index) if use.lines else "",
         help=hint,
         severity=Severity.WARNING,
     )

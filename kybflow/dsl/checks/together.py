@@ -1,5 +1,4 @@
-"""Several vehicles together: whom their behaviors and processors name, and what they can't do:
-KYB510 and KYB520 to KYB523."""
+"""Behaviors and processors that involve several vehicles: KYB510 and KYB520 to KYB523."""
 
 from __future__ import annotations
 
@@ -45,30 +44,30 @@ def unknown_companions(case: Case) -> Iterator[Diagnostic]:
 
 
 def unknown_obstacles(case: Case) -> Iterator[Diagnostic]:
-    """KYB510: a processor keeps its vehicle away from one that isn't there."""
+    """KYB510: a processor names a vehicle to avoid that the mission does not have."""
     for vehicle in case.plan.vehicles:
         for use in vehicle.processors:
             yield from no_vehicles("KYB510", use, case.plan)
 
 
 def no_member(case: Case) -> Iterator[Diagnostic]:
-    """KYB521: a behavior is flown together with a group in which its vehicle is not."""
+    """KYB521: a vehicle flies a behavior together with a group that it is not a member of."""
     for vehicle, state, group, span in case.cached(_shared):
         members = case.plan.groups.get(group)
         name = vehicle.name
         if members is not None and name not in members:
             yield Diagnostic(
                 "KYB521",
-                f"`{name}` is not in `{group}`, with which it flies `{state.name}`",
+                f"`{name}` flies `{state.name}` with `{group}` but is not in it",
                 span,
-                label=f"has {', '.join(f'`{member}`' for member in members)}",
-                help=f"add `{name}` to the group, or name one that it is in",
+                label=f"its members: {', '.join(f'`{member}`' for member in members)}",
+                help=f"add `{name}` to the group, or name another group",
             )
 
 
 def never_comes(case: Case) -> Iterator[Diagnostic]:
-    """KYB522: a behavior is flown together with a group of which a member never flies it: the
-    others would wait for it in vain."""
+    """KYB522: a member of a group never flies the behavior that the group flies together, so the
+    others would wait in vain."""
     shared, groups = case.cached(_shared), case.plan.groups
     fly = {(s.vehicle.name, s.state.behavior.name, s.group) for s in shared}
     lost = {s.vehicle.name for s in shared if s.group not in groups}
@@ -82,14 +81,14 @@ def never_comes(case: Case) -> Iterator[Diagnostic]:
                     f"`{member}` never flies `{part}` with `{group}`",
                     span,
                     label=f"`{state.name}` waits for it",
-                    help=f"give `{member}` such a behavior, or name a group without it",
+                    help=f"give `{member}` this behavior, or name a group without it",
                 )
 
 
 def at_odds(case: Case) -> Iterator[Diagnostic]:
-    """KYB523: a behavior's parameters don't fit each other or its vehicle, as of a formation whose
-    shape has no places for so many; a warning where they only hardly fit. Each part says so of
-    itself."""
+    """KYB523: a behavior's parameters don't fit each other or its vehicle, such as a formation
+    whose shape has too few places (a warning if they are only doubtful). Each behavior decides that
+    for itself."""
     for vehicle, context in case.cached(contexts):
         for state in vehicle.states.values():
             for objection in state.behavior.cls.objections(state.behavior.params, context):

@@ -1,6 +1,5 @@
-"""The transitions between states, and between phases: the names that they lead to, the flight types
-that must meet, those that can never fire, and names that can't be used: KYB201 to KYB204, KYB206,
-KYB207 and KYB241."""
+"""Transitions of behaviors and phases: their targets, the flight types that must match, transitions
+that can never be taken, and reserved names: KYB201 to KYB204, KYB206, KYB207 and KYB241."""
 
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ def unknown_targets(case: Case) -> Iterator[Diagnostic]:
     """KYB201: a transition, or `begin`, names a state that the vehicle does not have.
 
     A target is one of the vehicle's own behaviors or one of the built-in states `landed`, `brake`,
-    `hover`, `auto_land` and `land_blind`. `fault` is entered by the failsafe alone.
+    `hover`, `auto_land` and `land_blind`. Only the failsafe enters `fault`.
     """
     for vehicle in case.plan.vehicles:
         if vehicle.begin not in (*vehicle.states, GROUNDED):
@@ -60,17 +59,18 @@ def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _begins_at(vehicle: VehiclePlan) -> Span:
-    """The place of its first behavior's name: where it is written as such, else its own."""
+    """Where the first behavior is named: under `begin`, or else where it is declared."""
     begin = vehicle.text_of("begin")
     return vehicle.states[vehicle.begin].span if begin is None else begin.span
 
 
 def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
-    """KYB203: a behavior can't follow another: where one leaves the vehicle, the other can't start.
+    """KYB203: a behavior can't follow another one, because it can't start in the condition in which
+    the other leaves the vehicle.
 
-    Each behavior has flight types, such as ground to air. Its normal end (`then`) reaches the far
-    side; `next`, `failed` and `within` leave a take-off or a landing before its end, and the
-    vehicle is then moving, which `brake`, `land` and `land_blind` accept.
+    Each behavior has a flight type, such as ground to air. Its normal end (`then`) completes the
+    flight type. `next`, `failed` and `within` interrupt a take-off or a landing and leave the
+    vehicle moving, which `brake`, `land` and `land_blind` accept.
     """
     for vehicle in case.plan.vehicles:
         for link in flight_graph(case, vehicle).broken:
@@ -97,7 +97,7 @@ def _broken(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> Diagnostic:
 
 
 def _alternative(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> str:
-    """The next behavior written after the source that fits; else a built-in state that does."""
+    """The next behavior in the file that fits, or else a built-in state that does."""
     names = list(vehicle.states)
     behind = names[names.index(link.source.state) + 1 :] + names
     own = [n for n in behind if n != link.source.state]
@@ -114,9 +114,9 @@ def _starts(legs: tuple[Leg, ...]) -> str:
 def unreachable_states(case: Case) -> Iterator[Diagnostic]:
     """KYB204: no transition, callback or flow leads to a behavior, so it can never be flown.
 
-    Behaviors that came through `like` are excepted: a template may offer more than one mission
-    uses. Where a transition leads to an unknown name, nothing is said before that is mended; of
-    behaviors that lead to each other the first is told.
+    Behaviors inherited through `like` are exempt: a template may offer more than one mission uses.
+    Missions with a transition to an unknown name are checked once that is corrected. Of behaviors
+    that lead to each other, only the first is reported.
     """
     for vehicle in case.plan.vehicles if all_known(case.plan) else ():
         reached = reached_states(vehicle)
@@ -129,7 +129,7 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
             led_to |= reached_states(vehicle, (state.name,))
             name, span = _unreached(vehicle, state, reached)
             if vehicle.goal(name) != state.name:
-                continue  # told for the chain's first state
+                continue  # reported for the chain's first state
             yield Diagnostic(
                 "KYB204",
                 f"`{name}` is never reached",
@@ -141,7 +141,7 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
 
 
 def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """What to do about a behavior that is not reached; others that have it from here may need
+    """The help line for a behavior that is not reached. Other vehicles that share it may need
     it."""
     own = vehicle.states.get(vehicle.goal(name))
     needing = [
@@ -153,15 +153,15 @@ def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
         and own.name in reached_states(other)
     ]
     if needing:
-        return f"write it in {' and '.join(needing)} alone, which is led there"
+        return f"write it only in {' and '.join(needing)}, which reaches it"
     return f"let another behavior go there, as `then: {name}`, or remove it"
 
 
 def _unreached(
     vehicle: VehiclePlan, state: StatePlan, reached: AbstractSet[str]
 ) -> tuple[str, Span]:
-    """(the name, its span) of what is not reached: the outermost chain whose first state is not
-    reached, else the state."""
+    """(name, span) to report: the outermost chain whose first state is not reached, or else the
+    state."""
     name, span = state.name, state.span
     for chain, use in zip(chains_of(name), span.used, strict=False):
         if vehicle.goal(chain) not in reached:
@@ -170,7 +170,8 @@ def _unreached(
 
 
 def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]:
-    """A note for each behavior of the vehicle's own that is reached and says not what follows."""
+    """A note for each of the vehicle's own behaviors that is reached and doesn't say what follows
+    it."""
     for state in vehicle.states.values():
         is_own = not state.inherited and not any(chains_of(state.name))
         is_open = all(t.cause in {"within", "failed"} for t in state.transitions)
@@ -181,8 +182,8 @@ def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]
 
 
 def reached_states(vehicle: VehiclePlan, since: tuple[str, ...] = ()) -> set[str]:
-    """The states that a transition leads to from those in `since`, else from those in which the
-    vehicle begins or for which something may ask; unknown names too."""
+    """The states reached from those in `since`, or else from those where the vehicle begins or that
+    may be requested. Includes unknown names."""
     waiting = list(since or (vehicle.begin, *vehicle.requested))
     reached = set(waiting)
     while waiting:
@@ -199,7 +200,7 @@ _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as t
 
 @dataclass(frozen=True, slots=True)
 class _Guarded:
-    """A transition with its condition understood; None where it has none or it can't be."""
+    """A transition with its parsed condition; None if it has none or has errors."""
 
     transition: TransitionPlan
     when: Condition | None
@@ -210,11 +211,12 @@ class _Guarded:
 
 
 def never_fires(case: Case) -> Iterator[Diagnostic]:
-    """KYB206: a transition that can never fire, because one that is asked before it fires whenever
-    it would, or because it waits for the end of a behavior that never ends.
+    """KYB206: a transition can never be taken, because an earlier one is always taken first, or
+    because it waits for the end of a behavior that never ends.
 
-    In a tick `next` is asked from the top, then whether the behavior ended, then `within`. A
-    transition with a time alone ends the state by then, so that what would come later never comes.
+    Each tick evaluates the `next` list from the top, then the end of the behavior, then `within`. A
+    transition that waits only for time leaves the state at that time, so anything later never
+    happens.
     """
     for vehicle in case.plan.vehicles:
         for name in sorted(endless_states(vehicle)):
@@ -230,7 +232,8 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
 
 
 def phases_never_left(case: Case) -> Iterator[Diagnostic]:
-    """KYB241: a way out of a phase that can never be taken, because another always comes first."""
+    """KYB241: a transition of a phase can never be taken, because another one is always taken
+    first."""
     scope = case.scopes.flow()
     told: set[Span] = set()
     for _, phase in phases(case.plan):
@@ -248,10 +251,10 @@ def _never_done(state: StatePlan) -> Iterator[Diagnostic]:
         if transition.cause == "then" and not transition.since:
             yield Diagnostic(
                 "KYB206",
-                f"this way out of `{state.name}` is never taken",
+                f"this transition of `{state.name}` is never taken",
                 transition.target_span,
                 label=f"`{state.behavior.name}` never ends by itself",
-                help="leave it with `next` or `within`, or bound it if it has a parameter for that",
+                help="leave it with `next` or `within`, or set its duration if it has one",
             )
 
 
@@ -264,10 +267,11 @@ def _guarded(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Iterator[_Gu
 
 
 def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: StatePlan) -> bool:
-    """Whether `later`, which `state` has, is reported when `first` always fires before it.
+    """Whether `later`, a transition of `state`, is reported if `first` is always taken before it.
 
-    Every state of a chain has the transitions of the chain as a whole. They are compared with each
-    other only, and reported once, at the chain's first state."""
+    Every state of a chain has the transitions of the whole chain. They are only compared with each
+    other, and reported once, at the chain's first state.
+    """
     chain = later.transition.since
     if not chain:
         return True
@@ -275,7 +279,7 @@ def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: S
 
 
 def _covers(first: _Guarded, later: _Guarded) -> bool:
-    """Whether `first` fires in every tick in which `later` would."""
+    """Whether `first` is taken in every tick in which `later` would be."""
     a, b = first.transition, later.transition
     if not first.understood or not later.understood or _is_empty(a) or _is_empty(b):
         return False
@@ -289,7 +293,7 @@ def _covers(first: _Guarded, later: _Guarded) -> bool:
 
 
 def _is_sooner(first: _Guarded, later: _Guarded) -> bool:
-    """Whether `first` asks for a time alone, and an earlier one than `later` waits for."""
+    """Whether `first` waits only for time, and for less time than `later`."""
     a, b = first.transition, later.transition
     if a.after is None or a.when is not None or a.event is not None or b.after is None:
         return False
@@ -305,22 +309,22 @@ def _shadowed(
 ) -> Diagnostic:
     sooner = f"{first.span.beside(later.span)} goes to `{first.target}`"
     brought = isinstance(state, PhasePlan) and later.cause == "within" and later.span.used
-    way_out = "put the narrower one first, or remove it"
+    way_out = "put the more specific one first, or remove it"
     return Diagnostic(
         code,
-        f"this way out of `{later.since or state.name}` is never taken",
+        f"this transition of `{later.since or state.name}` is never taken",
         later.span,
-        label=f"`{first.target}` always comes first",
-        notes=(f"{sooner} whenever this would fire",),
-        help="write `within: null, otherwise: null` to do without it" if brought else way_out,
+        label=f"the one to `{first.target}` always comes first",
+        notes=(f"{sooner} whenever this one could be taken",),
+        help="write `within: null, otherwise: null` to remove it" if brought else way_out,
     )
 
 
 def reserved_names(case: Case) -> Iterator[Diagnostic]:
-    """KYB207: a vehicle or a behavior has a name that the language needs for itself.
+    """KYB207: a vehicle or a behavior has a name that the language reserves.
 
-    Those are the built-in states (landed, brake, hover, auto_land, land_blind, fault), the words of
-    conditions and events (and, or, not, in, to, within, always, eventually, finally, all, any,
+    Reserved are the built-in states (landed, brake, hover, auto_land, land_blind, fault), the words
+    of conditions and events (and, or, not, in, to, within, always, eventually, finally, all, any,
     start, operator), `*` and `=`.
     """
     for vehicle in case.plan.vehicles:

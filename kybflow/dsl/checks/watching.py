@@ -1,5 +1,5 @@
-"""What watches a vehicle: bounds that are crossed at once or never (KYB416 and KYB417), alarms for
-which nobody lands (KYB446), and rotors that stop in the air (KYB418)."""
+"""Supervision: bounds that are crossed at once or never (KYB416 and KYB417), alarms that nothing
+reacts to (KYB446), and rotors that stop in the air (KYB418)."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from kybflow.parts import Objection
 def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
     """KYB416: a bound of a supervisor or a processor is crossed as soon as the vehicle flies.
 
-    Such a bound is shorter than a tick, sharper than any estimate, or wider than the vehicles'
-    starts are apart. Each part says so of itself.
+    For example, it is shorter than a tick, more precise than any estimate, or wider than the
+    distance between the vehicles' starts. Each part decides that for itself.
     """
     for part, objection in case.cached(_objections):
         if not objection.is_doubt:
@@ -32,8 +32,8 @@ def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
 
 
 def of_little_help(case: Case) -> Iterator[Diagnostic]:
-    """KYB417: a bound of a supervisor or a processor is crossed never, too late to help, or in
-    flights that are in order (a warning)."""
+    """KYB417: a bound of a supervisor or a processor is never crossed, crossed too late to help, or
+    crossed in normal flights (a warning)."""
     for part, objection in case.cached(_objections):
         if objection.is_doubt:
             yield _finding("KYB417", part, objection, Severity.WARNING)
@@ -57,9 +57,9 @@ def _finding(code: str, part: PartPlan, objection: Objection, severity: Severity
 
 
 def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
-    """KYB446: a supervisor that would bring a vehicle down only warns, no second one of its kind
-    lands, and nothing in the mission answers it: no event of its own is heard, and of a battery no
-    condition asks (a warning)."""
+    """KYB446: a supervisor that would land a vehicle by default only warns, no other supervisor of
+    its kind lands it, and nothing in the mission reacts: no transition or callback waits for its
+    event, and no condition reads the battery if the battery is what it watches (a warning)."""
     for vehicle in case.plan.vehicles:
         for part in vehicle.supervisors:
             alike = (other for other in vehicle.supervisors if other.name == part.name)
@@ -69,24 +69,24 @@ def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
                 continue
             yield Diagnostic(
                 "KYB446",
-                f"nothing brings `{vehicle.name}` down when `{part.alias}` tells",
+                f"nothing lands `{vehicle.name}` when `{part.alias}` raises its alarm",
                 part.span_of("reaction"),
                 label="only warns",
-                help="leave `reaction` out, or let a transition answer its event",
+                help="remove `reaction`, or let a transition wait for its event",
                 severity=Severity.WARNING,
             )
 
 
 def _only_warns(part: PartPlan) -> bool:
-    """Whether it would land by default and is told to warn."""
+    """Whether it would land by default but is set to warn."""
     if not part.is_written("reaction") or part.params.reaction != "warn":
         return False
     return Reaction[_usual(part).reaction.upper()] >= Reaction.LAND
 
 
 def _answered(case: Case) -> Iterator[str]:
-    """The bare name of each event that something answers; a condition on the battery answers
-    all that a supervisor tells of it."""
+    """The bare name of each event that something reacts to. A condition on the battery counts as a
+    reaction to all events of a battery supervisor."""
     plan = case.plan
     ways = [state.transitions for _, state in case.states()]
     ways += [phase.transitions for _, phase in phases(plan)]
@@ -106,7 +106,7 @@ def _answered(case: Case) -> Iterator[str]:
 
 
 def _usual(part: PartPlan) -> Any:
-    """Its parameters with the reaction that it has by default, if it has one."""
+    """The part's parameters with its default reaction, if it has one."""
     usual = {f.name: f.default for f in part.fields if f.name == "reaction"}
     return replace(part.params, **usual)
 
@@ -114,8 +114,8 @@ def _usual(part: PartPlan) -> Any:
 def falls(case: Case) -> Iterator[Diagnostic]:
     """KYB418: a supervisor stops the rotors in the air (a warning).
 
-    From the height h a vehicle hits the ground at sqrt(2 g h); h is that of the highest place to
-    which the mission flies it, else of the fence's top.
+    From a height h a vehicle hits the ground at sqrt(2 g h), where h is the highest place to which
+    the mission flies it, or else the top of the fence.
     """
     for vehicle in case.plan.vehicles:
         for part in vehicle.supervisors:
@@ -129,7 +129,7 @@ def falls(case: Case) -> Iterator[Diagnostic]:
                 part.span_of("reaction"),
                 label="stops the rotors in the air",
                 notes=(f"from {format_quantity(height, LENGTH)} it hits the ground at {speed}",),
-                help="write `reaction: land_blind`, unless a fall does the least harm",
+                help="write `reaction: land_blind`, unless a fall is the least harmful",
                 severity=Severity.WARNING,
             )
 
