@@ -13,7 +13,7 @@ from kybflow.drivers.ardrone.protocol.navdata.options import demo
 from kybflow.drivers.ardrone.protocol.navdata.packet import read_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
 from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
-from kybflow.drivers.emulated_ardrone.ports.memory import MemoryPorts
+from kybflow.drivers.emulated_ardrone.ports import MemoryPorts
 from kybflow.drivers.emulated_ardrone.session import PERIOD, open_fleet
 
 PLAIN = replace(QUIET, physics=250.0)

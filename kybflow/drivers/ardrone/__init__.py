@@ -71,6 +71,6 @@ class Ardrone(Driver[ArdroneParams]):
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        from kybflow.drivers.ardrone.session import open_session
+        from kybflow.drivers.ardrone.link import ArdroneSession
 
-        return open_session(seats, generator)
+        return ArdroneSession(seats, generator)

@@ -7,6 +7,7 @@ bytes.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
 
 from kybflow.core.errors import DriverError
@@ -23,8 +24,9 @@ from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.drivers.ardrone.telemetry.measurements import Measurements
 from kybflow.drivers.ardrone.telemetry.status import DroneStatus
+from kybflow.drivers.ardrone.transport.udp import UdpWire
 from kybflow.drivers.ardrone.transport.wire import DroneWire
-from kybflow.parts import Check, Link, Seat, StatusText
+from kybflow.parts import Check, Link, Seat, Session, StatusText
 
 ASKS_AGAIN: Time = NS // 5
 """How often navigation data is asked for while none comes."""
@@ -169,3 +171,35 @@ class ArdroneLink(Link):
             self._round_trips.begin_anew()
             self.configuring.update(self.status.acknowledges, now)
         self.delay = self._round_trips.delay
+
+
+class ArdroneSession(Session):
+    """The drones of a run, each with its own wire. Raises DriverError, with nothing left open."""
+
+    def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
+        self._drones: list[ArdroneLink] = []
+        hosts: dict[str, str] = {}
+        for seat in seats:
+            name, host = seat.context.vehicle, seat.params.host
+            if host in hosts:
+                raise DriverError(
+                    f"`{hosts[host]}` and `{name}` share the `host` {host}; give each drone its own"
+                )
+            hosts[host] = name
+        try:
+            for seat in seats:
+                wire = UdpWire(seat.params.host, seat.params.rate)
+                session = f"{generator.getrandbits(32):08x}"
+                self._drones.append(ArdroneLink(seat, wire, session))
+        except BaseException:
+            self.close()
+            raise
+        self.links: dict[str, Link] = dict(zip(hosts.values(), self._drones, strict=True))
+
+    def advance(self, now: Time) -> None:
+        for drone in self._drones:
+            drone.update(now)
+
+    def close(self) -> None:
+        for drone in self._drones:
+            drone.close()

@@ -8,10 +8,10 @@ from collections.abc import Callable, Hashable
 from kybflow.core.signals import NS, Measurement, Time
 from kybflow.drivers.ardrone.protocol.configuration import write_configuration
 from kybflow.drivers.emulated_ardrone.onboard.drone import DroneFailures, OnboardDrone
+from kybflow.drivers.emulated_ardrone.onboard.navdata import NavdataSender
 from kybflow.drivers.emulated_ardrone.onboard.radio import DelayLine, Radio
-from kybflow.drivers.emulated_ardrone.onboard.telling import Telling
 from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
-from kybflow.drivers.emulated_ardrone.ports.ports import Ports
+from kybflow.drivers.emulated_ardrone.ports import Ports
 from kybflow.drivers.emulation.breaking import BreakableLink
 
 Heard = tuple[bytes, Hashable]
@@ -27,7 +27,7 @@ class DroneEndpoint:
 
     def __init__(self, drone: OnboardDrone, radio: Radio, generator: random.Random) -> None:
         self.drone = drone
-        self.telling = Telling(drone)
+        self.navdata = NavdataSender(drone)
         self._ports: Ports | None = None
         self._link = BreakableLink(drone.failures, generator)
         self._commands: DelayLine[Heard] = DelayLine(radio, generator)
@@ -61,19 +61,19 @@ class DroneEndpoint:
                 self.drone.hear(datagram, sender, now)
             for _, sender in self._requests.arrived(now):
                 if ports.answer(sender):
-                    self.telling.begin(now)
+                    self.navdata.begin(now)
         self.drone.step(now)
         if self.on_phase is not None and self.drone.flight.phase is not was:
             self.on_phase(now / NS, self.drone.flight.phase.name.lower().replace("_", " "))
         if self.drone.is_lost and not was_lost:
             self._send(now)
-            self.telling.end()
+            self.navdata.end()
         self._send(now)
 
     def _send(self, now: Time) -> None:
         if self._ports is None:
             return
-        packets = self.telling.due(now)
+        packets = self.navdata.due(now)
         self._data.send_all((data for data in packets if self._link.sends()), now)
         for data in self._data.arrived(now):
             self._ports.send(data)

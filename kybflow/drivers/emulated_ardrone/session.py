@@ -12,9 +12,8 @@ from kybflow.drivers.ardrone.transport.wire import DroneWire
 from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
 from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
-from kybflow.drivers.emulated_ardrone.ports.memory import DroneMemoryWire, MemoryPorts
-from kybflow.drivers.emulated_ardrone.ports.ports import Ports
-from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+from kybflow.drivers.emulated_ardrone.ports import DroneMemoryWire, MemoryPorts, Ports
+from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
 from kybflow.parts import Link, Seat, Session

@@ -7,7 +7,7 @@ from random import Random
 from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.gate import Gate
+from kybflow.drivers.ardrone.transport.wire import Gate
 
 
 def test_what_is_foreign_broken_or_old_is_counted():

@@ -16,7 +16,7 @@ from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.drivers.ardrone.transport.udp import MOST_A_PERIOD, UdpWire, is_address
 from kybflow.drivers.ardrone.transport.wire import ASKS
-from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
 
 
 @pytest.fixture

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from math import hypot, isfinite, radians
 
+from kybflow.core.clock_offset import Offset
 from kybflow.core.geometry import GRAVITY, Vec3, from_euler, from_heading, rotate, wrap
 from kybflow.core.signals import NS, Battery, BatteryWarning, Imu, Measurement, Odometry, Time
 from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag, decoded
 from kybflow.drivers.ardrone.protocol.navdata.options import (
+    WRAPS,
     Demo,
     PhysMeasures,
     demo,
@@ -23,7 +25,6 @@ from kybflow.drivers.ardrone.protocol.navdata.options import (
 )
 from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.telemetry.clock import DroneClock
 from kybflow.world.vehicle_context import VehicleContext
 
 FIRST, DRIFT = 0.05, 0.1
@@ -31,6 +32,38 @@ FIRST, DRIFT = 0.05, 0.1
 BATTERY_PERIOD: Time = NS
 LOWEST, SPAN = 9.0, 3.6
 """The voltage at which it lands, and what a full pack has more; where it sends no voltage."""
+MOST_STEP = 0.5
+"""Seconds between two packets over which a motion is summed up."""
+
+
+class DroneClock:
+    """Brings a drone's stamps to the run's time. `dt`: seconds from the packet before to the newest
+    one, zero where there was none for too long."""
+
+    def __init__(self) -> None:
+        self.dt = 0.0
+        self._offset = Offset()
+        self._read: float | None = None
+        self._run: Time = 0
+        self._heard: Time | None = None
+        self._stamped: Time = 0
+
+    def stamp(self, read: float | None, now: Time) -> Time:
+        """When a packet was sent that arrived now: never in the future, and never before the one
+        before. read: the drone's time, seconds, which wraps; None where the packet has none, which
+        counts as sent now."""
+        heard, self._heard = self._heard, now
+        if read is None:
+            passed = 0.0 if heard is None else (now - heard) / NS
+            sent = now
+        else:
+            passed = 0.0 if self._read is None else (read - self._read) % WRAPS
+            self._read = read
+            self._run += round(passed * NS)
+            sent = min(now, self._run + self._offset.of(now, self._run))
+        self.dt = passed if passed <= MOST_STEP else 0.0
+        self._stamped = max(self._stamped, sent)
+        return self._stamped
 
 
 class Measurements:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Sequence
 
-from kybflow.core.signals import Time
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.transport.gate import Gate
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.ardrone.protocol.navdata.packet import Malformed, Packet, read_packet
 from kybflow.drivers.ardrone.transport.stream import CommandStream
 
 AT, NAVDATA, VIDEO, CONTROL = 5556, 5554, 5555, 5559
@@ -15,6 +15,52 @@ AT, NAVDATA, VIDEO, CONTROL = 5556, 5554, 5555, 5559
 ASKS = b"\x01\x00\x00\x00"
 """What makes a drone send navigation data to who sent it."""
 Arrived = tuple[Time, Packet]
+RESTARTS: Time = NS
+"""After so long a silence the numbers may begin anew: the drone has started again."""
+FEW = 10
+"""How many refused datagrams are worth a word."""
+
+
+class Gate:
+    """Admits the packets of one drone. `refused`: how many were not, by reason."""
+
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        self._last, self._tells = 0, FEW
+        self._heard: Time | None = None
+
+    def admit(self, data: bytes, is_ours: bool, now: Time) -> Packet | None:
+        """The packet, None where it is none. is_ours: it came from the drone's address and port."""
+        if not is_ours:
+            self.refused["from elsewhere"] += 1
+            return None
+        try:
+            packet = read_packet(data)
+        except Malformed as error:
+            self.refused[str(error)] += 1
+            return None
+        is_silent = self._heard is None or now - self._heard > RESTARTS
+        if packet.sequence <= self._last and not is_silent:
+            self.refused["not newer"] += 1
+            return None
+        self._last, self._heard = packet.sequence, now
+        return packet
+
+    def report(self) -> str | None:
+        """What was refused, in words: when there are `FEW`, and whenever there are ten times as
+        many; else None. May be called in another thread."""
+        refused = dict(self.refused)
+        total = sum(refused.values())
+        if total < self._tells:
+            return None
+        while self._tells <= total:
+            self._tells *= 10
+        counts = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+        return f"{total} datagrams were ignored: {counts}"
+
+    def begin_anew(self) -> None:
+        """Let the numbers begin anew, as after the communication's watchdog."""
+        self._last = 0
 
 
 class DroneWire(ABC):

@@ -27,9 +27,10 @@ from kybflow.drivers.emulated_ardrone.onboard.flight import (
     LEVEL_ENOUGH,
     REST,
     DroneFlight,
+    animation,
+    calibration,
     tilt_of_drone,
 )
-from kybflow.drivers.emulated_ardrone.onboard.performing import animation, calibration
 from kybflow.drivers.emulation.body import BatteryMonitor, SimulatedBody
 from kybflow.drivers.emulation.breaking import Failures
 from kybflow.world.vehicle_context import VehicleContext

@@ -8,14 +8,15 @@ flow and holds its height. Radians, metres, body FLU.
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, pi, sin
+from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, conjugate, from_euler, multiply, to_euler, wrap
 from kybflow.core.signals import NS, Command, Time
+from kybflow.drivers.ardrone.control.acts import FLIGHTS
 from kybflow.drivers.ardrone.protocol.at import Move
 from kybflow.drivers.ardrone.protocol.navdata.state import Phase
 from kybflow.drivers.emulated_ardrone.onboard.estimator import DroneEstimator
-from kybflow.drivers.emulated_ardrone.onboard.performing import Performance
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.control import PositionControl, PositionTarget, Speeds
 from kybflow.world.vehicle_context import Airframe
@@ -35,6 +36,42 @@ LOW, SLOW = 0.06, 0.08
 """A height, m, and a climb rate, m/s, at which it has landed when they last for `STILL`."""
 TURN_LEASH = 0.5
 """How far the heading that is held may be from the one that it has, rad."""
+ROCKS, TURNS = 0.15, 1.0
+"""The tilt, rad, once a second to either side, and the heading rate, rad/s, clockwise."""
+SHORTEST: Time = NS
+"""What takes as long as it does, as a flip."""
+
+
+class Performance(NamedTuple):
+    """roll, pitch: amplitudes, rad. turn: heading rate, rad/s."""
+
+    begins: Time
+    ends: Time
+    roll: float
+    pitch: float
+    turn: float
+
+    def tilts(self, now: Time) -> tuple[float, float]:
+        """The roll and pitch of this time, rad."""
+        phase = sin(2.0 * pi * (now - self.begins) / NS)
+        return self.roll * phase, self.pitch * phase
+
+
+def animation(value: str, now: Time) -> Performance:
+    """The one that `control:flight_anim` asks for: its number and its milliseconds. Raises
+    ValueError."""
+    number, milliseconds = map(int, value.split(","))
+    if not 0 <= number < len(FLIGHTS):
+        raise ValueError("no animation has this number")
+    name = [*FLIGHTS][number]
+    lasts = max(SHORTEST, milliseconds * NS // 1000)
+    roll, pitch = ROCKS * ("roll" in name), ROCKS * ("pitch" in name)
+    return Performance(now, now + lasts, roll, pitch, -TURNS * ("turn" in name or "yaw" in name))
+
+
+def calibration(now: Time) -> Performance:
+    """Once around."""
+    return Performance(now, now + round(2.0 * pi / TURNS * NS), 0.0, 0.0, -TURNS)
 
 
 class DroneFlight:

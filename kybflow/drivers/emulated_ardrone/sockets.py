@@ -16,7 +16,7 @@ from typing import Any
 
 from kybflow.core.errors import DriverError
 from kybflow.drivers.ardrone.transport.wire import AT, CONTROL, NAVDATA, VIDEO
-from kybflow.drivers.emulated_ardrone.ports.ports import Ports
+from kybflow.drivers.emulated_ardrone.ports import Ports
 
 MOST_AT_ONCE = 64
 LONGEST = 2048

@@ -34,7 +34,7 @@ SIZES = {
 SIZES[OptionTag.DEMO], SIZES[OptionTag.REFERENCES] = 144, 84
 
 
-class Telling:
+class NavdataSender:
     """Makes the packets of one drone. `wanted`: whether somebody has asked for them."""
 
     def __init__(self, drone: OnboardDrone) -> None:
