@@ -56,8 +56,8 @@ class DroneBench:
             if self.lines and self.now % (5 * PERIOD) == 0:
                 self.say(*self.lines)
             self.fleet.advance(self.now)
-            while self.ports.told:
-                self.packets.append(read_packet(self.ports.told.popleft()))
+            while self.ports.sent:
+                self.packets.append(read_packet(self.ports.sent.popleft()))
             if until():
                 return True
         return until()
