@@ -143,7 +143,7 @@ def drones(
     DriverError."""
     from kybflow.drivers.emulated_ardrone import EmulatedArdrone
     from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
-    from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+    from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
 
     hosts = [host_of(number, host) for number in range(len(seats))]
     with ExitStack() as stack:

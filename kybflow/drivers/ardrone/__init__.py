@@ -1,10 +1,10 @@
 """Parrot AR.Drone 2.0 over Wi-Fi: AT commands out, navigation data back.
 
-The drone takes off and lands by itself, keeps its height itself, and follows a tilt, a climb rate
-and a heading rate, each a fraction of a limit that is configured from the mission. Its navigation
-data comes at 15 Hz (`demo`) or 200 Hz (`full`). A thread sends the newest command at a fixed rate:
-a command older than 200 ms is replaced by hovering, and after 250 ms nothing is sent, so that the
-drone's own watchdog lands it should this program stop. Several drones have an address each.
+The drone takes off, lands and holds its height by itself. It follows a tilt, a climb rate and a
+heading rate, each a fraction of a limit that the mission configures. It sends navigation data at
+15 Hz (`demo`) or 200 Hz (`full`). A thread sends the newest command at a fixed rate. After 200 ms
+without a new command it sends a hover command, and after 250 ms nothing, so that the drone's own
+watchdog lands it if this program stops. Each of several drones needs its own address.
 """
 
 from __future__ import annotations
@@ -25,13 +25,11 @@ if TYPE_CHECKING:
 
 TRACKER = {"use": "tilt_climb"}
 CLIMB_TIME = 1.0 / 1.4
-"""Seconds; with 1.4 1/s tum_ardrone predicts the climb (Engel, Sturm and Cremers, IROS 2012)."""
+"""Seconds; tum_ardrone predicts the climb with 1.4 1/s (Engel, Sturm and Cremers, IROS 2012)."""
 DEAD_TIME = 0.005
 
 
 class Ardrone(Driver[ArdroneParams]):
-    """Sockets are opened when it is."""
-
     accepts = frozenset({CommandKind.TILT_CLIMB})
     provides = frozenset({Battery, Imu, Odometry})
     acts = ACTS
@@ -50,7 +48,8 @@ class Ardrone(Driver[ArdroneParams]):
 
     @classmethod
     def inner_loop(cls, params: ArdroneLinkParams, airframe: Airframe) -> InnerLoop:
-        """The airframe's loop behind a radio link; a command waits for half a period on average."""
+        """The airframe's loop behind a radio link, where a command waits half a period on
+        average."""
         late = params.latency + 0.5 / params.rate
         loop, lag = airframe.attitude_loop, airframe.rotor_time
         return InnerLoop(loop, lag, 0.0, DEAD_TIME, late, climb_time=CLIMB_TIME)
@@ -71,6 +70,6 @@ class Ardrone(Driver[ArdroneParams]):
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        from kybflow.drivers.ardrone.session import open_session
+        from kybflow.drivers.ardrone.link import ArdroneSession
 
-        return open_session(seats, generator)
+        return ArdroneSession(seats, generator)

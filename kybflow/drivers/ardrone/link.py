@@ -1,12 +1,13 @@
-"""One drone as the engine sees it.
+"""The link to one drone, and the session that holds the links of a run.
 
-`control.flight` decides what is asked of it, `control.configuring` writes its configuration,
-`control.round_trips` times its answers, `telemetry` reads what it says, and `transport` carries the
-bytes.
+`control.flight` decides which commands to send, `control.configuring` writes the configuration,
+`control.round_trips` measures the delay, `telemetry` decodes navigation data, and `transport`
+carries the bytes.
 """
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
 
 from kybflow.core.errors import DriverError
@@ -23,22 +24,23 @@ from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.drivers.ardrone.telemetry.measurements import Measurements
 from kybflow.drivers.ardrone.telemetry.status import DroneStatus
+from kybflow.drivers.ardrone.transport.udp import UdpWire
 from kybflow.drivers.ardrone.transport.wire import DroneWire
-from kybflow.parts import Check, Link, Seat, StatusText
+from kybflow.parts import Check, Link, Seat, Session, StatusText
 
-ASKS_AGAIN: Time = NS // 5
-"""How often navigation data is asked for while none comes."""
-SILENT: Time = NS
-"""A silence after which it is asked for anew."""
-NEVER_HEARD: Time = 10 * NS
-"""How long the drone may be silent after opening."""
-ANSWERS: Time = NS // 20
-"""How often the watchdog's bit is answered."""
+REQUEST_PERIOD: Time = NS // 5
+"""How often to request navigation data while none arrives."""
+SILENCE: Time = NS
+"""Time without navigation data after which to request it again."""
+FIRST_PACKET_TIMEOUT: Time = 10 * NS
+"""How long to wait for the first packet."""
+WATCHDOG_ANSWER_PERIOD: Time = NS // 20
+"""How often to answer the watchdog bit."""
 
 
 class ArdroneLink(Link):
-    """The link to one drone; the session calls `update` once a tick. session: the id of this run,
-    8 hexadecimal digits."""
+    """The link to one drone. The session calls `update` once a tick. session: the run's id, 8
+    hexadecimal digits."""
 
     def __init__(self, seat: Seat, wire: DroneWire, session: str) -> None:
         context, params = seat.context, seat.params
@@ -65,12 +67,12 @@ class ArdroneLink(Link):
         self.armed = None
 
     def update(self, now: Time) -> None:
-        """Take in what has arrived, and see to the connection. Raises DriverError."""
+        """Process what has arrived, and keep the connection up. Raises DriverError."""
         self.wire.poll(now)
         self._opened = now if self._opened is None else self._opened
         arrived = self.wire.take(now)
         for at, packet in arrived:
-            self._hear(packet, at)
+            self._receive(packet, at)
         self.is_heard = bool(arrived)
         self._reconnect(now)
         if not self._is_flown:
@@ -78,14 +80,14 @@ class ArdroneLink(Link):
         self._configure(now)
         self.flight.watch(now)
         self.override = self.flight.override
-        self.armed = None if self.status.heard is None else self.status.flies
+        self.armed = None if self.status.last_received is None else self.status.flies
 
     def read(self, now: Time) -> Sequence[Measurement]:
         opened = now if self._opened is None else self._opened
-        if self.status.heard is None and now - opened > NEVER_HEARD:
+        if self.status.last_received is None and now - opened > FIRST_PACKET_TIMEOUT:
             why = self.wire.trouble or "no navigation data has arrived"
             way_out = "join its network, or set the driver's `host`"
-            raise DriverError(f"the drone was not heard for 10 s: {why}; {way_out}")
+            raise DriverError(f"no data from the drone for 10 s: {why}; {way_out}")
         return self._measurements.take()
 
     def send(self, command: Command, now: Time) -> None:
@@ -106,7 +108,7 @@ class ArdroneLink(Link):
 
     def perform(self, act: str, now: Time) -> None:
         if ACTS[act].moves:
-            self.flight.let_perform(now + lasts(act))
+            self.flight.start_act(now + lasts(act))
         self.wire.stream.post(*lines_of(act, self._ids))
 
     def checks(self, now: Time) -> Sequence[Check]:
@@ -119,53 +121,85 @@ class ArdroneLink(Link):
 
     def status_texts(self) -> Sequence[StatusText]:
         ignored = self.wire.gate.report()
-        told = () if ignored is None else (StatusText("notice", ignored),)
-        return (*self.status.texts(), *told)
+        notices = () if ignored is None else (StatusText("notice", ignored),)
+        return (*self.status.texts(), *notices)
 
     def close(self) -> None:
         self.wire.close()
 
-    def _hear(self, packet: Packet, at: Time) -> None:
-        self.status.hear(packet, at)
-        self._measurements.hear(packet, at)
+    def _receive(self, packet: Packet, at: Time) -> None:
+        self.status.receive(packet, at)
+        self._measurements.receive(packet, at)
         is_warned = DroneState.COMMUNICATION_WATCHDOG in packet.state
-        if is_warned and (self._answered is None or at - self._answered >= ANSWERS):
+        if is_warned and (self._answered is None or at - self._answered >= WATCHDOG_ANSWER_PERIOD):
             self._answered = at
-            self.wire.gate.begin_anew()
+            self.wire.gate.restart()
             if DroneState.BOOTSTRAP not in packet.state:
                 self.wire.stream.post(comwdg())
 
     def _reconnect(self, now: Time) -> None:
-        """Ask for navigation data while none comes, and begin anew after a silence."""
-        heard = self.status.heard
-        if heard is not None and now - heard <= SILENT:
+        """Request navigation data while none arrives, and restart the sequence after a silence."""
+        last_received = self.status.last_received
+        if last_received is not None and now - last_received <= SILENCE:
             return
-        if self._asked is None or now - self._asked >= ASKS_AGAIN:
+        if self._asked is None or now - self._asked >= REQUEST_PERIOD:
             self._asked = now
             self.wire.ask()
-            if heard is not None:
-                self.wire.stream.begin_anew()
+            if last_received is not None:
+                self.wire.stream.restart()
 
     def _configure(self, now: Time) -> None:
         status, data = self.status, self.wire.configuration()
         if data is not None:
             self.configuring.read(data)
-        if status.heard is None:
+        if status.last_received is None:
             return
         in_bootstrap = DroneState.BOOTSTRAP in status.state
         if in_bootstrap and self._is_configured:
-            self.configuring.begin_anew()
-        self._is_configured = not self.configuring.waits_for and not in_bootstrap
+            self.configuring.restart()
+        self._is_configured = not self.configuring.pending and not in_bootstrap
         self._use_acknowledge_bit(now)
         if self._trims and self._is_configured and status.stands:
             self._trims = False
             self.wire.stream.post(ftrim())
 
     def _use_acknowledge_bit(self, now: Time) -> None:
-        """Write the configuration by it, and when that is done, time round trips by it."""
+        """Write the configuration with the acknowledge bit, then measure round trips with it."""
         if self._is_configured:
             self._round_trips.update(self.status.acknowledges, now)
         else:
-            self._round_trips.begin_anew()
+            self._round_trips.restart()
             self.configuring.update(self.status.acknowledges, now)
         self.delay = self._round_trips.delay
+
+
+class ArdroneSession(Session):
+    """The drones of a run, each with its own wire. Raises DriverError, with nothing left open."""
+
+    def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
+        self._drones: list[ArdroneLink] = []
+        hosts: dict[str, str] = {}
+        for seat in seats:
+            name, host = seat.context.vehicle, seat.params.host
+            if host in hosts:
+                raise DriverError(
+                    f"`{hosts[host]}` and `{name}` share the `host` {host}; give each drone its own"
+                )
+            hosts[host] = name
+        try:
+            for seat in seats:
+                wire = UdpWire(seat.params.host, seat.params.rate)
+                session = f"{generator.getrandbits(32):08x}"
+                self._drones.append(ArdroneLink(seat, wire, session))
+        except BaseException:
+            self.close()
+            raise
+        self.links: dict[str, Link] = dict(zip(hosts.values(), self._drones, strict=True))
+
+    def advance(self, now: Time) -> None:
+        for drone in self._drones:
+            drone.update(now)
+
+    def close(self) -> None:
+        for drone in self._drones:
+            drone.close()

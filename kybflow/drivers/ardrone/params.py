@@ -10,7 +10,7 @@ from kybflow.core.units import DEG, Angle, AngularRate, Duration, Frequency, Len
 
 @params
 class ArdroneLinkParams:
-    """What is asked of every drone, also of an emulated one."""
+    """Parameters that real and emulated drones share."""
 
     rate: Frequency = param(
         "Commands a second.", default=50.0, at_least=25.0, at_most=200.0, read_only=True
@@ -22,62 +22,64 @@ class ArdroneLinkParams:
     outdoor: bool = param("Whether it flies outdoors.", default=False, read_only=True)
     hull: bool = param("Whether it has its indoor hull on.", default=True, read_only=True)
     altitude_max: Length = param(
-        "Height that the drone itself does not leave.",
+        "Largest height, which the drone itself enforces.",
         default=3.0, at_least=0.5, at_most=100.0, read_only=True,
     )  # fmt: skip
     euler_angle_max: Angle | None = param(
-        "Tilt of a whole command; by default the airframe's largest.",
+        "Tilt of a full command; by default the airframe's largest.",
         default=None, at_least=1.0 * DEG, at_most=30.0 * DEG, read_only=True,
     )  # fmt: skip
     control_vz_max: Speed | None = param(
-        "Climb rate of a whole command; by default the airframe's largest.",
+        "Climb rate of a full command; by default the airframe's largest.",
         default=None, at_least=0.2, at_most=2.0, read_only=True,
     )  # fmt: skip
     control_yaw: AngularRate = param(
-        "Heading rate of a whole command.",
+        "Heading rate of a full command.",
         default=100.0 * DEG, at_least=40.0 * DEG, at_most=350.0 * DEG, read_only=True,
     )  # fmt: skip
     ultrasound: Literal["22 Hz", "25 Hz"] = param(
-        "Rate of the ultrasound; drones that fly beside each other need different ones.",
+        "Rate of the ultrasound; drones that fly near each other need different rates.",
         default="25 Hz", read_only=True,
     )  # fmt: skip
     flat_trim: bool = param(
-        "Take how it stands before the first take-off for level: on flat ground only.",
+        "Calibrate level before the first take-off; the drone must stand on flat ground.",
         default=False, read_only=True,
     )  # fmt: skip
     compass: Angle | None = param(
-        "The bearing of the world's x axis, clockwise from north; 90 deg where it points east. With"
-        " it tilts are given by the compass, which the drone has too (PCMD_MAG), by default in the"
-        " drone's own directions.",
+        "Bearing of the world's x axis, clockwise from north; 90 deg if it points east. If given,"
+        " tilts are sent relative to the compass (PCMD_MAG), otherwise relative to the drone's"
+        " heading.",
         default=None, read_only=True,
     )  # fmt: skip
     maneuvers: bool = param(
-        "Whether it may be asked for what takes it from its tracker: flight animations, and the"
-        " calibration of its magnetometer.",
+        "Allow flight animations and the magnetometer's calibration, which interrupt the tracker.",
         default=False, read_only=True,
     )  # fmt: skip
     video: Literal["front", "down"] = param(
-        "Which of its cameras it sends; the sensor `ardrone_camera` takes the video.",
+        "Which camera the drone sends; the sensor `ardrone_camera` receives the video.",
         default="front", read_only=True,
     )  # fmt: skip
     profile: str = param(
-        "The user's name, by which the drone keeps a configuration of its own.",
+        "User name; the drone keeps a configuration for each.",
         default="kybflow", read_only=True,
     )  # fmt: skip
-    application: str = param("The application's name, likewise.", default="kybflow", read_only=True)
+    application: str = param(
+        "Application name; the drone keeps a configuration for each.",
+        default="kybflow", read_only=True,
+    )  # fmt: skip
     latency: Duration = param(
-        "How late a command arrives on board, for which the gains are made; tum_ardrone takes 50 ms"
-        " and the ping.",
+        "Delay until a command arrives on board, which the gains account for; tum_ardrone assumes"
+        " 50 ms plus the ping.",
         default=0.06, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
     take_off_time: Duration = param(
-        "How long the drone's own take-off may last.", default=12.0, above=0.0, read_only=True
+        "Longest duration of the drone's own take-off.", default=12.0, above=0.0, read_only=True
     )
 
 
 @params
 class ArdroneParams(ArdroneLinkParams):
     host: str = param(
-        "Its IPv4 address: 192.168.1.1 in its own network, in a lab's network one of its own.",
+        "The drone's IPv4 address: 192.168.1.1 in its own network.",
         default="192.168.1.1", read_only=True,
     )  # fmt: skip

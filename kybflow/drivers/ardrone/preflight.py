@@ -1,4 +1,4 @@
-"""What is checked of a drone before take-off."""
+"""Preflight checks of a drone."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from kybflow.world.vehicle_context import Airframe
 
 FRESH: Time = NS // 2
 LATER = 0.15
-"""Seconds by which a round trip may be longer than the gains are made for; then it swings."""
+"""Seconds by which a round trip may exceed the delay that the gains account for."""
 FIRMWARE = "2."
-"""What the version of an AR.Drone 2.0 begins with."""
+"""Prefix of an AR.Drone 2.0's firmware version."""
 
 
 def checks(
@@ -34,18 +34,17 @@ def checks(
     trouble: str,
     now: Time,
 ) -> Iterator[Check]:
-    """The checks, each with what was found."""
-    if status.heard is None:
+    if status.last_received is None:
         yield Check("navdata", False, trouble or "none has arrived")
         return
-    age = now - status.heard
+    age = now - status.last_received
     yield Check("navdata", age < FRESH, f"{age / NS:.1f} s old")
     emergency = "; ".join(in_words(status.state)) if status.is_in_emergency else ""
     yield Check("emergency", not emergency, emergency or "none")
     low = DroneState.BATTERY_LOW in status.state
     charge = "unknown" if status.demo is None else f"{status.demo.battery} %"
     yield Check("own battery", not low, f"{charge}{', which it reports as low' if low else ''}")
-    waits = configuring.waits_for
+    waits = configuring.pending
     wrong = "" if waits else "; ".join(configuring.mismatches)
     yield Check("configuration", not (waits or wrong), waits or wrong or "as written")
     found = configuring.found or {}
@@ -61,7 +60,7 @@ def checks(
 
 
 def _watchdog(found: str | None) -> Check:
-    """Whether the drone lands soon when commands stop."""
+    """Check that the drone lands soon after commands stop."""
     try:
         seconds = float(found) if found is not None else None
     except ValueError:
@@ -74,7 +73,7 @@ def _watchdog(found: str | None) -> Check:
 
 
 def round_trip(trips: RoundTrips, latency: float, now: Time) -> Check:
-    """Whether it does what it is told as soon as the gains expect. latency: seconds."""
+    """Check that the round trip is no longer than the gains account for. latency: seconds."""
     if trips.waits(now):
         return Check("round trip", False, "no command is acknowledged yet")
     if not trips.delay:

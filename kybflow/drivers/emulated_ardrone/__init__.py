@@ -1,10 +1,10 @@
-"""AR.Drones, emulated on simulated quadrotors: for tests, rehearsals, and any client.
+"""Emulated AR.Drones on simulated quadrotors, for tests, rehearsals and any client.
 
-The vehicles are those of `sim`, in one MuJoCo world; on each sits enough of a drone's computer: AT
-commands, navigation data, configuration, watchdogs, its own take-off, hovering and landing. The
-driver for real ones flies them, in memory and in lockstep with the engine's clock, or with
-`network` over the loopback addresses 127.0.0.2, 127.0.0.3 and so on, as real ones over Wi-Fi. It is
-no judge of a real drone; that foreign clients take it for one is tested.
+The vehicles are those of `sim`, in one MuJoCo world. Each carries an emulation of the drone's
+computer: AT commands, navigation data, configuration, watchdogs, and its own take-off, hovering and
+landing. The driver for real drones flies them, in memory and in lockstep with the engine's clock,
+or with `network` over the loopback addresses 127.0.0.2, 127.0.0.3 and so on. Foreign clients are
+tested against the emulation, but it doesn't predict how a real drone flies.
 """
 
 from __future__ import annotations
@@ -32,28 +32,26 @@ if TYPE_CHECKING:
 @params
 class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
     wifi_latency: Duration = param(
-        "How late what is sent arrives, each way.",
+        "Delay of the radio link, each way.",
         default=0.015, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
     wifi_jitter: Duration = param(
-        "By how much it is later or earlier at most, uniformly.",
+        "Largest deviation from that delay, uniformly distributed.",
         default=0.01,
         at_least=0.0,
         at_most=0.2,
         read_only=True,
     )
     wifi_loss: Ratio = param(
-        "Datagrams that never arrive.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
+        "Share of datagrams that are lost.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
     )
     network: bool = param(
-        "Over sockets on loopback addresses, in real time, instead of in memory.",
+        "Use sockets on loopback addresses, in real time, instead of memory.",
         default=False, read_only=True,
     )  # fmt: skip
 
 
 class EmulatedArdrone(Driver[EmulatedArdroneParams]):
-    """MuJoCo is imported when it is opened."""
-
     accepts = Ardrone.accepts
     provides = Ardrone.provides | {Pose}
     acts = Ardrone.acts
@@ -82,7 +80,6 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
 
     @classmethod
     def inner_loop(cls, params: EmulatedArdroneParams, airframe: Airframe) -> InnerLoop:
-        """The simulator's loop behind the radio link."""
         own, radio = Sim.inner_loop(params, airframe), Ardrone.inner_loop(params, airframe)
         late = own.command_latency + radio.command_latency
         return own._replace(command_latency=late, climb_time=CLIMB_TIME)
@@ -101,7 +98,7 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     def fleet(
         cls, seats: Sequence[Seat], radio: Radio, generator: random.Random
     ) -> Fleet[DroneEndpoint]:
-        """The drones, for any client; the caller gives them their ports. Raises DriverError."""
+        """Open the drones for any client; the caller connects their ports. Raises DriverError."""
         from kybflow.drivers.emulated_ardrone.session import open_fleet
 
         return open_fleet(seats, [radio] * len(seats), generator)

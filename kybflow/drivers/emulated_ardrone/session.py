@@ -1,4 +1,5 @@
-"""Emulated drones in lockstep: the world goes on, then they do, then the links read them."""
+"""The session of emulated drones: in each tick the world advances, then the drones, then the
+links."""
 
 from __future__ import annotations
 
@@ -12,22 +13,21 @@ from kybflow.drivers.ardrone.transport.wire import DroneWire
 from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
 from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
-from kybflow.drivers.emulated_ardrone.ports.memory import DroneMemoryWire, MemoryPorts
-from kybflow.drivers.emulated_ardrone.ports.ports import Ports
-from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+from kybflow.drivers.emulated_ardrone.ports import DroneMemoryWire, MemoryPorts, Ports
+from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 
 PERIOD: Time = NS // 250
-"""How often the drones step at most: navigation data comes 200 times a second."""
+"""Longest step of the drones, which send navigation data 200 times a second."""
 
 
 def open_fleet(
     seats: Sequence[Seat], radios: Sequence[Radio], generator: random.Random
 ) -> Fleet[DroneEndpoint]:
-    """The drones, without ports yet. Raises DriverError."""
+    """Open the drones, not connected to ports yet. Raises DriverError."""
 
     def build(
         number: int, body: SimulatedBody, chance: random.Random
@@ -39,8 +39,8 @@ def open_fleet(
 
 
 class EmulatedDroneLink(ArdroneLink):
-    """A link as to a real drone, with the poses of simulated motion capture beside it. `drone`:
-    what is at the other end."""
+    """The link for real drones, plus the poses of simulated motion capture. `drone`: the emulated
+    drone."""
 
     def __init__(
         self, seat: Seat, wire: DroneWire, session: str, emulated: EmulatedVehicle[DroneEndpoint]
@@ -56,7 +56,7 @@ class EmulatedDroneLink(ArdroneLink):
     def update(self, now: Time) -> None:
         rig = self._emulated.vehicle.rig
         self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
-        self._emulated.onboard.put_off(round(rig.late * NS))
+        self._emulated.onboard.set_delay(round(rig.late * NS))
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:
@@ -73,7 +73,7 @@ class EmulatedDroneLink(ArdroneLink):
 
 
 class EmulatedDroneSession(Session):
-    """The session of a run. Raises DriverError as the simulator does."""
+    """The emulated drones of a run. Raises DriverError as the simulator does."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         radios = [
@@ -98,7 +98,7 @@ class EmulatedDroneSession(Session):
         }
 
     def advance(self, now: Time) -> None:
-        """However long a tick is, the drones step and the wires send at their own rates."""
+        """Advance the drones and the wires at their own rates, however long the tick is."""
         while self._now < now:
             self._now = min(now, self._now + PERIOD)
             self._fleet.advance(self._now)
@@ -116,7 +116,7 @@ class EmulatedDroneSession(Session):
 
 
 def _connected(seat: Seat, number: int) -> tuple[Ports, DroneWire]:
-    """The drone's ports and the driver's wire to them. Raises DriverError."""
+    """Return the drone's ports and the driver's wire to them. Raises DriverError."""
     if not seat.params.network:
         memory = MemoryPorts()
         return memory, DroneMemoryWire(memory, seat.params.rate)

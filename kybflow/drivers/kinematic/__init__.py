@@ -1,11 +1,11 @@
-"""Ideal vehicles without physics: each does at once and exactly what it is commanded.
+"""Ideal vehicles without physics, which follow every command at once and exactly.
 
-It follows a setpoint's position, velocity or acceleration, and an attitude or body rates with the
-thrust of its nominal mass. Setpoints move it no faster than twice what its airframe may fly, so
-that one that jumps is not reached through a wall. The floor, stands and obstacles carry it; nothing
-else stops it: what it runs into is told, and it goes on. The air stands still, nothing is late,
-nothing is measured wrongly. The battery drains as the simulator's does. There are no faults here.
-`kybflow rehearse` flies on it; figures of such a flight say nothing of tracking.
+A vehicle follows a setpoint's position, velocity or acceleration, or an attitude or body rates with
+the thrust of its nominal mass. Setpoints move it at most twice as fast as its airframe may fly, so
+that a setpoint that jumps doesn't carry it through a wall. The floor, stands and obstacles carry a
+vehicle from below; otherwise it reports a collision and passes through. There is no wind, delay,
+noise or fault. The battery drains as in `sim`. `kybflow rehearse` flies on this driver; such
+flights don't predict tracking errors.
 """
 
 from __future__ import annotations

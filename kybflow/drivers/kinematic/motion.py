@@ -1,4 +1,4 @@
-"""How an ideal vehicle moves in one tick, as it is commanded. World ENU, SI."""
+"""The motion of an ideal vehicle in one tick. World ENU, SI."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from kybflow.core.signals import Command, CommandKind, Setpoint
 from kybflow.world.vehicle_context import Airframe
 
 SPEED_RESERVE = 2.0
-"""The largest speed over the larger one of those that the airframe may fly and climb."""
+"""Largest speed over the airframe's largest speed or climb rate, whichever is larger."""
 DOWN: Vec3 = (0.0, 0.0, -GRAVITY)
 
 
 class KinematicState(NamedTuple):
-    """Where a vehicle is and how it moves. acceleration: during the last tick."""
+    """The state of a vehicle. acceleration: during the last tick."""
 
     position: Vec3
     velocity: Vec3 = ZERO
@@ -40,7 +40,7 @@ class KinematicState(NamedTuple):
 
     @property
     def pull(self) -> float:
-        """The thrust over the mass, m/s^2."""
+        """Thrust over mass, m/s^2."""
         ax, ay, az = self.acceleration
         return norm((ax, ay, az + GRAVITY))
 
@@ -65,7 +65,7 @@ def moved(
 
 
 def stopped(before: KinematicState, position: Vec3, dt: float) -> KinematicState:
-    """Return the state of a vehicle that the ground at `position` has stopped within the tick."""
+    """Return the state of a vehicle that the ground at `position` stopped during the tick."""
     level = from_heading(heading_of(before.attitude))
     return KinematicState(position, ZERO, scale(before.velocity, -1.0 / dt), level)
 
@@ -82,7 +82,7 @@ def _pushed(
 def _following(
     state: KinematicState, kind: CommandKind, wanted: Setpoint, airframe: Airframe, dt: float
 ) -> KinematicState:
-    """Follow a setpoint, which is of the tick's beginning."""
+    """Follow a setpoint, which applies to the beginning of the tick."""
     (ax, ay, az), rate = wanted.acceleration or ZERO, wanted.heading_rate
     before = heading_of(state.attitude) if wanted.heading is None else wanted.heading
     facing = from_thrust_direction((ax, ay, az + GRAVITY), wrap(before + rate * dt))

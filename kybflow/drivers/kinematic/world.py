@@ -1,28 +1,187 @@
-"""The session: ideal vehicles in one world, and what they run into."""
+"""Ideal vehicles: their links, batteries and payloads, what carries them, and collisions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, combinations
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
 
-from kybflow.core.geometry import Vec3, distance
-from kybflow.core.signals import NS, Time
-from kybflow.drivers.kinematic.vehicle import IdealVehicle
-from kybflow.parts import Link, Seat, Session
+from kybflow.core.errors import DriverError, Refused
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, distance, from_heading, rotate_back
+from kybflow.core.signals import (
+    NS,
+    Battery,
+    Command,
+    Imu,
+    Measurement,
+    MeasurementKind,
+    Odometry,
+    Payload,
+    Pose,
+    Position,
+    Time,
+    Truth,
+)
+from kybflow.drivers.kinematic.motion import KinematicState, moved, stopped
+from kybflow.parts import ActiveFaults, Link, Seat, Session
 from kybflow.parts.link import Touch
+from kybflow.world.battery import BatteryCharge
+from kybflow.world.ground import FLOOR
 from kybflow.world.shapes import Shape, Sphere
+from kybflow.world.vehicle_context import LEGS
 
-ROUND = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
-"""Where the edge of a vehicle is looked at."""
+BATTERY_PERIOD: Time = NS // 10
+"""How often the battery is reported."""
+LIFT_OFF = 0.01
+"""Height above the ground from which the next touchdown counts as a new touch, metres."""
+NOISE = 1e-6
+"""Alternates in IMU samples, m/s^2, and poses, m: two equal ones count as stuck."""
+RIM = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
+"""Directions of the points on a vehicle's rim that are tested for collisions."""
+
+
+class IdealVehicle(Link):
+    """A vehicle and the link to it. is_down: whether the ground carries it."""
+
+    def __init__(self, seat: Seat) -> None:
+        self.context = context = seat.context
+        self.state = KinematicState(context.start, attitude=from_heading(context.heading))
+        self.is_down, self._has_lifted = True, False
+        self.rig = ActiveFaults(context.vehicle, _refuse)
+        self.on_touch: Callable[[Touch], None] = lambda _: None
+        self._command: Command | None = None
+        self._charge = BatteryCharge(context.airframe, seat.params.battery)
+        self._due: Time = 0
+        self._kinds: frozenset[MeasurementKind] = frozenset()
+        self._imu: Imu | None = None
+        self._noise = NOISE
+        self._arriving: list[Measurement] = []
+        parcel = context.payload
+        self._on_board = parcel is not None and parcel.aboard
+        self._dropped: Vec3 | None = None
+        if parcel is not None:
+            self._arriving.append(Payload(0, not parcel.aboard, parcel.aboard))
+            self._dropped = None if parcel.aboard else self._below(context.start)
+
+    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
+        self._kinds = kinds
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        arrived, self._arriving = self._arriving, []
+        place, velocity, _, attitude, rates = self.state
+        if self._imu is not None:
+            arrived.append(self._imu)
+            self._imu = None
+        if Odometry in self._kinds:
+            arrived.append(Odometry(now, place, velocity, attitude, rates, 0.0))
+        if Pose in self._kinds:
+            arrived.append(Pose(now, add(place, (0.0, 0.0, self._noise)), attitude))
+        if Position in self._kinds:
+            arrived.append(Position(now, place, ZERO))
+        if now >= self._due:
+            self._due = now + BATTERY_PERIOD
+            arrived.append(Battery(now, self._charge.remaining, self._charge.voltage))
+        return arrived
+
+    def send(self, command: Command, now: Time) -> None:
+        self._command = command
+
+    def cut(self, now: Time) -> None:
+        """Nothing to do: disarmed commands follow."""
+
+    def grip(self, is_open: bool, now: Time) -> None:
+        if self.context.payload is None:
+            raise Refused("it carries no payload")
+        if is_open and self._on_board:
+            self._on_board, self._dropped = False, self._below(self.state.position)
+        elif not (is_open or self._is_armed):
+            self._on_board, self._dropped = True, None
+        self._arriving.append(Payload(now, is_open, self._on_board))
+
+    def truth(self) -> Truth:
+        place, velocity, _, attitude, rates = self.state
+        parcel = self.context.payload
+        if parcel is None:
+            return Truth(place, velocity, attitude, rates)
+        carried = add(place, (0.0, 0.0, 0.5 * parcel.size - LEGS))
+        return Truth(place, velocity, attitude, rates, self._dropped or carried)
+
+    def report_touches(self, tell: Callable[[Touch], None]) -> None:
+        self.on_touch = tell
+
+    def move(self, now: Time, dt: float) -> None:
+        """Follow the last command for `dt` seconds, which end at `now`."""
+        command, before, self._noise = self._command, self.state, -self._noise
+        if command is None or (self.is_down and not command.armed):
+            self.state = stopped(before, before.position, dt)
+        else:
+            self._fly(command, dt)
+            self._charge.drain(self._mass * self.state.pull, dt)
+        if Imu in self._kinds:
+            self._imu = self._measure_imu(now, dt)
+
+    def _fly(self, command: Command, dt: float) -> None:
+        before = self.state
+        self.state = state = moved(before, command, self.context.airframe, self._mass, dt)
+        x, y, z = state.position
+        ground = self._ground(state.position, before.position[2])
+        self.is_down = z <= ground
+        self._has_lifted = self._has_lifted or z > ground + LIFT_OFF
+        if not self.is_down:
+            return
+        if self._has_lifted:
+            self._has_lifted = False
+            self.on_touch(Touch("the floor", carries=True))
+        self.state = stopped(before, (x, y, ground), dt)
+
+    def _ground(self, place: Vec3, height: float) -> float:
+        """Return the height of the ground below a vehicle that has come from `height` to
+        `place`."""
+        x, y, z = place
+        from_above = max(z, height) + LEGS
+        context = self.context
+        arm, (sx, sy, start) = context.airframe.arm, context.start
+        highest = min(FLOOR, start)
+        if start > FLOOR and max(abs(x - sx), abs(y - sy)) <= 2.0 * arm and start <= from_above:
+            highest = start
+        for shape in context.obstacles.values():
+            top = shape.top(x, y, arm) + LEGS
+            if highest < top <= from_above:
+                highest = top
+        return highest
+
+    def _measure_imu(self, now: Time, dt: float) -> Imu:
+        ax, ay, az = self.state.acceleration
+        force = rotate_back(self.state.attitude, (ax, ay, az + GRAVITY + self._noise))
+        return Imu(now, dt, force, self.state.rates)
+
+    def _below(self, place: Vec3) -> Vec3:
+        """Return where the centre of a payload released at `place` comes to rest."""
+        assert self.context.payload is not None
+        (x, y, z), (vx, vy, _) = place, self.state.velocity
+        ground = self._ground(place, z)
+        falls = sqrt(2.0 * max(0.0, z - ground) / GRAVITY)
+        return (x + vx * falls, y + vy * falls, ground - LEGS + 0.5 * self.context.payload.size)
+
+    @property
+    def _is_armed(self) -> bool:
+        return self._command is not None and self._command.armed
+
+    @property
+    def _mass(self) -> float:
+        parcel = self.context.payload
+        more = parcel.mass if parcel is not None and self._on_board else 0.0
+        return self.context.airframe.mass + more
+
+
 _Pair = tuple[IdealVehicle, str]
 
 
 class KinematicWorld(Session):
-    """Moves every vehicle, and what else moves, to each tick's end.
+    """Moves vehicles and obstacles, and reports collisions.
 
-    Two vehicles touch where their centres are nearer to each other than an arm of each. A vehicle
-    touches an obstacle with the disc of its hubs; its legs stand on one below.
+    Two vehicles collide if their distance is less than the sum of their arms. A vehicle collides
+    with an obstacle that meets the disc of its hubs; its legs stand on an obstacle below.
     """
 
     def __init__(self, seats: Sequence[Seat]) -> None:
@@ -46,7 +205,7 @@ class KinematicWorld(Session):
             for vehicle, into in sorted(
                 touching - before, key=lambda t: (t[0].context.vehicle, t[1])
             ):
-                vehicle.tell_touch(Touch(into, carries=False))
+                vehicle.on_touch(Touch(into, carries=False))
 
     def close(self) -> None:
         """There is nothing to release."""
@@ -64,14 +223,17 @@ class KinematicWorld(Session):
         for vehicle in self._vehicles:
             place, arm = vehicle.state.position, vehicle.context.airframe.arm
             for name, shape in chain(vehicle.context.obstacles.items(), balls.items()):
-                if shape.distance(place) < arm and _meets(shape, place, arm):
+                if shape.distance(place) < arm and _intersects(shape, place, arm):
                     yield vehicle, name
 
 
-def _meets(shape: Shape, place: Vec3, arm: float) -> bool:
-    """Return whether a vehicle at `place` is in a shape: its centre or the edge of its disc. Its
-    legs stand on what is below."""
+def _intersects(shape: Shape, place: Vec3, arm: float) -> bool:
+    """Return whether a vehicle's centre or the rim of its disc is inside of a shape."""
     x, y, z = place
     if shape.distance(place) < 0.0:
         return True
-    return any(shape.distance((x + arm * c, y + arm * s, z)) < 0.0 for c, s in ROUND)
+    return any(shape.distance((x + arm * c, y + arm * s, z)) < 0.0 for c, s in RIM)
+
+
+def _refuse() -> None:
+    raise DriverError("an ideal vehicle has no faults; fly on `sim`")

@@ -11,11 +11,10 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO, Quat, distance, rotate
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.rotorpy.plant import Plant
-from kybflow.drivers.sim.contacts import FORGOTTEN
 from kybflow.drivers.sim.sensors import NOTHING, ImuErrors, imu_sample
 from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
 from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
-from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
+from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 
@@ -70,8 +69,8 @@ class RotorpyWorld(Session):
             for touch in self._touches(index):
                 before = self._touched.get((index, touch))
                 self._touched[index, touch] = now
-                if before is None or now - before > FORGOTTEN:
-                    vehicle.tell_touch(touch)
+                if before is None or now - before > TOUCH_GAP:
+                    vehicle.on_touch(touch)
 
     def _step(self) -> None:
         on, row = self.onboard, self._errors.take(1)
@@ -90,7 +89,7 @@ class RotorpyWorld(Session):
                 on.loops[i], on.filters[i], rates, on.setpoints[i], on.gains[i]
             )
             on.controls[i] = on.delayed(i, wanted)
-            if vehicle.listens:
+            if vehicle.reads_imu:
                 vehicle.add_imu(felt)
         on.steps += 1
         for vehicle in self._vehicles:
@@ -103,10 +102,10 @@ class RotorpyWorld(Session):
         elapsed, self._blown = (now - self._blown) / NS, now
         jets = jets_of(self._vehicles)
         for i, vehicle in enumerate(self._vehicles):
-            if vehicle.is_blown:
-                self.onboard.winds[i] = vehicle.blown(now, elapsed, jets)
+            if vehicle.is_disturbed:
+                self.onboard.winds[i] = vehicle.wind_at(now, elapsed, jets)
                 thrust = vehicle.thrust
-                self.onboard.pushes[i] = vehicle.pushed(elapsed, thrust)
+                self.onboard.pushes[i] = vehicle.push(elapsed, thrust)
                 self._errors.shake(i, vehicle.vibration(thrust))
 
     def _touches(self, index: int) -> Iterator[Touch]:
@@ -130,7 +129,7 @@ class RotorpyWorld(Session):
         """The place of a vehicle."""
         return list(self.links).index(name)
 
-    def refit(self, index: int) -> None:
+    def apply_faults(self, index: int) -> None:
         """Obey a vehicle's rig."""
         vehicle = self._vehicles[index]
         self._plants[index].load(vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload)
@@ -141,11 +140,11 @@ class RotorpyWorld(Session):
         """Nobody carries anything."""
         raise Refused("it carries no payload")
 
-    def hurry(self, due: Time) -> None:
+    def schedule(self, due: Time) -> None:
         """Each step looks what is due."""
 
-    def find_listeners(self) -> None:
-        """Each step asks who listens."""
+    def update_imu_readers(self) -> None:
+        """Each step asks who reads_imu."""
 
     def close(self) -> None:
         """There is nothing to release."""

@@ -1,12 +1,11 @@
 """Simulated quadrotors in MuJoCo, all in one world.
 
-Rotors have lag, saturation and drag torque, more thrust over the floor and less below another
-vehicle; the body feels rotor drag, wind, gusts and the floor; mass, inertia and thrust differ from
-the airframe's; the battery sags. The on-board controller sees a noisy, biased IMU; motion capture
-comes at its own rate, noisy and late, and so do positions as of GPS, where an estimator asks for
-them. Where no command arrives any more, it comes down by itself. A payload is a part of its mass
-and, once released, a box that falls. Faults break it through its rig. The same generator gives the
-same flight, bit for bit.
+Rotors have lag, saturation, drag torque, ground effect and downwash. Rotor drag, wind, gusts and
+contacts act on the body. Mass, inertia and thrust differ from the airframe's, and the battery sags.
+The on-board controller reads a noisy, biased IMU. Motion capture delivers noisy poses at its own
+rate and with a delay; so does GPS with positions, if an estimator needs them. When commands stop,
+the vehicle lands by itself. A payload adds to the mass and, once released, falls as a box. Faults
+act on the vehicle through its link's `rig`. The same generator gives the same flight, bit for bit.
 """
 
 from __future__ import annotations
@@ -44,11 +43,11 @@ class SimParams:
         default=500.0, at_least=200.0, at_most=5000.0, read_only=True,
     )  # fmt: skip
     model_error: Ratio = param(
-        "How far mass, inertia, thrust, rotor time and drag may be from the airframe's.",
+        "Largest error of the airframe's mass, inertia, thrust, rotor time and drag.",
         default=0.05, at_least=0.0, at_most=0.2, read_only=True,
     )  # fmt: skip
     wind: Velocity = param(
-        "Steady wind, world frame; what blows along body z only the rotors feel, by `inflow`.",
+        "Steady wind, world frame; along body z it acts on the rotors alone, by `inflow`.",
         default=(0.0, 0.0, 0.0), read_only=True,
     )  # fmt: skip
     gust: Speed = param(
@@ -83,10 +82,10 @@ class SimParams:
         default=0.1 * DEG, at_least=0.0, read_only=True,
     )  # fmt: skip
     mocap_latency: Duration = param(
-        "How late a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
+        "Delay until a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
     )
     position_rate: Frequency = param(
-        "Positions a second, as from GPS; only where an estimator asks for them.",
+        "Positions a second, as from GPS; only if an estimator needs them.",
         default=5.0, at_least=1.0, read_only=True,
     )  # fmt: skip
     position_noise: Length = param(
@@ -101,7 +100,7 @@ class SimParams:
         read_only=True,
     )
     position_latency: Duration = param(
-        "How late a position arrives.", default=0.12, at_least=0.0, at_most=1.0, read_only=True
+        "Delay until a position arrives.", default=0.12, at_least=0.0, at_most=1.0, read_only=True
     )
     battery: Ratio = param(
         "Charge of the battery at the start.", default=1.0, above=0.0, at_most=1.0, read_only=True
@@ -110,51 +109,51 @@ class SimParams:
         "Battery reports a second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
     )
     calm: bool = param(
-        "Still air and a perfect lab: none of what follows, down to `stamp_jitter`.",
+        "Still air and a perfect lab: sets the parameters from here to `stamp_jitter` to zero.",
         default=False, read_only=True,
     )  # fmt: skip
     force_noise: Acceleration = param(
-        "Random force on the body over its mass along each axis, standard deviation; it lasts half"
-        " a second, as eddies of a room do.",
+        "Random force on the body over its mass along each axis, standard deviation; correlated"
+        " over half a second, like eddies in a room.",
         default=0.08, at_least=0.0, at_most=5.0, read_only=True,
     )  # fmt: skip
     torque_noise: AngularAcceleration = param(
-        "Random torque over the moment of inertia about each axis, standard deviation; it lasts"
-        " half a second too.",
+        "Random torque over the moment of inertia about each axis, standard deviation; correlated"
+        " over half a second.",
         default=0.5, at_least=0.0, at_most=50.0, read_only=True,
     )  # fmt: skip
     drag_error: Ratio = param(
-        "How far drag may be from the airframe's, beside `model_error`.",
+        "Largest error of the airframe's drag, on top of `model_error`.",
         default=0.5, at_least=0.0, at_most=0.9, read_only=True,
     )  # fmt: skip
     accelerometer_vibration: Acceleration = param(
         "Noise along body z that the rotors add to each accelerometer sample in hover, standard"
-        " deviation; it goes with their thrust and is 0.6 of that along body x and y. ArduPilot"
-        " takes 5 m/s^2 along z and 3 across for the most that does no harm (Measuring Vibration).",
+        " deviation; proportional to thrust, and 0.6 of it along body x and y. ArduPilot considers"
+        " up to 5 m/s^2 along z and 3 across harmless (Measuring Vibration).",
         default=1.0, at_least=0.0, at_most=20.0, read_only=True,
     )  # fmt: skip
     gyro_vibration: AngularRate = param(
         "Noise that the rotors add to each gyroscope sample in hover, standard deviation; the"
-        " estimators for EuRoC's flights take 0.6 to 3 deg/s (VINS-Mono).",
+        " estimators of EuRoC's flights assume 0.6 to 3 deg/s (VINS-Mono).",
         default=1.0 * DEG, at_least=0.0, at_most=60.0 * DEG, read_only=True,
     )  # fmt: skip
     ground_effect: Number = param(
-        "Thrust gained near the floor over what a quadrotor's rotors gain there (Cheeseman and"
-        " Bennett, 1955; Sanchez-Cuevas, Heredia and Ollero, 2017).",
+        "Thrust gained near the floor, relative to a quadrotor's model (Cheeseman and Bennett,"
+        " 1955; Sanchez-Cuevas, Heredia and Ollero, 2017).",
         default=1.0, at_least=0.0, at_most=3.0, read_only=True,
     )  # fmt: skip
     downwash: Number = param(
-        "Speed of the air that it blows down on those below over that of the jet below a quadrotor"
-        " of its thrust (Bauersfeld et al., RA-L 2025); `inflow` says what it does to them.",
+        "Speed of the jet below the vehicle, relative to a quadrotor's model (Bauersfeld et al.,"
+        " RA-L 2025); it acts on vehicles below by their `inflow`.",
         default=1.0, at_least=0.0, at_most=3.0, read_only=True,
     )  # fmt: skip
     inflow: Number = param(
-        "Drag along body z over that in the rotors' plane: rotors that climb through air lose"
-        " thrust (Svacha, Mohta and Kumar, ICUAS 2017).",
+        "Drag along body z, relative to that in the rotors' plane: rotors that climb through air"
+        " lose thrust (Svacha, Mohta and Kumar, ICUAS 2017).",
         default=2.0, at_least=0.0, at_most=10.0, read_only=True,
     )  # fmt: skip
     loop_error: Ratio = param(
-        "How far the inertia and rotor time that the on-board gains are made for may be wrong.",
+        "Largest error of the inertia and rotor time for which the on-board gains are tuned.",
         default=0.1, at_least=0.0, at_most=0.3, read_only=True,
     )  # fmt: skip
     gyro_filter: Frequency = param(
@@ -163,42 +162,44 @@ class SimParams:
         default=50.0, at_least=10.0, at_most=1000.0, read_only=True,
     )  # fmt: skip
     dead_time: Duration = param(
-        "From the gyroscope's sample to the motors' answer: the loop, the ESC's protocol.",
+        "Delay from a gyroscope sample to the motors: the loop and the ESC's protocol.",
         default=0.005, at_least=0.0, at_most=0.05, read_only=True,
     )  # fmt: skip
     command_latency: Duration = param(
-        "How late a command arrives on board.", default=0.010, at_least=0.0, at_most=0.2,
+        "Delay until a command arrives on board.", default=0.010, at_least=0.0, at_most=0.2,
         read_only=True,
     )  # fmt: skip
     command_jitter: Duration = param(
-        "Standard deviation of that.", default=0.003, at_least=0.0, at_most=0.1, read_only=True
+        "Standard deviation of that delay.",
+        default=0.003,
+        at_least=0.0,
+        at_most=0.1,
+        read_only=True,
     )
     mocap_misalignment: Angle = param(
-        "Standard deviation of the angle about each axis between the body and what motion capture"
-        " takes for it.",
+        "Standard deviation of the angle about each axis between the body and its axes in motion"
+        " capture.",
         default=1.0 * DEG, at_least=0.0, at_most=10.0 * DEG, read_only=True,
     )  # fmt: skip
     mocap_loss: Ratio = param(
-        "Poses that never arrive.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
+        "Share of poses that are lost.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
     )
     stamp_error: Duration = param(
-        "How far the stamps of poses may be off, the same for the whole flight.",
+        "Largest error of the poses' stamps, constant for a flight.",
         default=0.005, at_least=0.0, at_most=0.1, read_only=True,
     )  # fmt: skip
     stamp_jitter: Duration = param(
-        "Standard deviation of each stamp around that.",
+        "Standard deviation of each stamp.",
         default=0.001, at_least=0.0, at_most=0.05, read_only=True,
     )  # fmt: skip
     watchdog: bool = param(
-        "Level out and come down by itself when no command arrives for 250 ms.",
+        "Level out and land by itself when no command arrives for 250 ms.",
         default=True, read_only=True,
     )  # fmt: skip
     live: bool = param("Show the flight in MuJoCo's viewer.", default=False, read_only=True)
 
 
 class Sim(Driver[SimParams]):
-    """The simulator; MuJoCo is imported when it is opened."""
-
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
     provides = frozenset(
         {

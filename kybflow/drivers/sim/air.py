@@ -1,5 +1,4 @@
-"""The air that a vehicle flies in: wind, gusts, eddies of a room, which push and turn it, the
-cushion over the floor and the jet below another vehicle."""
+"""Models of the air: wind, gusts, eddies in a room, ground effect and downwash."""
 
 from __future__ import annotations
 
@@ -18,12 +17,12 @@ EDDY_TIME = 0.5
 AIR = 1.2
 """Density, kg/m^3."""
 FOUNTAIN = 4.0
-"""What the air that the floor turns up between the rotors lifts on the body: twice their K."""
+"""Lift on the body by the air that rises between the rotors: twice their K."""
 
 
 class Wandering:
-    """Numbers that each are an Ornstein-Uhlenbeck process, which forgets within `lasts` seconds.
-    deviations: their standard deviations. noise: rows of as many standard normal numbers."""
+    """Ornstein-Uhlenbeck processes with a time constant of `lasts` seconds. deviations: their
+    standard deviations. noise: rows of as many standard normal numbers."""
 
     def __init__(
         self, deviations: Sequence[float], lasts: float, noise: Iterator[list[float]]
@@ -32,7 +31,7 @@ class Wandering:
         self._now: Numbers = (0.0,) * len(deviations)
 
     def after(self, seconds: float) -> Numbers:
-        """The numbers, `seconds` after the last call."""
+        """Return the values, `seconds` after the last call."""
         keep = exp(-seconds / self._lasts)
         kick = sqrt(1.0 - keep * keep)
         moved = zip(self._now, self._deviations, next(self._noise), strict=True)
@@ -41,8 +40,8 @@ class Wandering:
 
 
 class GustyWind:
-    """The wind at one vehicle, m/s, world frame: a steady one, and gusts along each axis. gust:
-    their standard deviation. noise: rows of three standard normal numbers."""
+    """The wind at one vehicle, m/s, world frame: steady, plus gusts along each axis. gust: their
+    standard deviation. noise: rows of three standard normal numbers."""
 
     def __init__(self, steady: Vec3, gust: float, noise: Iterator[list[float]]) -> None:
         self._steady = steady
@@ -50,7 +49,7 @@ class GustyWind:
         self.blows = gust > 0.0 or any(steady)
 
     def after(self, seconds: float) -> Vec3:
-        """The wind, `seconds` after the last call."""
+        """Return the wind, `seconds` after the last call."""
         if self._gusts is None:
             return self._steady
         x, y, z = self._gusts.after(seconds)
@@ -66,8 +65,8 @@ class GroundEffect:
     hubs. k: 1/2 for the rotor across and `FOUNTAIN` for the body. The first term is Cheeseman and
     Bennett's (ARC R&M 3021, 1955), the others are those of a quadrotor by Sanchez-Cuevas, Heredia
     and Ollero (Characterization of the Aerodynamic Ground Effect, Int. J. Aerospace Eng. 2017).
-    Below z = R / 2, where the first no longer holds, it is as there. The floor is the world's, not
-    what a vehicle flies over. share: of what is gained.
+    Below z = R / 2, where the first no longer holds, the gain is constant. Only the world's floor
+    counts, not obstacles below a vehicle. share: a factor on the gain.
     """
 
     def __init__(self, airframe: Airframe, share: float) -> None:
@@ -75,7 +74,7 @@ class GroundEffect:
         self._share = share
 
     def gain(self, height: float) -> float:
-        """What is gained at a height in metres, as a part of the thrust far from the floor."""
+        """Return the gain at a height, m, as a fraction of the thrust far from the floor."""
         z, across = max(height, 0.5 * self._radius), self._diameter**2
         area, far = self._radius**2, 4.0 * z * z
         beside, opposite = sqrt(0.5 * across + far) ** 3, sqrt(across + far) ** 3
@@ -84,15 +83,16 @@ class GroundEffect:
 
 
 class Downwash:
-    """The air that a vehicle blows down, as the turbulent jet that its rotors' flows merge into:
+    """The turbulent jet into which the flows of a vehicle's rotors merge:
 
         w = 10.1 v / s 2^-(r / h)^2,    h = 0.0767 s,    s = 5.82 + depth / diameter
 
-    v = sqrt(T / (2 A rho)): what rotors of the area A induce where they give the thrust T. r: how
-    far aside, over the diameter. Found by Bauersfeld, Muller, Ziegler, Coletti and Scaramuzza
-    (Robotics meets Fluid Dynamics, RA-L 2025) below six quadrotors, from 2.5 diameters on; nearer,
-    where it is 1.7 v at most, it is a guess. Their profile has no edge; this one, a Gaussian, is as
-    wide. It hangs straight down: neither wind nor tilt bends it. share: of the speed.
+    v = sqrt(T / (2 A rho)): the speed that rotors of the area A induce at the thrust T. r: the
+    horizontal distance over the diameter. Bauersfeld, Muller, Ziegler, Coletti and Scaramuzza
+    (Robotics meets Fluid Dynamics, RA-L 2025) measured it below six quadrotors, from 2.5 diameters
+    on; nearer, where it reaches 1.7 v, it is extrapolated. This Gaussian is as wide as their
+    profile. The jet points straight down: neither wind nor tilt bends it. share: a factor on the
+    speed.
     """
 
     def __init__(self, airframe: Airframe, share: float) -> None:
@@ -100,19 +100,20 @@ class Downwash:
         self._diameter, self._share = airframe.diameter, share
 
     def jet(self, at: Vec3, thrust: float) -> Jet:
-        """That below a vehicle which gives so many newtons."""
+        """Return the jet below a vehicle with this thrust, N."""
         return Jet(at, self._diameter, self._share * sqrt(thrust / self._twice))
 
 
 class Jet(NamedTuple):
-    """The jet below a vehicle. at: its place. diameter: its airframe's. speed: v above, m/s."""
+    """The jet below a vehicle. at: the vehicle's position. diameter: of its airframe. speed: v of
+    `Downwash`, m/s."""
 
     at: Vec3
     diameter: float
     speed: float
 
     def sinks(self, place: Vec3) -> float:
-        """How fast the air sinks at a place, m/s."""
+        """Return how fast the air sinks at a place, m/s."""
         (x, y, z), (px, py, pz) = self.at, place
         if pz >= z:
             return 0.0

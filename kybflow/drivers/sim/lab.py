@@ -1,5 +1,4 @@
-"""How a vehicle in a lab differs from what its maker says, and what its lab does to it; drawn once
-a flight. A calm world has none of it."""
+"""How a vehicle differs from its airframe, and the disturbances of its lab; drawn once a flight."""
 
 from __future__ import annotations
 
@@ -24,18 +23,18 @@ _NOUGHT = dict.fromkeys(
     0.0,
 )  # fmt: skip
 
+ROTOR_SPREAD = 0.2
+"""How much the rotors differ from each other, as a fraction of `model_error`."""
 ACROSS = 0.6
-"""The accelerometer's vibration along body x and y over that along z."""
+"""The accelerometer's vibration along body x and y, relative to that along z."""
 
 
 class Lab(NamedTuple):
-    """drag: the body's over what it would be. inflow: drag along body z over that. loop: what the
-    on-board loop is made of. eddies: what pushes the body, N, world frame, and turns it, N m, body
-    frame; None in still air. vibration: what the IMU measures of the rotors in hover; None where
-    nothing vibrates. ground, downwash: what the floor does to its thrust, and the jet below it;
-    None for nothing. markers: the body that motion capture takes for the vehicle's, in the
-    vehicle's. stamps: how much later than it was a pose is stamped, s. late: seconds by which each
-    command is late; None where none is."""
+    """The lab of one vehicle. drag: a factor on the body's drag. inflow: drag along body z over
+    that in the rotors' plane. loop: the on-board loop's settings. eddies: force, N, world frame,
+    and torque, N m, body frame; None in still air. vibration: of the IMU in hover; None for none.
+    ground, downwash: None for none. markers: attitude of the motion-capture body in the vehicle's.
+    stamps: error of the poses' stamps, s. late: the delay of each command, s; None for none."""
 
     drag: float
     inflow: float
@@ -49,19 +48,19 @@ class Lab(NamedTuple):
     late: Iterator[list[float]] | None
 
     @property
-    def stirs(self) -> bool:
-        """Whether something of it changes from tick to tick."""
+    def disturbs(self) -> bool:
+        """Whether any disturbance changes over time."""
         found = (self.eddies, self.vibration, self.ground, self.downwash)
-        return any(stirs is not None for stirs in found)
+        return any(disturbs is not None for disturbs in found)
 
 
 def as_flown(params: Any) -> Any:
-    """A simulated vehicle's parameters, without all that a calm world doesn't have."""
+    """Return the parameters, without disturbances if `calm`."""
     return replace(params, **_NOUGHT) if params.calm else params
 
 
 def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
-    """Draw a vehicle's. p: its parameters, as flown."""
+    """Draw a vehicle's lab. p: its parameters, `as_flown`."""
     drag, jx, jy, jz, lag, stamps = generator.uniform(-1.0, 1.0, 6).tolist()
     wrong, (ix, iy, iz) = p.loop_error, airframe.inertia
     believed = replace(
@@ -88,3 +87,22 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
         p.stamp_error * stamps,
         draw(commands, [latency], [jitter]) if latency or jitter else None,
     )
+
+
+def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:
+    """Draw a vehicle within `error` of its airframe, each rotor a little different. The inertia
+    follows from the mass distribution drawn along each axis, since three independently drawn
+    moments may be physically impossible."""
+    draws = (1.0 + error * generator.uniform(-1.0, 1.0, 7)).tolist()
+    mass, along_x, along_y, along_z, thrust, rotor_time, drag = draws
+    half = sum(airframe.inertia) / 2.0
+    xx, yy, zz = (
+        max(0.0, half - moment) * factor
+        for moment, factor in zip(airframe.inertia, (along_x, along_y, along_z), strict=True)
+    )
+    spread = 1.0 + error * ROTOR_SPREAD * generator.uniform(-1.0, 1.0, 4)
+    a, b, c, d = (airframe.thrust * thrust * spread).tolist()
+    return BuiltAirframe(
+        airframe.mass * mass, (yy + zz, zz + xx, xx + yy), (a, b, c, d),
+        airframe.rotor_time * rotor_time, airframe.drag * drag,
+    )  # fmt: skip

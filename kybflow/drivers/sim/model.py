@@ -1,14 +1,12 @@
-"""The MJCF text of a world: a floor, the fence as a faint box, the obstacles, and every vehicle,
-each its own.
+"""The MJCF text of a world: the floor, the fence as a faint box, obstacles, parcels and vehicles.
 
-A vehicle's origin is its centre of mass, in the plane of its rotors; standing on the floor it is at
-z = 0, so the floor lies `LEGS` below. Rotors are an X: front left, rear left, rear right, front
-right; the first and the third turn clockwise seen from above and so push the body counter-
-clockwise.
+A vehicle's origin is its centre of mass, in the plane of its rotors. A vehicle on the floor is at
+z = 0, so the floor lies `LEGS` below. The rotors form an X: front left, rear left, rear right,
+front right; the first and the third turn clockwise seen from above, so that their drag turns the
+body counterclockwise.
 
-MuJoCo knows bodies and what they touch, and neither actuators nor sensors: their cost grows with
-actuators times degrees of freedom. `steps.rotors` and `sensors` compute what rotors do and what
-IMUs feel.
+MuJoCo simulates bodies and contacts, but neither actuators nor sensors, whose cost grows with
+actuators times degrees of freedom. `steps.rotors` and `sensors` compute rotors and IMUs.
 """
 
 from __future__ import annotations
@@ -24,24 +22,21 @@ from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Scanned, Sphere, 
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
-"""The number of the first vehicle's body; all that does not move belongs to body 0."""
+"""The number of the first vehicle's body; everything that doesn't move belongs to body 0."""
 FLOOR = "floor"
-"""The name of the floor's geom."""
+"""Name of the floor's geom."""
 OBSTACLE = "obstacle "
-"""What the name of an obstacle's geom begins with."""
+"""Prefix of the names of obstacles' geoms."""
 PARCEL = "payload "
-"""What the name of a parcel's geom begins with."""
+"""Prefix of the names of parcels' geoms."""
 _SCANNED = 'rgba="0.6 0.45 0.35 1"'
 SOLID = '<default><geom conaffinity="3"/></default>\n'
-"""Where there are parcels: everything but vehicles meets them all, a vehicle those that are
-clear of the one that carried them."""
+"""Used if there are parcels: everything but vehicles collides with all parcels, and a vehicle with
+those that are clear of their carrier."""
 
 
 class BuiltAirframe(NamedTuple):
-    """A vehicle as it is built, which differs from what its maker says. SI.
-
-    thrust: the largest of each rotor.
-    """
+    """A vehicle as built, which differs from its airframe. SI. thrust: each rotor's largest."""
 
     mass: float
     inertia: Vec3
@@ -53,7 +48,7 @@ class BuiltAirframe(NamedTuple):
 def world_text(
     contexts: Sequence[VehicleContext], bodies: Sequence[BuiltAirframe], timestep: float
 ) -> str:
-    """The whole world as MJCF; `timestep` in seconds."""
+    """Return the world as MJCF. timestep: in seconds."""
     every = enumerate(zip(contexts, bodies, strict=True))
     vehicles = "".join(_vehicle(index, context, body) for index, (context, body) in every)
     fences = {context.fence: None for context in contexts if context.fence is not None}
@@ -90,7 +85,7 @@ def _fence(box: Box) -> str:
 
 
 def _scanned(name: str, shape: Scanned) -> str:
-    """A body without joints, whose name all its parts share."""
+    """Return a body without joints; contacts report its name for all parts."""
     parts = "".join(f"<geom {_place(part)} {_SCANNED}/>\n" for part in parts_of(shape))
     return f'<body name="{escape(OBSTACLE + name)}">\n{parts}</body>\n'
 
@@ -113,7 +108,7 @@ def _place(shape: Convex) -> str:
 
 
 def _moving(name: str, ball: MovingSphere) -> str:
-    """A body that the world places each tick, `mocap` to MuJoCo: nothing pushes it off its way."""
+    """Return a body that the world places each tick (`mocap`), so that contacts don't move it."""
     called = escape(OBSTACLE + name)
     return (
         f'<body name="{called}" mocap="true" pos="{_numbers(ball.at(0.0))}">'
@@ -150,14 +145,14 @@ def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
 
 
 def mount(parcel: Parcel) -> float:
-    """Height of the parcel's centre on board, in the body."""
+    """Return the height of a carried parcel's centre in the body frame."""
     return 0.5 * parcel.size - LEGS
 
 
 def loaded(mass: float, inertia: Vec3, parcel: Parcel | None) -> tuple[float, Vec3, float]:
-    """Mass, moments of inertia about the centre of mass, and that centre's height in the body, of a
-    body whose own is at its origin with a parcel on board: the parallel axis theorem with the
-    reduced mass m M / (m + M), and m s^2 / 6 for the cube itself. SI."""
+    """Return mass, moments of inertia about the centre of mass, and that centre's height in the
+    body frame, of a vehicle with a parcel: the parallel axis theorem with the reduced mass m M / (m
+    + M), and m s^2 / 6 for the cube itself. SI."""
     if parcel is None:
         return mass, inertia, 0.0
     m, height = parcel.mass, mount(parcel)
@@ -167,7 +162,7 @@ def loaded(mass: float, inertia: Vec3, parcel: Parcel | None) -> tuple[float, Ve
 
 
 def parcel_text(context: VehicleContext) -> str:
-    """A vehicle's parcel as MJCF, where it is on board."""
+    """Return a vehicle's parcel as MJCF, placed on board."""
     assert context.payload is not None
     (x, y, z), half = context.start, 0.5 * context.payload.size
     name = escape(PARCEL + context.vehicle)
@@ -180,7 +175,7 @@ def parcel_text(context: VehicleContext) -> str:
 
 
 def _stand(context: VehicleContext) -> str:
-    """What a vehicle stands on that starts above the floor."""
+    """Return the stand of a vehicle that starts above the floor."""
     x, y, z = context.start
     half = context.airframe.arm
     return (

@@ -1,4 +1,4 @@
-"""How commands reach a simulated on-board controller, and what happens when none does any more."""
+"""Delivers commands to a simulated on-board controller; its watchdog lands when none arrive."""
 
 from __future__ import annotations
 
@@ -12,134 +12,133 @@ from kybflow.flight.descent import Descent
 from kybflow.world.vehicle_context import Airframe
 
 WATCHDOG: Time = NS // 4
-"""How long an armed vehicle waits for a command before it comes down by itself."""
-FEELS: Time = NS // 5
-"""How often it takes stock of what was felt."""
-FORGOTTEN = 2.0
-"""Seconds in which a speed that the IMU has felt is forgotten: an accelerometer that is wrong by b
-is never mistaken for more than 2 b, however long the flight."""
-LEARNT = 5.0
-"""Seconds over which the specific force and the commanded thrust are averaged in flight. Who
-commands the vehicle keeps its speed bounded, so that in the long run the force is gravity and what
-the accelerometer is wrong by now, whatever it felt at rest, and the thrust is what carries the
-vehicle as it is, on the battery that it has."""
+"""How long an armed vehicle waits for a command before it descends by itself."""
+UPDATE_PERIOD: Time = NS // 5
+"""How often the estimates of climb rate, bias and hover thrust are updated."""
+CLIMB_MEMORY = 2.0
+"""Time constant with which the integrated climb rate decays, s, so that an accelerometer bias of b
+never becomes a climb rate of more than 2 b."""
+AVERAGING_TIME = 5.0
+"""Time constant for averaging the specific force and the commanded thrust in flight, s. Since the
+commanded speed is bounded, the average force is gravity plus the current accelerometer bias, and
+the average thrust is the hover thrust at the current mass and battery."""
 MOTION = 2.0
-"""No accelerometer is wrong by more, m/s^2: since the last command, when nobody holds the speed any
-more, such a force is motion."""
-SETTLED = 1.0
-"""Seconds for which the airframe's weight counts in that average."""
-UNSURE = 0.1
-"""The part of a vehicle's weight that the thrust of its airframe's may not carry."""
-LEAVES = 0.9
-"""The thrust over the airframe's weight from which it may fly. What is asked for while the mean
-force differs from that at rest by more than 1 m/s^2 doesn't count: it carries no weight."""
+"""Largest plausible accelerometer bias, m/s^2; a larger force since the last command is motion."""
+PRIOR_TIME = 1.0
+"""Seconds with which the airframe's weight counts in that average."""
+HOVER_ERROR = 0.1
+"""Largest error of the airframe's hover thrust, as a fraction of the vehicle's weight."""
+LIFT_OFF = 0.9
+"""Commanded thrust over the airframe's weight from which the vehicle counts as flying. Thrust
+doesn't count while the mean force differs from that at rest by more than 1 m/s^2."""
 
 
 class Receiver:
     """Hands commands to the on-board controller, `late` nanoseconds after they were sent. When
-    nothing arrives for too long its watchdog levels out and comes down by the law of
-    `kybflow.flight.descent`. Until it is down it heeds nothing but `stop`, and afterwards it waits
-    for a command that is not armed."""
+    commands stop, its watchdog levels out and descends (`kybflow.flight.descent`). During the
+    descent it accepts nothing but `stop`; afterwards it ignores commands until a disarmed one."""
 
-    def __init__(self, controller: AttitudeController, airframe: Airframe, watched: bool) -> None:
+    def __init__(
+        self, controller: AttitudeController, airframe: Airframe, has_watchdog: bool
+    ) -> None:
         self.descent: Descent | None = None
         self.late: Time = 0
-        self._controller, self._airframe, self._watched = controller, airframe, watched
-        self._heard = self._felt = 0
-        self._deaf = False
-        self._climb = self._wrong = 0.0
+        self._controller, self._airframe, self._has_watchdog = controller, airframe, has_watchdog
+        self._received_at = self._updated_at = 0
+        self._ignores = False
+        self._climb = self._bias = 0.0
         self._hover, self._flown = airframe.hover_thrust, 0.0
-        self._thrust = self._asked = 0.0
+        self._thrust = self._impulse = 0.0
         self._counted: Time = 0
-        self._on_the_way: deque[tuple[Time, Command, bool]] = deque()
+        self._delayed: deque[tuple[Time, Command, bool]] = deque()
 
-    def put_off(self, late: Time) -> None:
-        """From now on what is sent arrives `late`; what was put off is lost when that is zero."""
+    def set_delay(self, late: Time) -> None:
+        """Delay commands by `late`. If it is zero, the commands that this delayed are lost."""
         self.late = late
         if not late:
-            self._on_the_way = deque(entry for entry in self._on_the_way if not entry[2])
+            self._delayed = deque(entry for entry in self._delayed if not entry[2])
 
     def delay(self, command: Command, now: Time, more: Time) -> Time:
-        """A command is sent at `now` and arrives late, by `more` beside: when. None overtakes
-        another."""
-        last = self._on_the_way[-1][0] if self._on_the_way else now
+        """Queue a command that arrives later, by another `more`; return when. Commands keep their
+        order."""
+        last = self._delayed[-1][0] if self._delayed else now
         due = max(last, now + self.late + more)
-        self._on_the_way.append((due, command, self.late > 0))
+        self._delayed.append((due, command, self.late > 0))
         return due
 
-    def hear(self, command: Command, now: Time) -> None:
-        """A command arrives."""
-        self._heard = now
-        if self._deaf:
+    def receive(self, command: Command, now: Time) -> None:
+        """Take a command that arrives now."""
+        self._received_at = now
+        if self._ignores:
             if command.armed or self.descent is not None:
                 return
-            self._deaf = False
-        self._count(now)
+            self._ignores = False
+        self._add_thrust(now)
         _, x, y, _ = command.attitude
         self._thrust = command.thrust * (1.0 - 2.0 * (x * x + y * y))
         self._controller.receive(command)
 
-    def _count(self, now: Time) -> None:
-        """The upward thrust that was asked for until now counts."""
-        self._asked += self._thrust * (now - self._counted)
+    def _add_thrust(self, now: Time) -> None:
+        """Integrate the commanded upward thrust until now."""
+        self._impulse += self._thrust * (now - self._counted)
         self._counted = now
 
     def stop(self) -> None:
         """Stop the rotors at once."""
-        self._deaf, self.descent = False, None
+        self._ignores, self.descent = False, None
         self._controller.receive(Command(LEVEL, 0.0, ZERO, None, False))
 
-    def mind(self, now: Time) -> Time:
-        """Take what has arrived, the newest counts; begin to come down when nothing was heard for
-        too long. When it wants to be called again; a command that arrives makes that no earlier."""
-        waiting, newest = self._on_the_way, None
+    def update(self, now: Time) -> Time:
+        """Take the newest command that has arrived, and start the descent if none has for too long.
+        Return when to call this again; a command that arrives doesn't require an earlier call."""
+        waiting, newest = self._delayed, None
         while waiting and waiting[0][0] <= now:
             newest = waiting.popleft()[1]
         if newest is not None:
-            self.hear(newest, now)
+            self.receive(newest, now)
         due = waiting[0][0] if waiting else NEVER
-        if not self._watched:
+        if not self._has_watchdog:
             return due
         if not self._controller.armed:
-            self._climb = self._wrong = 0.0
+            self._climb = self._bias = 0.0
             self._hover, self._flown = self._airframe.hover_thrust, 0.0
-        elif not self._deaf:
-            is_silent = now - self._heard >= WATCHDOG
-            if is_silent or now - self._felt >= FEELS:
-                self._take_stock(now, is_silent)
+        elif not self._ignores:
+            is_silent = now - self._received_at >= WATCHDOG
+            if is_silent or now - self._updated_at >= UPDATE_PERIOD:
+                self._check(now, is_silent)
             if not is_silent:
-                return min(due, self._heard + WATCHDOG)
+                return min(due, self._received_at + WATCHDOG)
         return min(due, now + WATCHDOG)
 
-    def _take_stock(self, now: Time, is_silent: bool) -> None:
-        """Take what was felt and asked for; begin to come down where nobody is heard any more."""
-        self._count(now)
-        self._felt, wrong = now, self._wrong
+    def _check(self, now: Time, is_silent: bool) -> None:
+        """Update the estimates, and start the descent if commands have stopped."""
+        self._add_thrust(now)
+        self._updated_at, bias = now, self._bias
         gained, seconds = self._controller.gained()
-        self._feel(gained, seconds)
+        self._update_estimates(gained, seconds)
         if is_silent:
             if abs(gained) < MOTION * seconds:
-                wrong = self._wrong
-            most, rest = self._airframe.max_thrust, self._controller.rest + wrong
-            unsure = UNSURE * exp(-2.0 * self._flown / LEARNT)
-            self.descent = Descent(self._hover, most, self._climb, rest, unsure)
-            self._deaf = True
+                bias = self._bias
+            most, rest = self._airframe.max_thrust, self._controller.rest + bias
+            hover_error = HOVER_ERROR * exp(-2.0 * self._flown / AVERAGING_TIME)
+            self.descent = Descent(self._hover, most, self._climb, rest, hover_error)
+            self._ignores = True
 
-    def _feel(self, gained: float, seconds: float) -> None:
-        """Take the upward speed that the IMU has felt in flight, m/s, in so many seconds, and the
-        thrust that was asked for meanwhile."""
-        keep, asked = exp(-seconds / LEARNT), self._asked / NS
-        self._asked = 0.0
+    def _update_estimates(self, gained: float, seconds: float) -> None:
+        """Update with the upward speed that the IMU has gained in flight, m/s, in so many seconds,
+        and the thrust commanded meanwhile."""
+        keep, impulse = exp(-seconds / AVERAGING_TIME), self._impulse / NS
+        self._impulse = 0.0
         if seconds > 0.0:
-            self._wrong = keep * self._wrong + (1.0 - keep) * gained / seconds
-            if asked > LEAVES * self._airframe.hover_thrust * seconds and abs(gained) < seconds:
+            self._bias = keep * self._bias + (1.0 - keep) * gained / seconds
+            if impulse > LIFT_OFF * self._airframe.hover_thrust * seconds and abs(gained) < seconds:
                 self._flown += seconds
-                share = seconds / min(self._flown + SETTLED, LEARNT)
-                self._hover += share * (asked / seconds - self._hover)
-        self._climb = self._climb * exp(-seconds / FORGOTTEN) + gained - self._wrong * seconds
+                share = seconds / min(self._flown + PRIOR_TIME, AVERAGING_TIME)
+                self._hover += share * (impulse / seconds - self._hover)
+        self._climb = self._climb * exp(-seconds / CLIMB_MEMORY) + gained - self._bias * seconds
 
     def come_down(self, lift: float, dt: float) -> None:
-        """One step of the descent, with the specific force along body z that is felt, m/s^2."""
+        """Make one step of the descent. lift: the specific force along body z, m/s^2."""
         if self.descent is None:
             return
         thrust = self.descent.step(lift, dt)

@@ -1,6 +1,6 @@
-"""What a simulated vehicle measures: the IMU's noise, motion capture, positions, the battery.
+"""Sensors of a simulated vehicle: IMU errors, motion capture, positions and battery.
 
-Each has its own schedule in integer nanoseconds. Chance comes from seeded NumPy generators, drawn
+Each has its own schedule in integer nanoseconds. Random numbers come from seeded NumPy generators
 in blocks.
 """
 
@@ -26,16 +26,15 @@ Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
 BLOCK = 500
 NOTHING: Numbers = (0.0,) * 6
 AHEAD = 16
-"""Steps whose vibration is added at a time."""
+"""Number of steps for which vibration is added at once."""
 WANDERS, LASTS = 0.5, 30.0
-"""The part of a position's variance that wanders, and for how many seconds it stays about the
-same."""
+"""Fraction of a position's variance that wanders, and its time constant, s."""
 
 
 def draw(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[list[float]]:
-    """Rows of normally distributed numbers with the given means and deviations, without end."""
+    """Yield rows of normally distributed numbers with these means and deviations, endlessly."""
     blocks = draw_blocks(generator, offsets, deviations)
     return chain.from_iterable(block.tolist() for block in blocks)
 
@@ -43,7 +42,7 @@ def draw(
 def draw_blocks(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[Array]:
-    """Blocks of such rows."""
+    """Yield such rows in blocks."""
     while True:
         block = generator.standard_normal((BLOCK, len(offsets)))
         block *= deviations
@@ -52,9 +51,8 @@ def draw_blocks(
 
 
 def vibrations(generator: numpy.random.Generator, deviations: list[float]) -> Iterator[Array]:
-    """Blocks of rows of noise without low frequencies: differences of white noise, with the given
-    deviations. What an IMU adds up of it stays bounded, as it does of rotors, which turn at tens of
-    hertz."""
+    """Yield blocks of noise without low frequencies: differences of white noise with these
+    deviations. Its integral stays bounded, like that of rotors' vibration at tens of hertz."""
     count = len(deviations)
     last = numpy.zeros((1, count))
     for block in draw_blocks(generator, [0.0] * count, [d / sqrt(2.0) for d in deviations]):
@@ -65,9 +63,9 @@ def vibrations(generator: numpy.random.Generator, deviations: list[float]) -> It
 def imu_sample(
     rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Numbers
 ) -> Numbers:
-    """What an IMU at the body's origin measures of a physics step: turn rate and specific force
-    along body x, y, z, with its errors. rotation: body to world, row by row. velocity,
-    acceleration: a free joint's. All of them before the step."""
+    """Return what an IMU at the body's origin measures in a physics step: turn rate and specific
+    force along body x, y, z, plus errors. rotation: body to world, row by row. velocity,
+    acceleration: of the free joint. All of them before the step."""
     _, _, _, gx, gy, gz = velocity
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     ax, ay, az = acceleration
@@ -84,17 +82,16 @@ def imu_sample(
 
 
 class ImuSource(NamedTuple):
-    """Where the errors of a vehicle's IMU come from, in blocks of steps: turn rate and specific
-    force along body x, y, z. errors: with the rotors at rest. vibration: what they add in hover;
-    None where nothing vibrates."""
+    """The errors of a vehicle's IMU in blocks of steps: turn rate and specific force along body x,
+    y, z. errors: with stopped rotors. vibration: of the rotors in hover; None for none."""
 
     errors: Iterator[Array]
     vibration: Iterator[Array] | None
 
 
 class ImuErrors:
-    """The errors of all IMUs, step by step: those of steps to come, vehicle by vehicle, are in
-    `block`, with the vibration of those until `_ready`. form: makes a block from an array of steps,
+    """The errors of all IMUs, step by step. `block` holds those of coming steps, vehicle by
+    vehicle, including vibration until `_ready`. form: makes a block from an array of steps,
     vehicles and values."""
 
     def __init__(self, sources: Sequence[ImuSource], form: Callable[[Array], Any]) -> None:
@@ -108,17 +105,17 @@ class ImuErrors:
         self.block, self._next, self._ready = form(self._drawn), 0, 0
 
     def shake(self, vehicle: int, level: float) -> None:
-        """From now on a vehicle vibrates `level` times as much as in hover."""
+        """Scale a vehicle's vibration from now on to `level` times that in hover."""
         self._levels[vehicle] = level
         self._ready = self._next
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
-        """From now on a vehicle's are so much more than what is drawn."""
+        """Add a bias to a vehicle's errors from now on."""
         self._biases[vehicle] = more
         self.block, self._ready = self._form(self._drawn + self._biases), self._next
 
     def take(self, steps: int) -> int:
-        """Where in `block` the next so many steps begin."""
+        """Return where in `block` the next `steps` steps begin."""
         first = self._next
         while first + steps > len(self.block):
             self._drawn = _followed(self._drawn[first:], self._errors)
@@ -134,26 +131,25 @@ class ImuErrors:
 
 
 def _followed(rows: Array, sources: Sequence[Iterator[Array]]) -> Array:
-    """The rows of all vehicles, with the next block of each source after them."""
+    """Append the next block of each source to the rows."""
     return numpy.concatenate((rows, numpy.stack([next(source) for source in sources], axis=1)))
 
 
 class Averages:
-    """What a vehicle's IMU measured on average since it was last asked."""
+    """The average of a vehicle's IMU samples since the last measurement."""
 
     def __init__(self) -> None:
         self._sums: Numbers = NOTHING
         self._count = 0
 
-    def add(self, felt: Numbers) -> None:
-        """Another sample: turn rate and specific force."""
-        (gx, gy, gz, ax, ay, az), (hx, hy, hz, bx, by, bz) = self._sums, felt
+    def add(self, sample: Numbers) -> None:
+        (gx, gy, gz, ax, ay, az), (hx, hy, hz, bx, by, bz) = self._sums, sample
         self._sums = (gx + hx, gy + hy, gz + hz, ax + bx, ay + by, az + bz)
         self._count += 1
 
     def measure(self, now: Time, dt: float) -> Imu | None:
-        """The average of the samples, `dt` seconds each, the last of them taken at `now`; None
-        without a sample."""
+        """Return the average of the samples, of `dt` seconds each and the last taken at `now`; None
+        without samples."""
         count = self._count
         if not count:
             return None
@@ -163,7 +159,7 @@ class Averages:
 
 
 class Schedule:
-    """When a stream is next due: integer nanoseconds, from zero, at a rate in hertz."""
+    """The times of a stream: integer nanoseconds, from zero, at a rate in hertz."""
 
     def __init__(self, rate: float) -> None:
         self.rate = rate
@@ -176,8 +172,8 @@ class Schedule:
 
 
 class Stamps:
-    """When poses are said to have been measured: off by `error` seconds and by a `jitter`, its
-    standard deviation; a part of them, `lost`, never arrives."""
+    """The stamps of poses: off by `error` seconds, plus noise with the standard deviation `jitter`.
+    The share `lost` of the poses never arrives."""
 
     def __init__(
         self, error: float, jitter: float, lost: float, generator: numpy.random.Generator
@@ -188,7 +184,7 @@ class Stamps:
         self._rare = NormalDist().inv_cdf(lost) if lost else 0.0
 
     def of(self, at: Time) -> Time | None:
-        """The stamp of a pose at `at`, None for one that is lost."""
+        """Return the stamp of a pose at `at`, None if it is lost."""
         if self._are_exact:
             return at
         jitter, chance = next(self._chances)
@@ -198,8 +194,8 @@ class Stamps:
 
 
 class PoseSampler:
-    """Poses of one vehicle at their own rate, with noise; they arrive `latency` late. markers: the
-    body that is seen, in the vehicle's."""
+    """Noisy poses of one vehicle at their own rate, which arrive after `latency`. markers: attitude
+    of the motion-capture body in the vehicle's."""
 
     def __init__(
         self, rate: float, latency: float, position_noise: float, attitude_noise: float,
@@ -212,8 +208,8 @@ class PoseSampler:
         self._noise = draw(generator, [0.0] * 6, deviations)
 
     def measure(self, truth: Truth, at: Time, now: Time) -> Pose | None:
-        """The pose at `at`, from the truth at `now`, at most a physics step later; None where it is
-        lost."""
+        """Return the pose at `at`, from the truth at `now`, at most a physics step later; None if
+        it is lost."""
         stamp = self._stamps.of(at)
         back = (at - now) / NS
         (px, py, pz), (vx, vy, vz), attitude, (ox, oy, oz), _ = truth
@@ -228,11 +224,11 @@ class PoseSampler:
 
 
 class Positions:
-    """Positions of one vehicle at their own rate, as GPS gives them; they arrive `latency` late.
+    """GPS positions of one vehicle at their own rate, which arrive after `latency`.
 
-    The error along each axis is noise, anew for each, and what wanders: a first-order Gauss-Markov
-    process, w' = a w + sqrt(1 - a^2) n with a = exp(-1 / (rate LASTS)). deviations: east, north and
-    up, of both together.
+    The error along each axis is white noise plus a first-order Gauss-Markov process,
+    w' = a w + sqrt(1 - a^2) n with a = exp(-1 / (rate LASTS)). deviations: of the sum, east, north
+    and up.
     """
 
     def __init__(
@@ -248,13 +244,14 @@ class Positions:
         self._arriving: deque[tuple[Time, Position]] = deque()
 
     def begin(self, now: Time) -> None:
-        """Measure from now on."""
+        """Start to measure."""
         self.is_wanted = True
         while self.schedule.due < now:
             self.schedule.move_on()
 
     def measure(self, truth: Truth, now: Time) -> None:
-        """Measure all that is due, from the truth at `now`, at most a physics step later."""
+        """Take every position that is due, from the truth at `now`, at most a physics step
+        later."""
         while (at := self.schedule.due) <= now:
             back, (ex, ey, ez) = (at - now) / NS, self._errors()
             (px, py, pz), (vx, vy, vz), *_ = truth
@@ -263,7 +260,7 @@ class Positions:
             self.schedule.move_on()
 
     def arrived(self, now: Time) -> list[Position]:
-        """The positions that have arrived since the last call."""
+        """Return the positions that have arrived since the last call."""
         arrived = []
         while self._arriving and self._arriving[0][0] <= now:
             arrived.append(self._arriving.popleft()[1])
@@ -280,7 +277,7 @@ class Positions:
 
 
 class SimulatedBattery:
-    """A vehicle's battery and when it is reported."""
+    """A vehicle's battery and the schedule of its reports."""
 
     def __init__(self, airframe: Airframe, remaining: float, rate: float) -> None:
         self.schedule = Schedule(rate)
@@ -291,6 +288,6 @@ class SimulatedBattery:
 
 
 def bias(generator: numpy.random.Generator, deviation: float) -> Vec3:
-    """A sensor's constant offset, drawn once."""
+    """Draw a sensor's constant offset."""
     x, y, z = (generator.standard_normal(3) * deviation).tolist()
     return (x, y, z)

@@ -1,4 +1,4 @@
-"""One simulated vehicle: how it was built, its sensors, its on-board controller and its link."""
+"""One simulated vehicle: its link, sensors, on-board controller and disturbances."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from math import hypot
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy
 
@@ -23,8 +23,7 @@ from kybflow.core.signals import (
     Truth,
 )
 from kybflow.drivers.sim.air import GustyWind, Jet
-from kybflow.drivers.sim.lab import as_flown, lab
-from kybflow.drivers.sim.model import BuiltAirframe
+from kybflow.drivers.sim.lab import as_flown, build, lab
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
     NOTHING,
@@ -43,35 +42,35 @@ from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import constants
 from kybflow.parts import ActiveFaults, Link, Override, Seat
 from kybflow.parts.link import Touch
-from kybflow.world.vehicle_context import LEGS, Airframe
+from kybflow.world.vehicle_context import LEGS
 
 if TYPE_CHECKING:
     import random
 
+TOUCH_GAP: Time = NS // 2
+"""After so long without contact, the next contact is a new touch."""
 OWN_LANDING = Override("its own watchdog lands it", lands=True)
-ROTOR_SPREAD = 0.2
-"""How much the rotors differ from each other, as a part of `model_error`."""
 
 
 class Surroundings(Protocol):
-    """What a vehicle asks of the world that it is in (`kybflow.drivers.sim.world`). index: the
-    vehicle's place there."""
+    """The world as a vehicle uses it (`kybflow.drivers.sim.world`). index: the vehicle's index in
+    the world."""
 
     onboard: OnboardState
 
     @property
     def now(self) -> Time: ...
-    def find_listeners(self) -> None: ...
+    def update_imu_readers(self) -> None: ...
     def truth(self, index: int) -> Truth: ...
     def index(self, name: str) -> int: ...
-    def hurry(self, due: Time) -> None: ...
-    def refit(self, index: int) -> None: ...
+    def schedule(self, due: Time) -> None: ...
+    def apply_faults(self, index: int) -> None: ...
     def grip(self, index: int, is_open: bool, armed: bool) -> bool: ...
 
 
 class SimulatedVehicle(Link):
-    """A vehicle in a world, and the link to it. `index` is its place there. `is_wired`: who reads
-    and commands it sits on board, so that a fault of the link does not come between."""
+    """A vehicle and the link to it. index: its index in the world. `is_wired`: whether its user is
+    on board (an emulated autopilot), so that faults of the link don't apply."""
 
     rig: ActiveFaults
     is_wired = False
@@ -110,7 +109,7 @@ class SimulatedVehicle(Link):
         self.battery = SimulatedBattery(context.airframe, p.battery, p.battery_rate)
         self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
-        self.rig = ActiveFaults(context.vehicle, self._rigged)
+        self.rig = ActiveFaults(context.vehicle, self._apply_faults)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._filters = self.rig.filters
         self._push = ZERO
@@ -119,15 +118,15 @@ class SimulatedVehicle(Link):
         self._imu = Averages()
         self._subscribed = False
         self._receiver = Receiver(self.controller, context.airframe, p.watchdog)
-        self._minded: Time = 0
-        self.tell_touch: Callable[[Touch], None] = _untold
+        self._receiver_due: Time = 0
+        self.on_touch: Callable[[Touch], None] = lambda _: None
         if context.payload is not None:
             self._arriving.append(
                 (0, Payload(0, not context.payload.aboard, context.payload.aboard))
             )
 
     def measure(self, now: Time) -> None:
-        """Take every measurement that is due at `now`, and every command; mind the watchdog."""
+        """Take the measurements and commands that are due at `now`, and check the watchdog."""
         capture, battery = self.capture, self.battery
         if capture.schedule.due <= now:
             truth = self._world.truth(self._seen_as)
@@ -140,46 +139,46 @@ class SimulatedVehicle(Link):
             self._arriving.append((now, battery.measure(now)))
             self._load(now)
             battery.schedule.move_on()
-        if self._minded <= now:
-            falling, self._minded = self._receiver.descent, self._receiver.mind(now)
+        if self._receiver_due <= now:
+            falling, self._receiver_due = self._receiver.descent, self._receiver.update(now)
             if self._receiver.descent is not falling:
-                self._world.find_listeners()
+                self._world.update_imu_readers()
             if not self._deaf:
-                self.override = OWN_LANDING if self.falls else None
-        self.due = min(capture.schedule.due, battery.schedule.due, self._minded)
+                self.override = OWN_LANDING if self.is_descending else None
+        self.due = min(capture.schedule.due, battery.schedule.due, self._receiver_due)
         if self._positions.is_wanted:
             if self._positions.schedule.due <= now:
                 self._positions.measure(self.truth(), now)
             self.due = min(self.due, self._positions.schedule.due)
 
     @property
-    def is_blown(self) -> bool:
-        """Whether it feels wind, is pushed, or vibrates."""
-        return self.wind.blows or self.rig.blows or self._push != ZERO or self._lab.stirs
+    def is_disturbed(self) -> bool:
+        """Whether wind, forces or vibration act on the vehicle."""
+        return self.wind.blows or self.rig.blows or self._push != ZERO or self._lab.disturbs
 
     @property
     def thrust(self) -> float:
-        """What its rotors give, N."""
+        """The sum of its rotors' thrust, N."""
         onboard, index = self._world.onboard, self._index
-        return _given(onboard.rotors[index], onboard.thrusts[index])
+        return _total_thrust(onboard.rotors[index], onboard.thrusts[index])
 
     def jet(self) -> Jet | None:
-        """The air that it blows down; None where that acts on nobody."""
+        """Return the jet below the vehicle; None if downwash is off."""
         downwash = self._lab.downwash
         return None if downwash is None else downwash.jet(self.truth().position, self.thrust)
 
-    def blown(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
-        """The wind at it, m/s, world frame, `elapsed` seconds after the last call: its own, and
-        those of all vehicles' jets, whose momenta add up."""
+    def wind_at(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
+        """Return the wind at the vehicle, m/s, world frame, `elapsed` seconds after the last call:
+        the world's, plus all vehicles' jets, whose momenta add up."""
         x, y, z = add(self.wind.after(elapsed), self.rig.wind(now))
         if jets:
             place = self.truth().position
             z -= hypot(*(jet.sinks(place) for jet in jets))
         return x, y, z
 
-    def pushed(self, elapsed: float, thrust: float) -> Numbers:
-        """What pushes it beside `thrust` and the wind, N, world frame, and turns it, N m, body
-        frame, `elapsed` seconds after the last call."""
+    def push(self, elapsed: float, thrust: float) -> Numbers:
+        """Return the force, N, world frame, and torque, N m, body frame, of eddies, ground effect
+        and faults, `elapsed` seconds after the last call."""
         eddies, ground, force = self._lab.eddies, self._lab.ground, self._push
         x, y, z, *turned = NOTHING if eddies is None else eddies.after(elapsed)
         if ground is not None:
@@ -190,46 +189,46 @@ class SimulatedVehicle(Link):
         return (x + fx, y + fy, z + fz, *turned)
 
     def vibration(self, thrust: float) -> float:
-        """How much it vibrates, over what it does in hover: as a rotor's imbalance, by the square
-        of its speed and so by its thrust."""
+        """Return the vibration relative to that in hover. A rotor's imbalance grows with the square
+        of its speed, and so with its thrust."""
         return thrust / (self.body.mass * GRAVITY)
 
     def _load(self, now: Time) -> None:
-        """Drain the battery by what the rotors give, and let their thrust sag with it."""
+        """Drain the battery by the rotors' thrust, and reduce their largest thrust accordingly."""
         onboard, index, battery = self._world.onboard, self._index, self.battery
-        given = _given(onboard.rotors[index], self._thrusts())
+        given = _total_thrust(onboard.rotors[index], self._thrusts())
         battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
         onboard.thrusts[index] = self._thrusts()
 
     def _thrusts(self) -> Numbers:
-        """The largest thrust of each rotor, on the battery as it is."""
+        """Return each rotor's largest thrust at the battery's current charge."""
         sag, weak = self.battery.charge.level**2, self.rig.rotors
         return tuple(sag * f * left for f, left in zip(self.body.thrust, weak, strict=True))
 
     @property
-    def listens(self) -> bool:
-        """Whether it wants what its IMU measures in each step."""
-        return self._subscribed or self.falls
+    def reads_imu(self) -> bool:
+        """Whether it needs the IMU's sample of every step."""
+        return self._subscribed or self.is_descending
 
     @property
-    def falls(self) -> bool:
-        """Whether its watchdog brings it down, step by step."""
+    def is_descending(self) -> bool:
+        """Whether its watchdog lands it."""
         return self._receiver.descent is not None
 
-    def add_imu(self, felt: Numbers) -> None:
-        """Take what its IMU measured in a step."""
-        self._imu.add(felt)
-        self._receiver.come_down(felt[-1], self._dt)
+    def add_imu(self, sample: Numbers) -> None:
+        """Take the IMU's sample of a step."""
+        self._imu.add(sample)
+        self._receiver.come_down(sample[-1], self._dt)
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         if Imu in kinds and not self._subscribed:
             self._subscribed = True
-            self._imu.measure(self._world.now, self._dt)  # what was felt before is nobody's
-            self._world.find_listeners()
+            self._imu.measure(self._world.now, self._dt)  # discard earlier samples
+            self._world.update_imu_readers()
         if Position in kinds and not self._positions.is_wanted:
             self._positions.begin(self._world.now)
             self.due = min(self.due, self._positions.schedule.due)
-            self._world.hurry(self.due)
+            self._world.schedule(self.due)
 
     def read(self, now: Time) -> Sequence[Measurement]:
         arriving, positions = self._arriving, self._positions.is_wanted
@@ -264,35 +263,34 @@ class SimulatedVehicle(Link):
         commands = self._lab.late
         late = 0 if commands is None else round(max(0.0, next(commands)[0]) * NS)
         if not (receiver.late or late):
-            receiver.hear(command, now)
+            receiver.receive(command, now)
             return
-        self._minded = min(self._minded, receiver.delay(command, now, late))
-        self.due = min(self.due, self._minded)
-        self._world.hurry(self.due)
+        self._receiver_due = min(self._receiver_due, receiver.delay(command, now, late))
+        self.due = min(self.due, self._receiver_due)
+        self._world.schedule(self.due)
 
     def cut(self, now: Time) -> None:
         if not self._mute:
             self._receiver.stop()
-            self._world.find_listeners()
+            self._world.update_imu_readers()
 
     def grip(self, is_open: bool, now: Time) -> None:
         if self._mute:
             return
-        aboard = self._world.grip(self._index, is_open, self.controller.armed)
-        self._arriving.append((now, Payload(now, is_open, aboard)))
+        on_board = self._world.grip(self._index, is_open, self.controller.armed)
+        self._arriving.append((now, Payload(now, is_open, on_board)))
 
-    def _rigged(self) -> None:
-        """Obey the rig."""
+    def _apply_faults(self) -> None:
         rig = self.rig
         self._filters = rig.filters
         self._push = scale(rig.push, self.body.mass)
         self._deaf, self._mute = (not self.is_wired and cut for cut in (rig.deaf, rig.mute))
-        self._receiver.put_off(0 if self.is_wired else round(rig.late * NS))
+        self._receiver.set_delay(0 if self.is_wired else round(rig.late * NS))
         self._seen_as = self._world.index(rig.body)
         self._sees_as = self._world.index(rig.view)
         self.battery.charge.sag = rig.sag
         self.imu_bias = (*rig.gyro_bias, *rig.accelerometer_bias)
-        self._world.refit(self._index)
+        self._world.apply_faults(self._index)
 
     def truth(self) -> Truth:
         return self._world.truth(self._index)
@@ -301,40 +299,17 @@ class SimulatedVehicle(Link):
         return self._world.truth(self._sees_as)
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
-        self.tell_touch = tell
+        self.on_touch = tell
 
 
-def _given(rotors: Numbers, most: Numbers) -> float:
-    """What rotors give together, by their states and their largest thrusts, N."""
+def _total_thrust(rotors: Numbers, most: Numbers) -> float:
+    """Return the sum of the rotors' thrust, N, from their states and largest thrusts."""
     (a, b, c, d), (fa, fb, fc, fd) = rotors, most
     return a * fa + b * fb + c * fc + d * fd
 
 
-def _untold(touch: Touch) -> None:
-    """Nobody wants to know."""
-
-
 def jets_of(vehicles: Sequence[SimulatedVehicle]) -> list[Jet]:
-    """The air that vehicles blow down on each other; one alone blows on nobody."""
+    """Return the jets below vehicles; none for a single vehicle."""
     if len(vehicles) < 2:
         return []
     return [jet for vehicle in vehicles if (jet := vehicle.jet()) is not None]
-
-
-def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:
-    """A vehicle within `error` of what its maker says, each rotor a little different. What is drawn
-    is how the mass spreads along each axis, since three moments of inertia drawn apart from each
-    other may be those of no body."""
-    draws = (1.0 + error * generator.uniform(-1.0, 1.0, 7)).tolist()
-    mass, along_x, along_y, along_z, thrust, rotor_time, drag = draws
-    half = sum(airframe.inertia) / 2.0
-    xx, yy, zz = (
-        max(0.0, half - moment) * factor
-        for moment, factor in zip(airframe.inertia, (along_x, along_y, along_z), strict=True)
-    )
-    spread = 1.0 + error * ROTOR_SPREAD * generator.uniform(-1.0, 1.0, 4)
-    a, b, c, d = (airframe.thrust * thrust * spread).tolist()
-    return BuiltAirframe(
-        airframe.mass * mass, (yy + zz, zz + xx, xx + yy), (a, b, c, d),
-        airframe.rotor_time * rotor_time, airframe.drag * drag,
-    )  # fmt: skip

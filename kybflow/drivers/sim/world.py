@@ -1,38 +1,52 @@
-"""The session: MuJoCo's world and its steps, in lockstep with the engine's clock."""
+"""The session: MuJoCo's world, stepped in lockstep with the engine's clock; its contacts, and its
+viewer."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO, conjugate, rotate
 from kybflow.core.signals import NS, Time, Truth
-from kybflow.drivers.sim.contacts import Contacts
-from kybflow.drivers.sim.model import FIRST_BODY, BuiltAirframe, loaded, world_text
+from kybflow.drivers.sim.model import (
+    FIRST_BODY,
+    FLOOR,
+    OBSTACLE,
+    PARCEL,
+    BuiltAirframe,
+    loaded,
+    world_text,
+)
 from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.sensors import NOTHING
 from kybflow.drivers.sim.steps.onboard_state import OnboardState
 from kybflow.drivers.sim.steps.stepper import rows, stepper
-from kybflow.drivers.sim.vehicle import SimulatedVehicle, jets_of
-from kybflow.drivers.sim.viewer import Viewer
+from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of
 from kybflow.parts import Link, Seat, Session
+from kybflow.parts.link import Touch
 
 if TYPE_CHECKING:
     import random
 
 _POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
 _VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
-WINDS = 50.0
-"""How often the air changes, Hz: eddies last half a second, whatever the rate of the control."""
+DISTURBANCE_RATE = 50.0
+"""How often wind and other disturbances change, Hz; eddies last half a second."""
+UPRIGHT = 0.8
+"""Upward part of a contact's force from which the contact carries the vehicle."""
+PERIOD: Time = NS // 60
+LOOK_AT = (0.0, 0.0, 0.8)
+DISTANCE = 5.0
+"""The viewer's first view: a room of a few metres, seen from the south-east corner."""
 
 
 class SimulatedWorld(Session):
-    """Every simulated vehicle in one MuJoCo world. Raises DriverError when they disagree about the
-    physics' rate, when MuJoCo refuses the model, and when the simulation diverges."""
+    """All simulated vehicles in one MuJoCo world. Raises DriverError if their physics rates differ,
+    if MuJoCo rejects the model, and if the simulation diverges."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         rates = {seat.params.physics for seat in seats}
@@ -57,13 +71,13 @@ class SimulatedWorld(Session):
         self._stepper = stepper(self.model, self.data, self.onboard, sources)
         self._positions, self._velocities = self.data.qpos.data, self.data.qvel.data
         self._truths: dict[int, Truth] = {}
-        self._listeners: list[tuple[int, SimulatedVehicle]] = []
-        self._winds = self._blowing()
+        self._imu_readers: list[tuple[int, SimulatedVehicle]] = []
+        self._disturbed = self._find_disturbed()
         for index in self._parcels:
-            self.refit(index)
+            self.apply_faults(index)
         self._contacts = Contacts(self.model, [seat.context.vehicle for seat in seats])
-        self._blown: Time = 0
-        self._due = self._next_wind = 0
+        self._disturbed_at: Time = 0
+        self._due = self._next_disturbance = 0
         self._measure(0)
         self._viewer = Viewer(self.model, self.data) if any(s.params.live for s in seats) else None
 
@@ -72,9 +86,9 @@ class SimulatedWorld(Session):
         """The time of the last physics step."""
         return self.onboard.steps * NS // self._rate
 
-    def find_listeners(self) -> None:
-        """Find out which vehicles want what their IMU measures in each step."""
-        self._listeners = [(i, v) for i, v in enumerate(self._vehicles) if v.listens]
+    def update_imu_readers(self) -> None:
+        """Find the vehicles that need the IMU's sample of every step."""
+        self._imu_readers = [(i, v) for i, v in enumerate(self._vehicles) if v.reads_imu]
 
     def advance(self, now: Time) -> None:
         last = ((now + 1) * self._rate - 1) // NS
@@ -91,27 +105,27 @@ class SimulatedWorld(Session):
         data = self.data
         if data.ncon:
             for index, touch in self._contacts.begun(data, now):
-                self._vehicles[index].tell_touch(touch)
+                self._vehicles[index].on_touch(touch)
         if data.time * self._rate < self.onboard.steps - 0.5:
-            raise DriverError("the simulation diverged and MuJoCo started it again")
+            raise DriverError("the simulation diverged and MuJoCo restarted it")
         if self._viewer is not None:
             self._viewer.show(now)
 
     def _step(self, last: int) -> None:
-        """Step on until something is to be measured, `last` at the latest; one step where a
-        vehicle's watchdog flies by what is felt in each."""
-        onboard, listeners, due = self.onboard, self._listeners, self._due
-        if self._winds:
-            if self._next_wind <= onboard.steps:
-                self._blow()
-            due = min(due, self._next_wind)
+        """Step until a measurement or disturbance is due, at most to `last`. A vehicle that its
+        watchdog lands needs single steps."""
+        onboard, readers, due = self.onboard, self._imu_readers, self._due
+        if self._disturbed:
+            if self._next_disturbance <= onboard.steps:
+                self._disturb()
+            due = min(due, self._next_disturbance)
         steps = max(1, min(last, due) - onboard.steps)
-        if listeners and any(vehicle.falls for _, vehicle in listeners):
+        if readers and any(vehicle.is_descending for _, vehicle in readers):
             steps = 1
         self._stepper.advance(steps)
         self._truths = {}
-        for index, vehicle in listeners:
-            for sample in self._stepper.felt(index):
+        for index, vehicle in readers:
+            for sample in self._stepper.imu_samples(index):
                 vehicle.add_imu(sample)
         if self._due <= onboard.steps:
             self._measure(self.now)
@@ -122,7 +136,6 @@ class SimulatedWorld(Session):
             self._viewer = None
 
     def truth(self, index: int) -> Truth:
-        """The state of a vehicle now."""
         truth = self._truths.get(index)
         if truth is None:
             px, py, pz, w, x, y, z = _POSITION(self._positions, _POSITION_SIZE * index)
@@ -133,45 +146,45 @@ class SimulatedWorld(Session):
         return truth
 
     def grip(self, index: int, is_open: bool, armed: bool) -> bool:
-        """Open or close a vehicle's servo; whether its parcel is on board then. Raises Refused."""
+        """Open or close a vehicle's servo; return whether its parcel is on board. Raises
+        Refused."""
         parcel = self._parcels.get(index)
         if parcel is None:
             raise Refused("it carries no payload")
-        if is_open and parcel.aboard:
+        if is_open and parcel.on_board:
             parcel.release()
         elif not (is_open or armed):
             parcel.load()
-        self.refit(index)
-        return parcel.aboard
+        self.apply_faults(index)
+        return parcel.on_board
 
     def index(self, name: str) -> int:
-        """The place of a vehicle."""
         return list(self.links).index(name)
 
-    def hurry(self, due: Time) -> None:
-        """Let a vehicle measure at `due`, which is earlier than it said."""
+    def schedule(self, due: Time) -> None:
+        """Let a vehicle measure at `due`, earlier than planned."""
         self._due = min(self._due, self._step_of(due))
 
-    def refit(self, index: int) -> None:
-        """Obey a vehicle's rig and its parcel: its mass and inertia, its wind. The thrust of its
-        rotors follows with the next report of its battery."""
+    def apply_faults(self, index: int) -> None:
+        """Apply a vehicle's faults and parcel: mass, inertia, IMU bias and disturbances. Its
+        rotors' thrust changes with the next battery report."""
         vehicle, model, parcel = self._vehicles[index], self.model, self._parcels.get(index)
         mass = vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload
         place = FIRST_BODY + index
         jx, jy, jz = (j * mass / vehicle.body.mass for j in vehicle.body.inertia)
         if parcel is not None:
-            aboard = parcel.made if parcel.aboard else None
-            mass, (jx, jy, jz), model.body_ipos[place, 2] = loaded(mass, (jx, jy, jz), aboard)
+            carried = parcel.made if parcel.on_board else None
+            mass, (jx, jy, jz), model.body_ipos[place, 2] = loaded(mass, (jx, jy, jz), carried)
         model.body_inertia[place] = (jx, jy, jz)
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self._stepper.errors.bias(index, vehicle.imu_bias)
         self.onboard.winds[index], self.onboard.pushes[index] = ZERO, NOTHING
-        self._winds, self._next_wind = self._blowing(), 0
+        self._disturbed, self._next_disturbance = self._find_disturbed(), 0
         self._truths = {}
 
-    def _blowing(self) -> list[tuple[int, SimulatedVehicle]]:
-        return [(i, v) for i, v in enumerate(self._vehicles) if v.is_blown]
+    def _find_disturbed(self) -> list[tuple[int, SimulatedVehicle]]:
+        return [(i, v) for i, v in enumerate(self._vehicles) if v.is_disturbed]
 
     def _measure(self, now: Time) -> None:
         for vehicle in self._vehicles:
@@ -180,28 +193,28 @@ class SimulatedWorld(Session):
         self._due = self._step_of(min(vehicle.due for vehicle in self._vehicles))
 
     def _step_of(self, due: Time) -> int:
-        """The first physics step that does not end before `due`."""
+        """Return the first physics step that ends at or after `due`."""
         return -(-due * self._rate // NS)
 
-    def _blow(self) -> None:
-        """Give each vehicle the wind along its body's axes, what else pushes it, and how much it
-        vibrates, until `_next_wind`."""
+    def _disturb(self) -> None:
+        """Set each vehicle's wind in body axes, force, torque and vibration until
+        `_next_disturbance`."""
         now = (self.onboard.steps + 1) * NS // self._rate
-        self._next_wind = self.onboard.steps + max(1, round(self._rate / WINDS))
-        elapsed, self._blown = (now - self._blown) / NS, now
-        jets = jets_of([vehicle for _, vehicle in self._winds])
-        for index, vehicle in self._winds:
+        self._next_disturbance = self.onboard.steps + max(1, round(self._rate / DISTURBANCE_RATE))
+        elapsed, self._disturbed_at = (now - self._disturbed_at) / NS, now
+        jets = jets_of([vehicle for _, vehicle in self._disturbed])
+        for index, vehicle in self._disturbed:
             to_body = conjugate(self.truth(index).attitude)
-            self.onboard.winds[index] = rotate(to_body, vehicle.blown(now, elapsed, jets))
+            self.onboard.winds[index] = rotate(to_body, vehicle.wind_at(now, elapsed, jets))
             thrust = vehicle.thrust
-            self.onboard.pushes[index] = vehicle.pushed(elapsed, thrust)
+            self.onboard.pushes[index] = vehicle.push(elapsed, thrust)
             self._stepper.errors.shake(index, vehicle.vibration(thrust))
 
 
 def _parcels(
     model: mujoco.MjModel, data: mujoco.MjData, seats: Sequence[Seat]
 ) -> dict[int, FallingParcel]:
-    """The parcel of each vehicle that has one, by the vehicle's place."""
+    """Return the parcels by the index of their vehicle."""
     made = [
         (index, p) for index, seat in enumerate(seats) if (p := seat.context.payload) is not None
     ]
@@ -219,3 +232,90 @@ def _compile(seats: Sequence[Seat], bodies: Sequence[BuiltAirframe], rate: float
         )
     except ValueError as error:
         raise DriverError(f"MuJoCo refuses the world: {error}") from error
+
+
+class Contacts:
+    """Finds what vehicles touch in MuJoCo's contacts. vehicles: the names in order of their
+    bodies."""
+
+    def __init__(self, model: Any, vehicles: Sequence[str]) -> None:
+        bodies: list[int] = model.geom_bodyid.tolist()
+        beyond = FIRST_BODY + len(vehicles)
+        self._vehicles = {
+            geom: body - FIRST_BODY
+            for geom, body in enumerate(bodies)
+            if FIRST_BODY <= body < beyond
+        }
+        named = (model.geom(number).name for number in range(model.ngeom))
+        self._names = [
+            _name_of(name or model.body(body).name)
+            for name, body in zip(named, bodies, strict=True)
+        ]
+        for geom, index in self._vehicles.items():
+            self._names[geom] = vehicles[index]
+        self._touched: dict[tuple[int, str, bool], Time] = {}
+
+    def begun(self, data: Any, now: Time) -> list[tuple[int, Touch]]:
+        """Return each vehicle that starts to touch something at `now`, with the touch."""
+        vehicles, contact = self._vehicles, data.contact
+        found: list[tuple[int, Touch]] = []
+        for (first, second), frame in zip(contact.geom.tolist(), contact.frame, strict=True):
+            up = float(frame[2])  # of the normal, which points from the first to the second
+            if first in vehicles:
+                self._add(vehicles[first], second, -up, now, found)
+            if second in vehicles:
+                self._add(vehicles[second], first, up, now, found)
+        return found
+
+    def _add(
+        self, vehicle: int, geom: int, up: float, now: Time, found: list[tuple[int, Touch]]
+    ) -> None:
+        """Add a touch of a vehicle and a geom, if it is new. up: the upward part of the contact's
+        force. A vehicle doesn't count as something to stand on."""
+        touch = Touch(self._names[geom], up > UPRIGHT and geom not in self._vehicles)
+        last = self._touched.get((vehicle, *touch))
+        self._touched[vehicle, *touch] = now
+        if last is None or now - last > TOUCH_GAP:
+            found.append((vehicle, touch))
+
+
+def _name_of(geom: str) -> str:
+    """Return the name to report for a geom that belongs to no vehicle."""
+    if geom.startswith(PARCEL):
+        return f"the payload of {geom.removeprefix(PARCEL)}"
+    if geom.startswith(OBSTACLE):
+        return geom.removeprefix(OBSTACLE)
+    return "the floor" if geom == FLOOR else "a stand"
+
+
+class Viewer:
+    """MuJoCo's viewer, updated 60 times a simulated second. Raises DriverError without a
+    display."""
+
+    def __init__(self, model: Any, data: Any) -> None:
+        import warnings
+
+        import glfw
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if not glfw.init():
+                raise DriverError("--live needs a display, and there is none; fly without --live")
+        import mujoco.viewer
+
+        self._handle = mujoco.viewer.launch_passive(
+            model, data, show_left_ui=False, show_right_ui=False
+        )
+        with self._handle.lock():
+            camera = self._handle.cam
+            camera.lookat[:] = LOOK_AT
+            camera.distance, camera.elevation, camera.azimuth = DISTANCE, -20.0, 135.0
+        self._due: Time = 0
+
+    def show(self, now: Time) -> None:
+        if now >= self._due and self._handle.is_running():
+            self._handle.sync()
+            self._due = now + PERIOD
+
+    def close(self) -> None:
+        self._handle.close()

@@ -52,7 +52,7 @@ def test_numbers_grow_and_begin_anew_when_asked():
     stream.post(config("a:b", "c"))
     assert [command.sequence for command in sent(stream)] == [1, 2]
     assert [command.sequence for command in sent(stream)] == [3]
-    stream.begin_anew()
+    stream.restart()
     assert [command.sequence for command in sent(stream)] == [1]
 
 

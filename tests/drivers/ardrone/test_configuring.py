@@ -49,20 +49,20 @@ def test_each_value_is_written_with_the_ids_before_it_and_read_back():
     values = {key: value for lines in written for key, value in [lines[-1][1]]}
     assert values["control:euler_angle_max"] == "0.200000"
     assert values["control:altitude_max"] == "3000"
-    assert drone.configuring.waits_for == "the drone has not sent its configuration"
+    assert drone.configuring.pending == "the drone has not sent its configuration"
     assert drone.listened
     drone.configuring.read("\n".join(f"{k} = {v}" for k, v in values.items()).encode())
-    assert (drone.configuring.waits_for, drone.configuring.mismatches) == ("", [])
+    assert (drone.configuring.pending, drone.configuring.mismatches) == ("", [])
 
 
 def test_what_is_not_acknowledged_is_sent_again():
     drone = Drone(answers=False)
     drone.run(1.0)
     assert [lines[-1][1] for lines in drone.sent] == [("general:navdata_demo", "FALSE")] * 4
-    assert drone.configuring.waits_for == "`general:navdata_demo` is not acknowledged"
+    assert drone.configuring.pending == "`general:navdata_demo` is not acknowledged"
     drone.answers = True
     drone.run(5.0, 1.0)
-    assert "configuration" in drone.configuring.waits_for
+    assert "configuration" in drone.configuring.pending
 
 
 def test_a_bit_that_is_set_at_first_is_cleared_first():
@@ -82,5 +82,5 @@ def test_a_value_that_the_drone_does_not_take_is_told():
 def test_a_drone_that_starts_again_is_written_again():
     drone = Drone()
     drone.run(5.0)
-    drone.configuring.begin_anew()
-    assert drone.configuring.waits_for == "`general:navdata_demo` is not acknowledged"
+    drone.configuring.restart()
+    assert drone.configuring.pending == "`general:navdata_demo` is not acknowledged"

@@ -8,7 +8,7 @@ import pytest
 
 from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.navdata.options import WRAPS
-from kybflow.drivers.ardrone.telemetry.clock import DroneClock
+from kybflow.drivers.ardrone.telemetry.measurements import DroneClock
 
 PERIOD = NS // 200
 

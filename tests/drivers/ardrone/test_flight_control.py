@@ -31,7 +31,7 @@ class Drone:
 
     def says(self, phase, state=DroneState.FLYING):
         demo = opt.write_demo(opt.Demo(phase, 80, 0.0, 0.0, 0.0, 0, ZERO))
-        self.status.hear(Packet(state, 1, 0, dict([demo])), 0)
+        self.status.receive(Packet(state, 1, 0, dict([demo])), 0)
         return self
 
     @property
@@ -119,9 +119,9 @@ def test_who_lands_by_itself_is_not_followed_and_not_taken_back():
 def test_a_drone_that_is_left_to_loop_is_not_lost_until_that_should_be_over():
     drone = Drone().says(Phase.LANDED, DroneState(0))
     with pytest.raises(Refused, match="it doesn't fly"):
-        drone.flight.let_perform(NS)
+        drone.flight.start_act(NS)
     drone.says(Phase.FLYING).flight.send(RISING, 0)
-    drone.flight.let_perform(3 * NS)
+    drone.flight.start_act(3 * NS)
     drone.says(Phase.LOOPING).flight.watch(2 * NS)
     assert drone.flight.override is None
     drone.flight.watch(3 * NS)

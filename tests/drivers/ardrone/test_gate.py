@@ -7,7 +7,7 @@ from random import Random
 from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.gate import Gate
+from kybflow.drivers.ardrone.transport.wire import Gate
 
 
 def test_what_is_foreign_broken_or_old_is_counted():
@@ -37,7 +37,7 @@ def test_numbers_begin_anew_after_a_silence_or_the_watchdog():
     for sequence, now, is_new in [(9, 0, True), (1, NS, False), (1, NS + 2, True)]:
         packet = gate.admit(write_packet(DroneState.DEMO, sequence), True, now)
         assert (packet is not None) is is_new
-    gate.begin_anew()
+    gate.restart()
     assert gate.admit(write_packet(DroneState.DEMO, 1), True, NS + 3) is not None
 
 

@@ -32,7 +32,7 @@ def packet(number, *, state=DroneState.FLYING, battery=80, velocity=(0.0, 0.0, 0
 def heard(*packets):
     measurements = Measurements(CONTEXT)
     for number, one in enumerate(packets):
-        measurements.hear(one, number * PERIOD)
+        measurements.receive(one, number * PERIOD)
     return measurements.take()
 
 

@@ -91,7 +91,7 @@ def test_it_begins_with_a_bit_that_is_set():
 def test_a_new_flight_knows_none():
     drone = Drone(late=4)
     drone.run(150)
-    drone.trips.begin_anew()
+    drone.trips.restart()
     assert drone.trips.delay == 0.0
     assert set(drone.run(20)) == {0.0}
 

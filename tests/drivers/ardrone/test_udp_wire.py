@@ -14,9 +14,9 @@ from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.at import HOVER, Move, read_commands
 from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.udp import MOST_A_PERIOD, UdpWire, is_address
-from kybflow.drivers.ardrone.transport.wire import ASKS
-from kybflow.drivers.emulated_ardrone.ports.sockets import SocketPorts, host_of
+from kybflow.drivers.ardrone.transport.udp import MOST_PER_PERIOD, UdpWire, is_address
+from kybflow.drivers.ardrone.transport.wire import NAVDATA_REQUEST
+from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
 
 
 @pytest.fixture
@@ -51,7 +51,10 @@ def test_the_newest_command_is_sent_until_it_is_too_old(played):
 def test_navigation_data_and_configurations_arrive(played):
     ports, wire = played
     wire.ask()
-    until(lambda: [ports.answer(who) for data, who in ports.requests() if data == ASKS], "to ask")
+    until(
+        lambda: [ports.answer(who) for data, who in ports.requests() if data == NAVDATA_REQUEST],
+        "to ask",
+    )
     ports.send(write_packet(DroneState.DEMO, 1))
     until(lambda: wire.take(0), "a packet")
     wire.listen_for_configuration()
@@ -128,10 +131,10 @@ def test_of_a_flood_no_more_than_its_share_is_taken_in_a_period(played):
     wire._over = True
     wire._thread.join()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        for _ in range(2 * MOST_A_PERIOD):
+        for _ in range(2 * MOST_PER_PERIOD):
             stranger.sendto(b"noise", wire._data.getsockname())
     wire._receive(wire._clock() + wire._period)
-    assert wire.gate.refused == {"from elsewhere": MOST_A_PERIOD}
+    assert wire.gate.refused == {"from elsewhere": MOST_PER_PERIOD}
 
 
 def test_stamps_rise_however_late_a_tick_is(played):

@@ -55,7 +55,7 @@ def test_with_permission_it_flips_in_flight_alone_and_flies_on(tmp_path):
         ("flip_left", "it doesn't fly"),
         ("leds_blink_green", None),
         ("flip_left", None),
-        ("roll_dance", "it still performs"),
+        ("roll_dance", "it still performs an act"),
     ]
     assert session.links["a"].drone.configuration.values["control:flight_anim"] == "18,15"
     assert "control_lost" not in [event.name for event in told]

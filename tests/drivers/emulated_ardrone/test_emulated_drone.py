@@ -107,8 +107,8 @@ def test_the_watchdogs_bit_stays_until_it_is_answered():
 def test_what_is_old_or_somebody_elses_is_counted_and_not_obeyed():
     bench = DroneBench().configured().hovering()
     bench.say(at.ref(False), sequence=2)
-    bench.drone.hear(at.ref(False).numbered(1), "a stranger", bench.now)
-    bench.drone.hear(at.ref(False, emergency=True).numbered(99_999), "a stranger", bench.now)
+    bench.drone.receive(at.ref(False).numbered(1), "a stranger", bench.now)
+    bench.drone.receive(at.ref(False, emergency=True).numbered(99_999), "a stranger", bench.now)
     bench.run(0.5)
     assert bench.drone.flight.phase is Phase.HOVERING
     assert bench.drone.ignored == {"not newer": 1, "from elsewhere": 2}
@@ -119,7 +119,7 @@ def test_fuzz_is_counted_and_nothing_happens():
     for number in range(2000):
         text = chance.choice([b"AT*PCMD=", b"AT*REF=", b"AT*CONFIG=", b"AT*CTRL=", b""])
         who = "client" if number % 2 else number
-        bench.drone.hear(text + chance.randbytes(chance.randrange(40)) + b"\r", who, bench.now)
+        bench.drone.receive(text + chance.randbytes(chance.randrange(40)) + b"\r", who, bench.now)
     bench.run(0.5)
     assert bench.drone.flight.phase is Phase.HOVERING
     assert bench.drone.ignored.total() >= 1900

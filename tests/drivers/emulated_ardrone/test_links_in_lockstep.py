@@ -74,14 +74,14 @@ def test_wifi_that_is_lost_for_a_second_is_not_called_slow(way, tmp_path):
 
 def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path, monkeypatch):
     still = []
-    mind = OnboardDrone._mind
+    mind = OnboardDrone._check_watchdogs
 
     def noting(drone, now):
         mind(drone, now)
         if drone.flight.phase is Phase.FLYING and drone.flight.moves is None:
             still.append(now / NS)
 
-    monkeypatch.setattr(OnboardDrone, "_mind", noting)
+    monkeypatch.setattr(OnboardDrone, "_check_watchdogs", noting)
     text = mission(["a"], 15.0) + FAULT.format(at="12 s", lasts="1 s")
     flight, told, session = flown(text, tmp_path)
     assert flight.summary["outcome"] == "succeeded", told

@@ -16,8 +16,8 @@ from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, from_euler, from_heading, heading_of, tilt_of
 from kybflow.core.signals import NS, Battery, Command, CommandKind, Imu, Pose, Position
 from kybflow.drivers.sim import Sim, SimParams
-from kybflow.drivers.sim.vehicle import build
-from kybflow.drivers.sim.viewer import Viewer
+from kybflow.drivers.sim.lab import build
+from kybflow.drivers.sim.world import Viewer
 
 
 def test_importing_the_part_loads_neither_mujoco_nor_numpy():

@@ -38,7 +38,7 @@ def hovering(*heights, **facts):
         states[index, :3] = (0.0, 0.0, height)
         session.onboard.rotors[index] = session.onboard.controls[index] = (HOLDS,) * 4
         session.onboard.loops[index] = (*ZERO, HOLDS, *ZERO)
-    session.refit(0)  # forgets where they stood
+    session.apply_faults(0)  # forgets where they stood
     push(session, session.links["a"], 0.04, thrust(HOVER))
     return session, session.data.qvel.reshape(len(heights), 6)[:, 2].tolist()
 

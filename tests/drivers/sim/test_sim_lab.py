@@ -114,13 +114,13 @@ def test_controls_reach_the_rotors_after_the_dead_time() -> None:
 
 def test_a_fault_that_ends_loses_no_command_that_is_late_by_itself() -> None:
     controller = AttitudeController(FRAME, Loop(FRAME), 0.0, 0.002, world().onboard, 0)
-    receiver = Receiver(controller, FRAME, watched=False)
+    receiver = Receiver(controller, FRAME, has_watchdog=False)
     receiver.delay(thrust(1.0), 0, NS // 10)
-    receiver.put_off(NS)
+    receiver.set_delay(NS)
     receiver.delay(thrust(2.0), 0, 0)
-    receiver.put_off(0)
+    receiver.set_delay(0)
     assert receiver.delay(thrust(3.0), NS // 5, 0) == NS // 5
-    assert receiver.mind(NS // 10) == NS // 5
+    assert receiver.update(NS // 10) == NS // 5
 
 
 def test_commands_arrive_late_in_their_order() -> None:

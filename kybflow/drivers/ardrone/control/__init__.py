@@ -1,4 +1,1 @@
-"""What is asked of a drone: moves, taking off and landing, its configuration, answers to time.
-
-Plain objects that take the drone's status and the time; they know no socket.
-"""
+"""Control of one drone: flight, moves, acts, configuration and round trips, without sockets."""

@@ -1,9 +1,8 @@
-"""What a drone performs on request: animations of its LEDs and of its flight, and the calibration
-of its magnetometer.
+"""The acts of a drone: LED animations, flight animations, the magnetometer's calibration.
 
 Animations are values of the configuration (`leds:leds_anim`, `control:flight_anim`), in the order
-of the SDK's ARDroneGeneratedTypes.h, with the durations that Parrot's own application gives them.
-Each is sent once: one that is lost is not shown, and none is flown twice.
+of the SDK's ARDroneGeneratedTypes.h, with the durations of Parrot's own application. Each is sent
+once, so that none is flown twice; a lost datagram loses the animation.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ FLIGHTS: Mapping[str, int] = {
     "double_roll_and_pitch": 5000, "flip_forward": 15, "flip_backward": 15, "flip_left": 15,
     "flip_right": 15,
 }  # fmt: skip
-"""Milliseconds of each flight animation; a flip takes as long as it does."""
+"""Duration of each flight animation, ms; the drone ignores that of a flip."""
 CALIBRATE = "calibrate_magnetometer"
 HERTZ, SECONDS = 2.0, 3
-"""How fast and how long the LEDs play."""
-SETTLES: Time = 3 * NS
-"""How long after its duration a drone may still be at it."""
-TURNS: Time = 10 * NS
-"""How long it turns to calibrate its magnetometer, at most."""
+"""Frequency and duration of LED animations."""
+SETTLING_TIME: Time = 3 * NS
+"""How much longer than its duration an animation may last."""
+CALIBRATION_TIME: Time = 10 * NS
+"""Longest duration of the magnetometer's calibration."""
 _MOVES = Act(moves=True, needs="maneuvers")
 ACTS: Mapping[str, Act] = {
     **{f"leds_{name}": Act() for name in LEDS},
@@ -46,12 +45,12 @@ ACTS: Mapping[str, Act] = {
 
 
 def lasts(act: str) -> Time:
-    """How long an act that moves the drone may last."""
-    return TURNS if act == CALIBRATE else FLIGHTS[act] * NS // 1000 + SETTLES
+    """Return the longest duration of an act that moves the drone."""
+    return CALIBRATION_TIME if act == CALIBRATE else FLIGHTS[act] * NS // 1000 + SETTLING_TIME
 
 
 def lines_of(act: str, ids: Ids) -> tuple[Line, ...]:
-    """What asks for an act."""
+    """Return the AT commands that request an act."""
     if act == CALIBRATE:
         return (calib(),)
     if act in FLIGHTS:

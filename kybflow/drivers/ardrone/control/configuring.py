@@ -1,9 +1,9 @@
-"""Writing the configuration, one value at a time, and reading it back.
+"""Writes a drone's configuration, one value at a time, and reads it back.
 
-For each value: the acknowledge bit is cleared by CTRL 5; CONFIG is sent until the bit is set; next.
-A value that belongs to us goes with CONFIG_IDS before it in its datagram. Without the first value,
-`general:navdata_demo`, a fresh drone stays in bootstrap and sends no options. At the end CTRL 4
-asks for the whole configuration, and each value is compared.
+For each value: clear the acknowledge bit with CTRL 5, then send CONFIG until the bit is set. All
+but the first value follow CONFIG_IDS in the same datagram. Until the first value,
+`general:navdata_demo`, is set, a fresh drone stays in bootstrap and sends no options. Finally CTRL
+4 requests the whole configuration, and each value is compared.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from kybflow.drivers.ardrone.protocol.at import (
 from kybflow.drivers.ardrone.protocol.configuration import agrees, read_configuration
 from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag
 
-RESENDS: Time = NS // 4
-"""How often a value is sent again until it is acknowledged."""
-READS: Time = NS
-"""How often the configuration is asked for until it comes."""
+RESEND_PERIOD: Time = NS // 4
+"""How often to resend a value until it is acknowledged."""
+READ_PERIOD: Time = NS
+"""How often to request the configuration until it arrives."""
 OPTIONS = sum(
     1 << tag
     for tag in (
@@ -44,16 +44,16 @@ FIRST = "general:navdata_demo"
 VERSION = "general:num_version_soft"
 WATCHDOG = "general:com_watchdog"
 LONGEST_WATCHDOG = 2.0
-"""Seconds without a command after which the drone must land; as it comes."""
+"""Seconds without a command after which the drone must land; the default."""
 
 H264_360P = "129"
-"""The codec of the video: H.264 at 640 x 360."""
+"""Video codec: H.264 at 640 x 360."""
 
 Values = tuple[tuple[str, str], ...]
 
 
 def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
-    """What is written, in this order."""
+    """Return the values to write, in order."""
     p = params
     return (
         (FIRST, _truth(p.navdata == "demo")),
@@ -75,8 +75,9 @@ def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
 
 
 class Configuring:
-    """Writes and reads the configuration of one drone. `found`: what it was read to be, None
-    before. post: sends lines once. listen: opens the connection on which it comes."""
+    """Writes and reads the configuration of one drone. `found`: the configuration as read, None
+    before. post: sends lines once. listen: opens the connection that receives the
+    configuration."""
 
     def __init__(
         self,
@@ -92,21 +93,21 @@ class Configuring:
         self._clears = True
         self._asked: Time | None = None
 
-    def begin_anew(self) -> None:
-        """Write all of it again: the drone has started again."""
+    def restart(self) -> None:
+        """Write everything again, after the drone has restarted."""
         self._at, self._sent, self._clears, self._asked = 0, None, True, None
         self.found = None
 
     @property
-    def waits_for(self) -> str:
-        """What is not acknowledged or not read yet; empty when all is done."""
+    def pending(self) -> str:
+        """What has not been acknowledged or read yet; empty when done."""
         if self._at < len(self._values):
             return f"`{self._values[self._at][0]}` is not acknowledged"
         return "" if self.found is not None else "the drone has not sent its configuration"
 
     @property
     def mismatches(self) -> Sequence[str]:
-        """The values that the drone does not have as they were written."""
+        """The values that differ from what was written."""
         found = self.found or {}
         return [
             f"`{key}` is {found[key]}, not {value}"
@@ -115,17 +116,17 @@ class Configuring:
         ]
 
     def update(self, acknowledges: bool, now: Time) -> None:
-        """Go on; called once a tick until nothing is waited for. acknowledges: whether the bit is
-        set."""
+        """Continue; called once a tick until nothing is `pending`. acknowledges: whether the bit
+        is set."""
         if self._at < len(self._values):
             self._write(acknowledges, now)
-        elif self.found is None and self._is_due(self._asked, READS, now):
+        elif self.found is None and self._is_due(self._asked, READ_PERIOD, now):
             self._listen()
             self._asked = now
             self._post(ctrl(SEND_CONFIGURATION))
 
     def read(self, data: bytes) -> None:
-        """Take the configuration that the drone has sent."""
+        """Parse the configuration that the drone sent."""
         if self._at == len(self._values):
             self.found = read_configuration(data)
 
@@ -134,7 +135,7 @@ class Configuring:
             self._clears, self._sent = False, None
         elif not self._clears and acknowledges and self._sent is not None:
             self._at, self._clears, self._sent = self._at + 1, True, None
-        if self._at < len(self._values) and self._is_due(self._sent, RESENDS, now):
+        if self._at < len(self._values) and self._is_due(self._sent, RESEND_PERIOD, now):
             self._sent = now
             self._post(*self._lines())
 

@@ -1,8 +1,8 @@
-"""Taking off, following, landing, and the emergency of one drone.
+"""Take-off, flight, landing and emergency of one drone.
 
-REF's bit 9 is a level: it says for as long as it is set that the drone is to fly. Bit 8 is a
-switch: as it is set, the emergency is toggled; it is kept set until the drone says so, and for no
-longer than a second, so that a lost answer doesn't toggle it back.
+Bit 9 of REF is a level: the drone flies while it is set. Bit 8 is a switch: setting it toggles the
+emergency. The bit stays set until the drone reports the change, but no longer than a second, so
+that a lost report doesn't toggle the emergency back.
 """
 
 from __future__ import annotations
@@ -18,14 +18,12 @@ from kybflow.drivers.ardrone.telemetry.status import DroneStatus
 from kybflow.drivers.ardrone.transport.stream import CommandStream
 from kybflow.parts import Override
 
-TOGGLES: Time = NS
-RESTS: Time = NS // 4
-"""How long the emergency's switch is not set between two attempts."""
+TOGGLE_TIME: Time = NS
+TOGGLE_PAUSE: Time = NS // 4
+"""How long the emergency switch is clear between two attempts."""
 
 
 class Goal(Enum):
-    """What the drone is to do."""
-
     REST = "rest"
     TAKE_OFF = "take off"
     FOLLOW = "follow"
@@ -35,14 +33,14 @@ class Goal(Enum):
 
 
 class FlightControl:
-    """Decides what is sent to one drone. `override`: why it doesn't follow. patience: seconds that
-    its take-off may last."""
+    """Decides what to send to one drone. `override`: why the drone doesn't follow commands.
+    take_off_time: the longest duration of its take-off, seconds."""
 
     def __init__(
-        self, status: DroneStatus, stream: CommandStream, limits: Limits, patience: float
+        self, status: DroneStatus, stream: CommandStream, limits: Limits, take_off_time: float
     ) -> None:
         self._status, self._stream, self._limits = status, stream, limits
-        self._patience = round(patience * NS)
+        self._take_off_time = round(take_off_time * NS)
         self._goal, self._since = Goal.REST, 0
         self._toggled: Time | None = None
         self._performs_until: Time = 0
@@ -50,12 +48,12 @@ class FlightControl:
         self.rest(0)
 
     def rest(self, now: Time) -> None:
-        """Stay on the ground, and end the flight that was."""
+        """Stay on the ground, and end the flight."""
         self._change(Goal.REST, now)
         self._stream.hold(False)
 
     def arm(self, now: Time) -> bool:
-        """Take off; whether it follows moves now. Raises Refused."""
+        """Take off; return whether the drone follows moves now. Raises Refused."""
         status = self._status
         if self._goal not in (Goal.TAKE_OFF, Goal.FOLLOW):
             self._change(Goal.TAKE_OFF, now)
@@ -65,8 +63,8 @@ class FlightControl:
         if status.follows:
             self._change(Goal.FOLLOW, now)
             return True
-        if now - self._since > self._patience:
-            seconds, where = self._patience // NS, status.phase.name.lower()
+        if now - self._since > self._take_off_time:
+            seconds, where = self._take_off_time // NS, status.phase.name.lower()
             self.rest(now)
             words = "; ".join(in_words(status.state)) or f"it is `{where}`"
             raise Refused(f"the drone has not taken off within {seconds} s: {words}")
@@ -74,8 +72,8 @@ class FlightControl:
         return False
 
     def send(self, command: Command, now: Time) -> None:
-        """Follow a command; one that is not armed lands, and so does one of another kind, as of a
-        blind landing: the drone knows its height."""
+        """Follow a command. A disarmed command stops the flight. A command of another kind, as
+        during a blind landing, lands the drone, which knows its own height."""
         if not command.armed:
             self._rest_or_stop(now)
         elif command.kind is not CommandKind.TILT_CLIMB:
@@ -85,28 +83,28 @@ class FlightControl:
             move = move_of(command, self._limits, by_compass=self._stream.bearing is not None)
             self._stream.hold(True, move)
 
-    def let_perform(self, until: Time) -> None:
-        """Take what it does until then, beside its commands, for an act. Raises Refused."""
+    def start_act(self, until: Time) -> None:
+        """Attribute what the drone does by itself until then to an act. Raises Refused."""
         if self._goal is Goal.FOLLOW and self._status.phase is Phase.LOOPING:
-            raise Refused("it still performs")
+            raise Refused("it still performs an act")
         if self._goal is not Goal.FOLLOW or not self._status.follows:
             raise Refused("it doesn't fly")
         self._performs_until = until
 
     def land(self, now: Time) -> bool:
-        """Land by itself; whether it stands."""
+        """Start the drone's own landing; return whether it is on the ground."""
         self._change(Goal.LAND, now)
         self._stream.hold(False)
         return self._status.stands
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors, wherever it is."""
+        """Stop the rotors, also in the air."""
         self._change(Goal.STOP, now)
         self._switch(now)
 
     def reset_emergency(self, now: Time) -> None:
-        """End the emergency of a drone on the ground; called once a tick until it has ended. Until
-        then `wait` does not take the switch back, which would toggle it again."""
+        """End the emergency of a drone on the ground; called once a tick until it has ended.
+        Meanwhile `wait` doesn't clear the switch, which would toggle the emergency again."""
         self._change(Goal.RESET, now)
         self._switch(now)
 
@@ -116,7 +114,8 @@ class FlightControl:
             self.rest(now)
 
     def watch(self, now: Time) -> None:
-        """Notice that it doesn't follow any more; it is not flown again before it has landed."""
+        """Set `override` when the drone stops following commands; it stays set until the drone
+        has landed."""
         if self._goal is not Goal.FOLLOW:
             self.override = None
             return
@@ -137,10 +136,10 @@ class FlightControl:
             self.rest(now)
 
     def _switch(self, now: Time) -> None:
-        """Set the emergency's switch for a while, then not, then again."""
-        if self._toggled is None or now - self._toggled > TOGGLES + RESTS:
+        """Set the emergency switch for a while, clear it, and repeat."""
+        if self._toggled is None or now - self._toggled > TOGGLE_TIME + TOGGLE_PAUSE:
             self._toggled = now
-        self._stream.hold(False, emergency=now - self._toggled <= TOGGLES)
+        self._stream.hold(False, emergency=now - self._toggled <= TOGGLE_TIME)
 
     def _change(self, goal: Goal, now: Time) -> None:
         if goal is not self._goal:

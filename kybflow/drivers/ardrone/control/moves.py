@@ -1,8 +1,8 @@
-"""A command as the fractions of AT*PCMD.
+"""Converts commands into the fractions of AT*PCMD.
 
-The tilt is taken at the heading that the command knows: forward and left of it, radians; the drone
-takes it at its own. By the compass it is taken forward and left of the world's x axis, at both
-ends. Each fraction is of a configured limit, and 1 is the most that can be asked.
+The tilt is split into forward and left relative to the command's heading; the drone applies it
+relative to its own. With the compass both are relative to the world's x axis. Each fraction is of a
+configured limit, from -1 to 1.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from kybflow.world.vehicle_context import Airframe
 
 
 class Limits(NamedTuple):
-    """What a fraction of 1 means: tilt, rad; climb rate, m/s; heading rate, rad/s."""
+    """The values of a fraction of 1: tilt, rad; climb rate, m/s; heading rate, rad/s."""
 
     tilt: float
     climb: float
@@ -26,7 +26,7 @@ class Limits(NamedTuple):
 
 
 def limits_of(params: ArdroneLinkParams, airframe: Airframe) -> Limits:
-    """The limits that are configured."""
+    """Return the limits to configure."""
     p = params
     tilt = airframe.tilt if p.euler_angle_max is None else p.euler_angle_max
     climb = airframe.climb if p.control_vz_max is None else p.control_vz_max
@@ -34,7 +34,7 @@ def limits_of(params: ArdroneLinkParams, airframe: Airframe) -> Limits:
 
 
 def move_of(command: Command, limits: Limits, *, by_compass: bool = False) -> Move:
-    """The move of a TILT_CLIMB command."""
+    """Return the move of a TILT_CLIMB command."""
     heading = heading_of(command.attitude) if command.heading is None else command.heading
     heading = 0.0 if by_compass else heading
     x, y, z = rotate_back(from_heading(heading), body_z(command.attitude))

@@ -1,9 +1,9 @@
-"""How late a drone does what it is told, by the bit with which it acknowledges its configuration.
+"""Measures the delay of a drone with the bit that acknowledges its configuration.
 
-No AT command is answered, but CONFIG sets the bit, CTRL 5 resets it, and both go the way of all
-commands: the bit is asked to change, and the time until it is seen changed is a round trip. What is
-written is `gps:altitude`, which tags pictures and which a controlling device tells in flight (SDK
-2.0, developer guide).
+The drone answers no AT command, but CONFIG sets this bit and CTRL 5 resets it, and both travel like
+any command. A round trip lasts from the request to change the bit until navigation data shows the
+change. The value written is `gps:altitude`, which only tags pictures and which controllers may set
+in flight (SDK 2.0, developer guide).
 """
 
 from __future__ import annotations
@@ -21,31 +21,30 @@ from kybflow.drivers.ardrone.protocol.at import (
 )
 
 INTERVAL: Time = NS // 5
-"""How often the bit is asked to change."""
-RESENDS: Time = 3 * NS // 100
-"""How often that is sent again until it has: one datagram that is lost makes no long round trip."""
-PATIENCE: Time = 2 * NS
-"""For how long, and how long the first is waited for: a firmware may not know the value."""
+"""How often to request a change."""
+RESEND_PERIOD: Time = 3 * NS // 100
+"""How often to resend the request, so that a lost datagram doesn't make a long round trip."""
+TIMEOUT: Time = 2 * NS
+"""How long to resend, and to wait for the first change: a firmware may not know the value."""
 TAG, UNSET = "gps:altitude", "0"
 
 
 class RoundTrips:
-    """The round trips of one drone. `delay`: the shorter one of the newest two, seconds, the wait
-    for our tick included; zero before the second. One that is under way counts, too, as long as it
-    has taken so far. A drone that was cut off for a while and then answers at once is not late.
-    post: sends lines once."""
+    """The round trips of one drone. `delay`: the shorter one of the newest two, seconds, including
+    the wait for our tick; zero before the second. A pending round trip counts with its duration so
+    far. post: sends lines once."""
 
     def __init__(self, ids: Ids, post: Callable[..., None]) -> None:
         self._write = (config_ids(ids), config(TAG, UNSET))
         self._post = post
-        self.begin_anew()
+        self.restart()
 
     def waits(self, now: Time) -> bool:
-        """Whether the first two may still come."""
-        return not self.delay and (self._asked is None or now - self._asked < PATIENCE)
+        """Return whether the first two may still arrive."""
+        return not self.delay and (self._asked is None or now - self._asked < TIMEOUT)
 
-    def begin_anew(self) -> None:
-        """Forget the round trips: the drone is configured."""
+    def restart(self) -> None:
+        """Forget all round trips, while the drone is being configured."""
         self.delay = 0.0
         self._before = self._newest = self._next = 0
         self._asked: Time | None = None
@@ -53,7 +52,7 @@ class RoundTrips:
         self._asks_for = False
 
     def update(self, acknowledges: bool, now: Time) -> None:
-        """Go on; called once a tick. acknowledges: whether the bit is set."""
+        """Continue; called once a tick. acknowledges: whether the bit is set."""
         if self._asked is None:
             if now >= self._next:
                 self._asked, self._next, self._asks_for = now, now + INTERVAL, not acknowledges
@@ -65,7 +64,7 @@ class RoundTrips:
             self.delay = min(self._before, self._newest) / NS
             return
         self.delay = max(min(self._before, self._newest), min(self._newest, taken)) / NS
-        if now - self._sent >= RESENDS and taken < PATIENCE:
+        if now - self._sent >= RESEND_PERIOD and taken < TIMEOUT:
             self._send(now)
 
     def _send(self, now: Time) -> None:

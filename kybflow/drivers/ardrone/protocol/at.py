@@ -1,9 +1,9 @@
 """AT commands: `AT*NAME=SEQUENCE[,ARGUMENT]*` and a carriage return, in ASCII.
 
-A datagram has one or several whole commands and at most 1024 characters. A drone takes a command
-only if its sequence number is above the last one; 1 begins anew. A float is sent as the integer
-that has its 32 bits. Reading is tolerant, as a drone is: line feeds are skipped, and what is no
-command is left out.
+A datagram holds whole commands, at most 1024 characters. The drone accepts a command only if its
+sequence number is larger than the last one; 1 restarts the sequence. A float is sent as the integer
+with its 32 bits. The parser is as tolerant as the drone: it skips line feeds and anything that is
+no command.
 """
 
 from __future__ import annotations
@@ -14,15 +14,14 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 LONGEST = 1024
-"""Characters of a datagram."""
-ANEW = 1
-"""The sequence number with which the count begins anew."""
+"""Largest size of a datagram, characters."""
+FIRST_SEQUENCE = 1
+"""The sequence number that restarts the sequence."""
 REF_BASE = 1 << 18 | 1 << 20 | 1 << 22 | 1 << 24 | 1 << 28
 FLY, EMERGENCY = 1 << 9, 1 << 8
-"""Bits of REF: in the air, or on the ground; and the emergency's switch, which toggles as it is
-set."""
+"""Bits of REF: fly, and the emergency switch, which toggles when it is set."""
 PROGRESSIVE, COMBINED_YAW, ABSOLUTE = 1, 2, 4
-"""Bits of PCMD's flag. Without the first the drone hovers, whatever the arguments say."""
+"""Bits of PCMD's flag. Without the first the drone hovers and ignores the arguments."""
 SEND_CONFIGURATION, RESET_ACKNOWLEDGE, SEND_IDS = 4, 5, 6
 """Modes of CTRL."""
 
@@ -33,7 +32,7 @@ _ARGUMENT = re.compile(r',(?:(-?\d+)|"([^"]*)")')
 
 
 class AtCommand(NamedTuple):
-    """One command as it is read: a float is the integer of its bits."""
+    """A parsed command; a float appears as the integer with its bits."""
 
     name: str
     sequence: int
@@ -41,7 +40,7 @@ class AtCommand(NamedTuple):
 
 
 class Ids(NamedTuple):
-    """Whose configuration is meant, each as 8 hexadecimal digits."""
+    """The owner of a configuration, each id 8 hexadecimal digits."""
 
     session: str
     user: str
@@ -49,12 +48,12 @@ class Ids(NamedTuple):
 
 
 def bits_of(value: float) -> int:
-    """The integer with the 32 bits of a float."""
+    """Return the integer with the 32 bits of a float."""
     return int(_BITS.unpack(_FLOAT.pack(value))[0])
 
 
 def float_of(bits: int) -> float:
-    """The float with the 32 bits of an integer; NaN for an integer that has more."""
+    """Return the float with the 32 bits of an integer; NaN for a larger integer."""
     if not -(1 << 31) <= bits < 1 << 31:
         return float("nan")
     return float(_FLOAT.unpack(_BITS.pack(bits))[0])
@@ -66,8 +65,7 @@ def ref(flies: bool, emergency: bool = False) -> Line:
 
 
 class Move(NamedTuple):
-    """The arguments of PCMD, each -1 to 1 of the configured maximum: to the right, backward, up,
-    clockwise. progressive: false to hover."""
+    """The arguments of PCMD, each -1 to 1 of the configured limit. progressive: False to hover."""
 
     right: float = 0.0
     backward: float = 0.0
@@ -80,7 +78,6 @@ HOVER = Move(progressive=False)
 
 
 def pcmd(move: Move) -> Line:
-    """Move, or hover."""
     if not move.progressive:
         return Line("PCMD", (0, 0, 0, 0, 0))
     right, backward, up, clockwise, _ = move
@@ -88,8 +85,8 @@ def pcmd(move: Move) -> Line:
 
 
 def pcmd_mag(move: Move, heading: float, accuracy: float) -> Line:
-    """Move by a heading that the client knows. heading: -1 to 1, 1 is 180 degrees clockwise from
-    north; accuracy: its largest error, likewise."""
+    """Move relative to a heading that the client knows. heading: -1 to 1, where 1 is 180 degrees
+    clockwise from north. accuracy: its largest error, in the same unit."""
     right, backward, up, clockwise, moves = move
     flag = PROGRESSIVE | ABSOLUTE if moves else 0
     values = (right, backward, up, clockwise, heading, accuracy)
@@ -97,12 +94,12 @@ def pcmd_mag(move: Move, heading: float, accuracy: float) -> Line:
 
 
 def ftrim() -> Line:
-    """Take the attitude on the ground, where it stands level, for level."""
+    """Calibrate level; the drone must stand on level ground."""
     return Line("FTRIM", ())
 
 
 def calib(device: int = 0) -> Line:
-    """Calibrate the magnetometer (0), in the air; the drone spins."""
+    """Calibrate the magnetometer (0) in flight; the drone spins."""
     return Line("CALIB", (device,))
 
 
@@ -112,28 +109,27 @@ def config(key: str, value: str) -> Line:
 
 
 def config_ids(ids: Ids) -> Line:
-    """Whose value the next CONFIG of the datagram sets."""
+    """Set the ids to which the next CONFIG of the datagram applies."""
     return Line("CONFIG_IDS", tuple(ids))
 
 
 def ctrl(mode: int) -> Line:
-    """Ask for the configuration, or reset the acknowledge bit."""
+    """Request the configuration, or reset the acknowledge bit."""
     return Line("CTRL", (mode, 0))
 
 
 def comwdg() -> Line:
-    """Reset the communication's watchdog."""
+    """Reset the communication watchdog."""
     return Line("COMWDG", ())
 
 
 class Line(NamedTuple):
-    """A command without its number."""
+    """A command without its sequence number."""
 
     name: str
     arguments: tuple[Argument, ...]
 
     def numbered(self, sequence: int) -> bytes:
-        """The command as it is sent."""
         parts = ",".join((str(sequence), *map(_written, self.arguments)))
         return f"AT*{self.name}={parts}\r".encode("ascii")
 
@@ -145,8 +141,8 @@ def _written(argument: Argument) -> str:
 
 
 def datagrams(groups: Iterable[Iterable[Line]], first: int) -> tuple[list[bytes], int]:
-    """Number the commands and pack them into datagrams; a group stays together. Returns them and
-    the number of the next command."""
+    """Number the commands and pack them into datagrams, each group into one. Return the datagrams
+    and the next sequence number."""
     packed: list[bytes] = []
     for group in groups:
         data = b""
@@ -161,15 +157,13 @@ def datagrams(groups: Iterable[Iterable[Line]], first: int) -> tuple[list[bytes]
 
 
 def read_commands(datagram: bytes) -> list[AtCommand]:
-    """The commands of a datagram; one that is too long has none."""
+    """Return the commands of a datagram; none if it is too long."""
     if len(datagram) > LONGEST:
         return []
     text = datagram.decode("ascii", "replace").replace("\n", "")
-    found = (_COMMAND.match(part) for part in text.split("\r")[:-1])
-    return [_read(match) for match in found if match is not None]
-
-
-def _read(match: re.Match[str]) -> AtCommand:
-    name, sequence, rest = match.groups()
-    arguments = tuple(int(number) if number else words for number, words in _ARGUMENT.findall(rest))
-    return AtCommand(name, int(sequence), arguments)
+    commands = []
+    for match in filter(None, map(_COMMAND.match, text.split("\r")[:-1])):
+        name, sequence, rest = match.groups()
+        arguments = (int(number) if number else word for number, word in _ARGUMENT.findall(rest))
+        commands.append(AtCommand(name, int(sequence), tuple(arguments)))
+    return commands

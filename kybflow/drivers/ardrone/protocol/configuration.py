@@ -1,5 +1,5 @@
-"""The configuration as the drone sends it over TCP: lines of `section:key = value`, then a zero
-byte; and the ids by which it knows sessions, users and applications."""
+"""The configuration that the drone sends over TCP: lines of `section:key = value`, then a zero
+byte. Also the ids of applications and users."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from zlib import crc32
 
 END = b"\0"
 MOST = 1 << 16
-"""Bytes of a configuration; a real one has about 5,000."""
+"""Largest size of a configuration, bytes; a real one has about 5,000."""
 
 
 def read_configuration(data: bytes) -> dict[str, str]:
-    """The values by `section:key`; lines that are none are left out."""
+    """Return the values by `section:key`, without malformed lines."""
     values = {}
     for line in data.partition(END)[0].decode("utf-8", "replace").splitlines():
         key, equals, value = line.partition("=")
@@ -22,19 +22,18 @@ def read_configuration(data: bytes) -> dict[str, str]:
 
 
 def write_configuration(values: Mapping[str, str]) -> bytes:
-    """The file as a drone sends it."""
     lines = "".join(f"{key} = {value}\n" for key, value in values.items())
     return lines.encode("utf-8") + END
 
 
 def identity(words: str) -> str:
-    """The id of an application or a user: CRC-32 of its name, in 8 hexadecimal digits."""
+    """Return the id of an application or a user: CRC-32 of its name, 8 hexadecimal digits."""
     return f"{crc32(words.encode('utf-8')):08x}"
 
 
 def agrees(asked: str, found: str) -> bool:
-    """Whether a value that is read back is the one that was asked for; the drone writes numbers and
-    truths in its own way."""
+    """Return whether a value matches the one written; the drone formats numbers and booleans in its
+    own way."""
     if asked.strip().upper() == found.strip().upper():
         return True
     try:

@@ -1,1 +1,1 @@
-"""What a drone says: its status, and measurements in SI, ENU and FLU, in the run's time."""
+"""A drone's status and its measurements, in SI, ENU, FLU and the run's time."""

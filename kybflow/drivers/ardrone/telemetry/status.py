@@ -1,4 +1,4 @@
-"""What one drone last said of itself, and what it says in words when that changes."""
+"""The newest status of one drone, and the messages about its changes."""
 
 from __future__ import annotations
 
@@ -14,58 +14,56 @@ from kybflow.drivers.ardrone.protocol.navdata.state import (
 )
 from kybflow.parts import StatusText
 
-QUIET = frozenset({DroneState.BATTERY_LOW, DroneState.USER_EMERGENCY})
-"""What is no more than a warning."""
-KNOWN = 100
-"""How many texts wait to be read."""
+WARNINGS = frozenset({DroneState.BATTERY_LOW, DroneState.USER_EMERGENCY})
+"""The alarms that are only warnings."""
+MOST_TEXTS = 100
+"""Largest number of unread texts."""
 
 
 class DroneStatus:
     """The status of one drone.
 
-    `state`: the newest mask. `demo`: the newest demo option, None before one came. `heard`: when
-    something last arrived.
+    `state`: the newest mask. `demo`: the newest demo option, None before the first.
+    `last_received`: when the newest packet arrived.
     """
 
     def __init__(self) -> None:
         self.state = DroneState(0)
         self.demo: Demo | None = None
-        self.heard: Time | None = None
+        self.last_received: Time | None = None
         self._texts: list[StatusText] = []
 
-    def hear(self, packet: Packet, now: Time) -> None:
-        """Take in one packet."""
+    def receive(self, packet: Packet, now: Time) -> None:
         begun = packet.state & ~self.state
-        self.state, self.heard = packet.state, now
+        self.state, self.last_received = packet.state, now
         self.demo = demo(packet.options) or self.demo
         for bit in ALARMS:
-            if begun & bit and len(self._texts) < KNOWN:
-                severity = "warning" if bit in QUIET else "critical"
+            if begun & bit and len(self._texts) < MOST_TEXTS:
+                severity = "warning" if bit in WARNINGS else "critical"
                 self._texts.append(StatusText(severity, in_words(bit)[0]))
 
     def texts(self) -> list[StatusText]:
-        """What it said since the last call."""
+        """Return the messages since the last call."""
         texts, self._texts = self._texts, []
         return texts
 
     @property
     def phase(self) -> Phase:
-        """Its state of flight."""
         return Phase.DEFAULT if self.demo is None else self.demo.phase
 
     @property
     def flies(self) -> bool:
-        """Whether it is in the air, or on its way up or down."""
+        """Whether the drone is in the air, takes off or lands."""
         return DroneState.FLYING in self.state
 
     @property
     def follows(self) -> bool:
-        """Whether it follows moves."""
+        """Whether the drone follows moves."""
         return self.flies and self.phase in FOLLOWING
 
     @property
     def stands(self) -> bool:
-        """Whether it is on the ground with its rotors at rest."""
+        """Whether the drone is on the ground with its rotors stopped."""
         return not self.flies
 
     @property
@@ -74,5 +72,5 @@ class DroneStatus:
 
     @property
     def acknowledges(self) -> bool:
-        """Whether it has taken a configuration and waits for the bit to be reset."""
+        """Whether the drone has applied a configuration value and waits for the bit's reset."""
         return DroneState.COMMAND_ACKNOWLEDGED in self.state

@@ -1,5 +1,5 @@
-"""Bytes to and from one drone.
+"""The connection to one drone.
 
-`stream` numbers what is sent and knows how old a command may be, `gate` admits navigation data, and
-a `DroneWire` has both: over UDP and TCP with a thread (`udp`), or in this process.
+`stream` numbers commands and replaces those that are too old. `wire` filters navigation data and
+defines the interface of a connection, which `udp` implements over UDP and TCP with a thread.
 """

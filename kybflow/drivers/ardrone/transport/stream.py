@@ -1,8 +1,8 @@
-"""What is sent to one drone: the newest command at a fixed rate, and what is to be said once.
+"""The datagrams to one drone: the newest command at a fixed rate, and lines that are sent once.
 
-The tick holds a command; whoever sends asks for what is due, in another thread or in the same.
-Values are handed over whole. A command that is not renewed for `HOVERS` is replaced by hovering,
-and from `ENDS` on nothing is sent at all: then the tick has stopped, and the drone's watchdog acts.
+The tick calls `hold`; the sender, maybe in another thread, calls `due`. They exchange immutable
+values. A command that is not renewed within `HOVER_AFTER` is replaced by a hover command. After
+`STOP_AFTER` nothing is sent, since the tick has stopped, and the drone's watchdog takes over.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.protocol.at import (
-    ANEW,
+    FIRST_SEQUENCE,
     HOVER,
     Line,
     Move,
@@ -24,19 +24,19 @@ from kybflow.drivers.ardrone.protocol.at import (
     ref,
 )
 
-HOVERS: Time = NS // 5
-ENDS: Time = NS // 4
+HOVER_AFTER: Time = NS // 5
+STOP_AFTER: Time = NS // 4
 MOST_WAITING = 100
-"""How many groups of lines wait to be sent."""
+"""Largest number of groups of lines that wait."""
 ACCURACY = 5.0 / 180.0
-"""The largest error of a compass heading, as a share of 180 degrees."""
+"""Largest error of a compass heading, as a fraction of 180 degrees."""
 AT_ONCE = 8
-"""How many groups go with one command."""
+"""Largest number of groups per command."""
 
 
 class Held(NamedTuple):
-    """A command. flies: take off and stay in the air; else land. emergency: toggle it. move: None
-    where the drone neither flies nor is to move. at: when it was made."""
+    """A command. flies: True to take off and fly, False to land. emergency: toggle it. move: None
+    unless the drone flies. at: when it was made."""
 
     flies: bool
     emergency: bool
@@ -45,43 +45,43 @@ class Held(NamedTuple):
 
 
 class CommandStream:
-    """The commands of one drone. `hovered`, `ended`: how often a command was too old, by each
-    bound. `bearing`: clockwise from north, rad, of the axis by which moves are given; None for the
-    drone's own. clock: the time now."""
+    """The commands of one drone. `hovered`, `ended`: how often a command exceeded each age limit.
+    `bearing`: of the axis to which moves are relative, clockwise from north, rad; None for the
+    drone's own. clock: returns the time."""
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self._clock = clock
         self._held: Held | None = None
         self._waiting: deque[tuple[Line, ...]] = deque(maxlen=MOST_WAITING)
-        self._next = ANEW
+        self._next = FIRST_SEQUENCE
         self._again = True
         self.bearing: float | None = None
         self.hovered = self.ended = 0
 
     def hold(self, flies: bool, move: Move | None = None, *, emergency: bool = False) -> None:
-        """Send this from now on, instead of what was held before."""
+        """Send this command from now on."""
         self._held = Held(flies, emergency, move, self._clock())
 
     def post(self, *lines: Line) -> None:
         """Send these once, in one datagram."""
         self._waiting.append(lines)
 
-    def begin_anew(self) -> None:
-        """Begin to count anew: the drone may have started again."""
+    def restart(self) -> None:
+        """Restart the sequence, since the drone may have restarted."""
         self._again = True
 
     def due(self) -> list[bytes]:
-        """The datagrams of one period; none where the command is too old."""
+        """Return the datagrams of one period; none if the command is too old."""
         held, now = self._held, self._clock()
         if held is None:
             return []
         age = now - held.at
-        if age > ENDS:
+        if age > STOP_AFTER:
             self.ended += 1
             self._waiting.clear()
             return []
         move = held.move
-        if move is not None and age > HOVERS:
+        if move is not None and age > HOVER_AFTER:
             self.hovered += 1
             move = HOVER
         first = [ref(held.flies, held.emergency)]
@@ -91,7 +91,7 @@ class CommandStream:
         while self._waiting and len(groups) <= AT_ONCE:
             groups.append(self._waiting.popleft())
         if self._again:
-            self._again, self._next = False, ANEW
+            self._again, self._next = False, FIRST_SEQUENCE
         packed, self._next = datagrams(groups, self._next)
         return packed
 

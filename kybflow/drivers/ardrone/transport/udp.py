@@ -1,9 +1,9 @@
 """One drone over the network: UDP for commands and navigation data, TCP for its configuration.
 
-A thread of its own sends what is due at a fixed rate, and in between waits for what arrives; it
-takes a bounded number of datagrams a period, so that a flood costs no more than that. Packets are
-admitted here and handed to the tick as immutable values. Each drone has its own ports here, given
-by the system, so that any number fits on one computer.
+A thread sends what is due at a fixed rate and receives in between, a bounded number of datagrams
+per period, so that a flood costs no more than that. It passes accepted packets to the tick as
+immutable values. The system assigns the local ports, so that any number of drones fits on one
+computer.
 """
 
 from __future__ import annotations
@@ -20,20 +20,26 @@ from ipaddress import AddressValueError, IPv4Address
 from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.protocol.configuration import END, MOST
-from kybflow.drivers.ardrone.transport.wire import ASKS, AT, CONTROL, NAVDATA, Arrived, DroneWire
+from kybflow.drivers.ardrone.transport.wire import (
+    AT,
+    CONTROL,
+    NAVDATA,
+    NAVDATA_REQUEST,
+    Arrived,
+    DroneWire,
+)
 
 LONGEST = 8192
-MOST_A_PERIOD = 64
-"""Datagrams that are taken in one period: at 25 Hz and 200 Hz of data there are 8."""
-ROOM = 1 << 17
-"""Bytes that the system keeps for us between two periods."""
+MOST_PER_PERIOD = 64
+"""Datagrams received per period at most; with 25 Hz and 200 Hz of data there are 8."""
+BUFFER = 1 << 17
+"""Size of the socket's receive buffer, bytes."""
 MOST_HELD = 4096
-CONNECTS: Time = NS
-"""The pause between two attempts to connect."""
+RECONNECT_PAUSE: Time = NS
+"""Pause between two attempts to connect."""
 
 
 def is_address(text: str) -> bool:
-    """Whether it is an IPv4 address."""
     try:
         IPv4Address(text)
     except AddressValueError:
@@ -42,8 +48,8 @@ def is_address(text: str) -> bool:
 
 
 class UdpWire(DroneWire):
-    """A thread of its own serves it from the start until `close`. rate: of the commands, Hz.
-    clock: the time by which commands age, ns."""
+    """A wire with a thread, which runs until `close`. rate: of the commands, Hz. clock: the time by
+    which commands age, ns."""
 
     def __init__(
         self, host: str, rate: float, clock: Callable[[], Time] = time.monotonic_ns
@@ -62,7 +68,7 @@ class UdpWire(DroneWire):
         self._thread.start()
 
     def poll(self, now: Time) -> None:
-        """The thread does everything."""
+        """Nothing to do: the thread sends and receives."""
 
     def take(self, now: Time) -> Sequence[Arrived]:
         if self._failure is not None:
@@ -76,7 +82,7 @@ class UdpWire(DroneWire):
 
     def ask(self) -> None:
         if not self.mute:
-            self._send(self._data, ASKS, NAVDATA)
+            self._send(self._data, NAVDATA_REQUEST, NAVDATA)
 
     def listen_for_configuration(self) -> None:
         self._control.wanted = True
@@ -97,14 +103,13 @@ class UdpWire(DroneWire):
         self._data.close()
 
     def _run(self) -> None:
-        """The thread; the tick hears of what ends it."""
+        """Run the thread; `take` raises what ends it."""
         try:
             self._serve()
         except Exception as error:
             self._failure = described(error)
 
     def _serve(self) -> None:
-        """What is due, what arrives, until it is over."""
         due = self._clock()
         while not self._over:
             now = self._clock()
@@ -118,8 +123,8 @@ class UdpWire(DroneWire):
             self._file = found or self._file
 
     def _receive(self, due: Time) -> None:
-        """Take what arrives until `due`, and no more than a period's share."""
-        for _ in range(MOST_A_PERIOD):
+        """Receive until `due`, at most `MOST_PER_PERIOD` datagrams."""
+        for _ in range(MOST_PER_PERIOD):
             waits = max(0, due - self._clock()) / NS
             if not select.select((self._data,), (), (), waits)[0]:
                 return
@@ -138,7 +143,6 @@ class UdpWire(DroneWire):
         time.sleep(max(0, due - self._clock()) / NS)
 
     def _send(self, through: socket.socket, data: bytes, port: int) -> None:
-        """Send a datagram, or lose it."""
         try:
             through.sendto(data, (self._host, port))
         except OSError as error:
@@ -146,8 +150,8 @@ class UdpWire(DroneWire):
 
 
 class _ControlChannel:
-    """The TCP connection on which configurations come, opened again where it was lost. Used by the
-    wire's thread alone, but for `wanted`."""
+    """The TCP connection that receives configurations, reopened when it is lost. Only the wire's
+    thread uses it, except for `wanted`."""
 
     def __init__(self, host: str) -> None:
         self.wanted = False
@@ -157,12 +161,12 @@ class _ControlChannel:
         self._next: Time = 0
 
     def poll(self, now: Time) -> bytes | None:
-        """A configuration that is whole now; never waits."""
+        """Return a configuration that is complete now, None if there is none; never blocks."""
         if not self.wanted:
             return None
         if self._socket is None:
             if now >= self._next:
-                self._next = now + CONNECTS
+                self._next = now + RECONNECT_PAUSE
                 self._socket, self._data = _socket(self._host, socket.SOCK_STREAM), b""
                 self._socket.connect_ex((self._host, CONTROL))
             return None
@@ -189,7 +193,7 @@ def _socket(host: str, kind: socket.SocketKind = socket.SOCK_DGRAM) -> socket.so
     try:
         opened = socket.socket(socket.AF_INET, kind)
         opened.setblocking(False)
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         if kind is socket.SOCK_DGRAM:
             opened.bind((_own_address(host), 0))
     except OSError as error:
@@ -198,7 +202,7 @@ def _socket(host: str, kind: socket.SocketKind = socket.SOCK_DGRAM) -> socket.so
 
 
 def _own_address(host: str) -> str:
-    """Our address in the network in which the drone is. Raises OSError."""
+    """Return our address in the drone's network. Raises OSError."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.connect((host, AT))
         return str(probe.getsockname()[0])

@@ -1,25 +1,73 @@
-"""What a link asks of its connection to a drone."""
+"""The interface of a connection to a drone, and the filter of its navigation data."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Sequence
 
-from kybflow.core.signals import Time
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.transport.gate import Gate
+from kybflow.core.signals import NS, Time
+from kybflow.drivers.ardrone.protocol.navdata.packet import Malformed, Packet, read_packet
 from kybflow.drivers.ardrone.transport.stream import CommandStream
 
 AT, NAVDATA, VIDEO, CONTROL = 5556, 5554, 5555, 5559
 """The drone's ports."""
-ASKS = b"\x01\x00\x00\x00"
-"""What makes a drone send navigation data to who sent it."""
+NAVDATA_REQUEST = b"\x01\x00\x00\x00"
+"""The datagram that requests navigation data."""
 Arrived = tuple[Time, Packet]
+RESTARTS: Time = NS
+"""Silence after which the sequence may restart, since the drone may have restarted."""
+FIRST_REPORT = 10
+"""Number of rejected datagrams at the first report."""
+
+
+class Gate:
+    """Accepts the packets of one drone: from its address, well-formed, and newer than the last.
+    `refused`: how many were rejected, by reason."""
+
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        self._last, self._next_report = 0, FIRST_REPORT
+        self._last_received: Time | None = None
+
+    def admit(self, data: bytes, is_ours: bool, now: Time) -> Packet | None:
+        """Return the packet, None if it is rejected. is_ours: whether it came from the drone's
+        address and port."""
+        if not is_ours:
+            self.refused["from elsewhere"] += 1
+            return None
+        try:
+            packet = read_packet(data)
+        except Malformed as error:
+            self.refused[str(error)] += 1
+            return None
+        is_silent = self._last_received is None or now - self._last_received > RESTARTS
+        if packet.sequence <= self._last and not is_silent:
+            self.refused["not newer"] += 1
+            return None
+        self._last, self._last_received = packet.sequence, now
+        return packet
+
+    def report(self) -> str | None:
+        """Return a summary of rejected datagrams after `FIRST_REPORT` of them and whenever they are
+        ten times as many; else None. May be called in another thread."""
+        refused = dict(self.refused)
+        total = sum(refused.values())
+        if total < self._next_report:
+            return None
+        while self._next_report <= total:
+            self._next_report *= 10
+        counts = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+        return f"{total} datagrams were ignored: {counts}"
+
+    def restart(self) -> None:
+        """Accept a restarted sequence, as after the communication watchdog."""
+        self._last = 0
 
 
 class DroneWire(ABC):
-    """The connection to one drone. `stream`: what is sent. `gate`: what is admitted. Faults set
-    `deaf` and `mute`."""
+    """The connection to one drone. `stream`: the commands. `gate`: the filter of navigation data.
+    Faults set `deaf` and `mute`."""
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self.stream, self.gate = CommandStream(clock), Gate()
@@ -27,29 +75,29 @@ class DroneWire(ABC):
 
     @abstractmethod
     def poll(self, now: Time) -> None:
-        """Let what is due happen, where no thread does it. now: the run's time."""
+        """Send and receive what is due, unless a thread does. now: the run's time."""
 
     @abstractmethod
     def take(self, now: Time) -> Sequence[Arrived]:
-        """The packets since the last call, oldest first, each with the run's time at which it
-        arrived. Raises DriverError."""
+        """Return the packets since the last call, oldest first, each with its arrival in the run's
+        time. Raises DriverError."""
 
     @abstractmethod
     def ask(self) -> None:
-        """Ask the drone for navigation data."""
+        """Request navigation data."""
 
     @abstractmethod
     def listen_for_configuration(self) -> None:
-        """Open the connection on which the drone sends its configuration when it is asked to."""
+        """Open the connection that receives the configuration."""
 
     @abstractmethod
     def configuration(self) -> bytes | None:
-        """The newest whole configuration, once; None where there is none."""
+        """Return the newest complete configuration, once; None if there is none."""
 
     @property
     @abstractmethod
     def trouble(self) -> str:
-        """Why nothing can arrive; empty while nothing is known to be wrong."""
+        """Why nothing can arrive; empty if no error is known."""
 
     @abstractmethod
     def close(self) -> None: ...

@@ -1,4 +1,4 @@
-"""What is on board an emulated drone: it hears AT commands, estimates, flies, and tells.
+"""The software on board an emulated drone: commands, estimation, flight and navigation data.
 
-None of it knows a socket, and none reads the simulator's truth but the models of its sensors.
+It has no sockets, and only its sensor models read the simulator's truth.
 """

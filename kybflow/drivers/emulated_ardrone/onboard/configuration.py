@@ -1,7 +1,7 @@
-"""The configuration of an emulated drone, and who may write which part of it.
+"""The configuration of an emulated drone.
 
-A value of the session, the user or the application is written only with the ids that are in force,
-which `custom:` values set; common values need none. What is read-only stays as it is.
+A value that belongs to a session, user or application can be written only with the current ids,
+which the `custom:` values set. Common values need no ids. Read-only values can't be written.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from kybflow.drivers.ardrone.protocol.at import Ids
 
-NOBODY = "00000000"
+NO_ID = "00000000"
 DEFAULTS: Mapping[str, str] = MappingProxyType(
     {
         "general:num_version_config": "1", "general:num_version_mb": "33",
@@ -33,16 +33,16 @@ DEFAULTS: Mapping[str, str] = MappingProxyType(
         "pic:ultrasound_freq": "8", "pic:ultrasound_watchdog": "3", "pic:pic_version": "184877090",
         "video:video_codec": "129", "video:video_channel": "0", "video:bitrate": "1000",
         "leds:leds_anim": "0,0,0", "detect:enemy_colors": "1", "detect:detect_type": "3",
-        "syslog:output": "7", "userbox:userbox_cmd": "0", "custom:application_id": NOBODY,
+        "syslog:output": "7", "userbox:userbox_cmd": "0", "custom:application_id": NO_ID,
         "custom:application_desc": "Default application configuration",
-        "custom:profile_id": NOBODY, "custom:profile_desc": ".Primary Profile",
-        "custom:session_id": NOBODY, "custom:session_desc": "Session 00000000",
+        "custom:profile_id": NO_ID, "custom:profile_desc": ".Primary Profile",
+        "custom:session_id": NO_ID, "custom:session_desc": "Session 00000000",
         "gps:latitude": "5.0000000000000000e+02", "gps:longitude": "5.0000000000000000e+02",
         "gps:altitude": "0.0000000000000000e+00",
     }
 )  # fmt: skip
 FIXED = ("general:num_version", "general:drone_serial", "general:vbat_min", "pic:pic_version")
-"""How read-only keys begin."""
+"""Prefixes of read-only keys."""
 SESSION = frozenset(
     {
         "general:navdata_options", "video:video_codec", "video:video_channel", "leds:leds_anim",
@@ -54,14 +54,14 @@ IDS = ("custom:session_id", "custom:profile_id", "custom:application_id")
 
 
 class EmulatedConfiguration:
-    """The values of one drone. `refused`: how many writes were not obeyed."""
+    """The values of one drone. `refused`: the number of rejected writes."""
 
     def __init__(self) -> None:
         self.values = dict(DEFAULTS)
         self.refused = 0
 
     def write(self, key: str, value: str, ids: Ids | None) -> bool:
-        """Set a value; whether it was."""
+        """Set a value; return whether the drone acknowledges."""
         key = key.lower()
         known = key in self.values and not key.startswith(FIXED)
         if not known or (key in SESSION and not self._are_in_force(ids)):
@@ -71,7 +71,7 @@ class EmulatedConfiguration:
         return True
 
     def number(self, key: str) -> float:
-        """A value as a number; its default where it is none."""
+        """Return a value as a number; its default if it is none."""
         try:
             return float(self.values[key])
         except ValueError:
@@ -82,6 +82,6 @@ class EmulatedConfiguration:
 
     def _are_in_force(self, ids: Ids | None) -> bool:
         session, user, application = (self.values[key] for key in IDS)
-        if (session, user, application) == (NOBODY, NOBODY, NOBODY):
+        if (session, user, application) == (NO_ID, NO_ID, NO_ID):
             return True
         return ids == Ids(session, user, application)

@@ -1,10 +1,10 @@
-"""An emulated drone: hears AT commands, minds its watchdogs, flies, and says what it is doing.
+"""The computer of an emulated drone: AT commands, watchdogs, emergencies and its status.
 
-Who sent the first command has the drone until it is silent for `com_watchdog`; what others send
-is counted and not obeyed, as of a drone that is paired. A command whose number is not above the
-last is dropped, unless it begins anew. Without a command for 50 ms the watchdog's bit is set and
-the drone hovers until commands come; the bit stays until COMWDG. Without one for `com_watchdog`
-the communication is lost: it lands, and everybody must begin anew.
+The first sender owns the drone until it is silent for `com_watchdog`; commands of other senders are
+counted and ignored, as if the drone were paired. A command is dropped unless its number is larger
+than the last or restarts the sequence. After 50 ms without a command the drone sets the watchdog
+bit and hovers until commands arrive; COMWDG clears the bit. After `com_watchdog` without a command
+the communication is lost: the drone lands, and clients must start over.
 """
 
 from __future__ import annotations
@@ -27,18 +27,19 @@ from kybflow.drivers.emulated_ardrone.onboard.flight import (
     LEVEL_ENOUGH,
     REST,
     DroneFlight,
+    animation,
+    calibration,
     tilt_of_drone,
 )
-from kybflow.drivers.emulated_ardrone.onboard.performing import animation, calibration
 from kybflow.drivers.emulation.body import BatteryMonitor, SimulatedBody
 from kybflow.drivers.emulation.breaking import Failures
 from kybflow.world.vehicle_context import VehicleContext
 
 WATCHDOG: Time = NS // 20
-BEGINS = frozenset({0, 1})
-"""The numbers with which a client begins to count."""
+FIRST_SEQUENCES = frozenset({0, 1})
+"""The sequence numbers that restart the sequence."""
 LOW, EMPTY = 0.2, 0.05
-"""The charges at which it won't take off, and at which it lands."""
+"""The charges below which the drone refuses to take off, and lands."""
 HEALTHY = (
     DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD
     | DroneState.ACQUISITION_THREAD | DroneState.PIC_VERSION_OK | DroneState.ALTITUDE_CONTROL
@@ -47,15 +48,16 @@ HEALTHY = (
 
 @dataclass
 class DroneFailures(Failures):
-    """What can fail of a drone beside. cutout: a rotor is stopped by force: an emergency."""
+    """The failures of a drone. cutout: a rotor is blocked, which is an emergency."""
 
     cutout: bool = False
 
 
 class OnboardDrone:
-    """The computer of one drone. `accepted`: commands that have no effect here, by name. `ignored`:
-    what was not obeyed, by reason. `is_lost`: nobody has it; `times_lost`: how often somebody had
-    it and was silent for too long. `on_configuration`: called when the configuration is asked for.
+    """The computer of one drone. `accepted`: commands without effect here, by name. `ignored`:
+    ignored commands, by reason. `is_lost`: whether no client owns the drone. `times_lost`: how
+    often the communication was lost. `on_configuration`: called when a client requests the
+    configuration.
     """
 
     def __init__(
@@ -73,7 +75,7 @@ class OnboardDrone:
         self._body = body
         self._owner: Hashable = None
         self._sequence = -1
-        self._heard: Time | None = None
+        self._last_received: Time | None = None
         self._warned = self._acknowledges = False
         self._in_bootstrap = True
         self._emergency = self._toggle = False
@@ -89,14 +91,13 @@ class OnboardDrone:
         }  # fmt: skip
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take what the simulated sensors measured."""
         if isinstance(measured, Imu):
             self.estimator.add_imu(measured)
         elif isinstance(measured, Battery):
             self.battery.measure(measured)
 
-    def hear(self, datagram: bytes, sender: Hashable, now: Time) -> None:
-        """Obey the commands of a datagram."""
+    def receive(self, datagram: bytes, sender: Hashable, now: Time) -> None:
+        """Execute the commands of a datagram."""
         self._now = now
         commands = at.read_commands(datagram)
         if not commands:
@@ -111,20 +112,20 @@ class OnboardDrone:
             self._take(command, now)
 
     def step(self, now: Time) -> None:
-        """Estimate, mind the watchdogs, fly."""
+        """Estimate, check watchdogs and emergencies, fly."""
         self._now = now
         dt, self._stepped = (now - self._stepped) / NS, now
-        self.estimator.see(now)
-        self._mind(now)
-        self._guard(now)
+        self.estimator.correct(now)
+        self._check_watchdogs(now)
+        self._check_emergencies(now)
         if self.flight.flies:
-            self._limit()
+            self._apply_limits()
             self._body.drive(self.flight.step(now, dt), now)
         else:
             self._body.drive(REST, now)
 
     def state(self) -> DroneState:
-        """Its state mask."""
+        """Return the state mask."""
         bits = {
             DroneState.FLYING: self.flight.flies,
             DroneState.ANGULAR_SPEED_CONTROL: self.flight.flies,
@@ -142,7 +143,7 @@ class OnboardDrone:
         return state
 
     def demo(self) -> Demo:
-        """What the demo option says."""
+        """Return the demo option."""
         attitude, velocity = self.estimator.attitude, self.estimator.velocity
         roll, pitch, heading = to_euler(attitude.value)
         forward, left, _ = (1000.0 * v for v in velocity)
@@ -159,12 +160,12 @@ class OnboardDrone:
 
     def _take(self, command: AtCommand, now: Time) -> None:
         obey = self._obey.get(command.name)
-        if command.sequence <= self._sequence and command.sequence not in BEGINS:
+        if command.sequence <= self._sequence and command.sequence not in FIRST_SEQUENCES:
             self.ignored["not newer"] += 1
         elif obey is None:
             self.ignored["unknown"] += 1
         else:
-            self._sequence, self._heard, self.is_lost = command.sequence, now, False
+            self._sequence, self._last_received, self.is_lost = command.sequence, now, False
             try:
                 obey(command)
             except (ValueError, TypeError, IndexError):
@@ -198,8 +199,8 @@ class OnboardDrone:
             )
 
     def _by_compass(self, right: float, backward: float, client: float) -> tuple[float, float]:
-        """A tilt in the drone's directions, from those of a client. client: its bearing, of 180
-        degrees. Raises ValueError."""
+        """Convert a client's tilt to the drone's directions. client: the client's bearing, as a
+        fraction of 180 degrees. Raises ValueError."""
         if not isfinite(client):
             raise ValueError("not a number")
         own = pi / 2 - self.estimator.attitude.heading
@@ -246,9 +247,8 @@ class OnboardDrone:
         self._emergency, self._causes = True, self._causes | cause
         self.flight.stop(self._now)
 
-    def _mind(self, now: Time) -> None:
-        """The watchdogs of the communication."""
-        silence = now if self._heard is None else now - self._heard
+    def _check_watchdogs(self, now: Time) -> None:
+        silence = now if self._last_received is None else now - self._last_received
         if self._owner is None:
             return
         if silence > WATCHDOG:
@@ -259,8 +259,7 @@ class OnboardDrone:
             self.times_lost += 1
             self.flight.land(now)
 
-    def _guard(self, now: Time) -> None:
-        """Emergencies of its own, and the battery."""
+    def _check_emergencies(self, now: Time) -> None:
         if self.failures.cutout and not self._emergency:
             self._stop(DroneState.CUT_OUT)
         if self.flight.flies and tilt_of_drone(self.estimator) > LEVEL_ENOUGH:
@@ -268,8 +267,7 @@ class OnboardDrone:
         if self.battery.remaining < EMPTY:
             self.flight.land(now)
 
-    def _limit(self) -> None:
-        """Take the configured limits."""
+    def _apply_limits(self) -> None:
         flight, values = self.flight, self.configuration
         flight.tilt_most = values.number("control:euler_angle_max")
         flight.climb_most = values.number("control:control_vz_max") / 1000.0
@@ -278,8 +276,8 @@ class OnboardDrone:
 
 
 def _integers(arguments: Iterable[int | str], count: int) -> list[int]:
-    """All of them, which must be integers; `count` of them, or any number where that is 0. Raises
-    ValueError."""
+    """Return the arguments, which must be `count` integers, or any number of them if it is 0.
+    Raises ValueError."""
     found = [value for value in arguments if isinstance(value, int)]
     if len(found) != len(tuple(arguments)) or (count and len(found) != count):
         raise ValueError("other arguments are expected")
@@ -287,7 +285,7 @@ def _integers(arguments: Iterable[int | str], count: int) -> list[int]:
 
 
 def _words(arguments: Iterable[int | str], count: int) -> list[str]:
-    """All of them, which must be `count` words. Raises ValueError."""
+    """Return the arguments, which must be `count` words. Raises ValueError."""
     found = [value for value in arguments if isinstance(value, str)]
     if len(found) != count:
         raise ValueError("other arguments are expected")

@@ -1,8 +1,8 @@
-"""How an emulated drone estimates its motion: attitude, height, and speed over the ground.
+"""The state estimator of an emulated drone: attitude, height, and speed over the ground.
 
-Attitude from its IMU and magnetometer (`kybflow.drivers.emulation.estimation`). The height from its
-ultrasound, the speed from the optical flow of its camera below; both correct what the accelerometer
-sums up, at the rates below. Metres, ENU.
+The attitude comes from IMU and magnetometer (`kybflow.drivers.emulation.estimation`). Ultrasound
+and optical flow correct the height and the speed that the accelerometer predicts, at the rates
+below. Metres, ENU.
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ from kybflow.drivers.emulation.body import CompassAndBarometer
 from kybflow.drivers.emulation.estimation import AttitudeFilter
 
 FLOW, FLOW_NOISE = NS // 60, 0.03
-"""The period of the optical flow, and the standard deviation of its speed, m/s."""
+"""Period of the optical flow, and standard deviation of its speed, m/s."""
 ECHO, ECHO_NOISE = NS // 25, 0.01
-"""The same of the ultrasound and its height, m."""
+"""Period of the ultrasound, and standard deviation of its height, m."""
 FOLLOWS_FLOW, FOLLOWS_ECHO, CLIMB_BY_ECHO = 3.0, 6.0, 9.0
-"""How fast the speed follows the flow, 1/s, the height the echo, 1/s, and the climb, 1/s^2."""
+"""Correction gains: of the speed by the flow, 1/s; of the height, 1/s, and of the climb rate,
+1/s^2, by the ultrasound."""
 
 
 class DroneEstimator:
-    """The motion of one drone. `height`, `climb`: above where it started. `velocity`: horizontal,
-    by its own heading: forward and to the left. `felt`: the newest sample of its IMU."""
+    """The motion of one drone. `height`, `climb`: above the start. `velocity`: horizontal, forward
+    and left of its heading. `felt`: the newest IMU sample."""
 
     def __init__(self, look: Callable[[], Truth], generator: random.Random) -> None:
         self._look, self._generator = look, generator
@@ -49,7 +50,7 @@ class DroneEstimator:
         self.felt: Imu | None = None
 
     def add_imu(self, imu: Imu) -> None:
-        """Propagate with a sample of the IMU."""
+        """Predict with an IMU sample."""
         self.felt = imu
         self.attitude.add_imu(imu, None)
         level = from_heading(self.attitude.heading)
@@ -62,8 +63,8 @@ class DroneEstimator:
         self.height += imu.dt * (self.climb + 0.5 * imu.dt * pull)
         self.climb += imu.dt * pull
 
-    def see(self, now: Time) -> None:
-        """Correct by the sensors that have something new."""
+    def correct(self, now: Time) -> None:
+        """Correct with every sensor that has a new measurement."""
         if self._compass.read(now):
             self.attitude.see(self._compass.heading)
         truth, noise = self._look(), self._generator.gauss
@@ -79,5 +80,5 @@ class DroneEstimator:
             self.climb += CLIMB_BY_ECHO * dt * off
 
     def rest(self) -> None:
-        """It stands."""
+        """Set the motion of a drone on the ground."""
         self.velocity, self.height, self.climb = ZERO, 0.0, 0.0

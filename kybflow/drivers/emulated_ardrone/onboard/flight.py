@@ -1,45 +1,81 @@
-"""How an emulated drone flies: up to its hovering height, as it is told, and down.
+"""The flight controller of an emulated drone: take-off, moves, hovering, animations and landing.
 
-Told to move, it keeps the tilt, climbs at the rate and turns at the rate that are asked for; it
-follows a climb rate within `EASES` and what its velocity loop takes, together as slowly
-as `kybflow.drivers.ardrone.CLIMB_TIME` says of a real one. Told to hover, it stops by its optical
-flow and holds its height. Radians, metres, body FLU.
+A move commands a tilt, a climb rate and a heading rate. The climb rate follows with
+`CLIMB_TIME_CONSTANT` plus the delay of the velocity loop, together as slowly as a real drone's
+(`kybflow.drivers.ardrone.CLIMB_TIME`). When it hovers, the drone brakes by its optical flow and
+holds its height. Of an animation the SDK names only the axis and the duration: here the drone
+hovers and rocks or turns about that axis, without flipping over. To calibrate its magnetometer it
+turns once. Radians, metres, body FLU.
 """
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, pi, sin
+from typing import NamedTuple
 
 from kybflow.core.geometry import ZERO, conjugate, from_euler, multiply, to_euler, wrap
 from kybflow.core.signals import NS, Command, Time
+from kybflow.drivers.ardrone.control.acts import FLIGHTS
 from kybflow.drivers.ardrone.protocol.at import Move
 from kybflow.drivers.ardrone.protocol.navdata.state import Phase
 from kybflow.drivers.emulated_ardrone.onboard.estimator import DroneEstimator
-from kybflow.drivers.emulated_ardrone.onboard.performing import Performance
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.control import PositionControl, PositionTarget, Speeds
 from kybflow.world.vehicle_context import Airframe
 
-HEIGHT, RISES, SINKS = 0.8, 0.6, 0.4
-"""The height of its take-off, m, and its speeds up and down, m/s."""
+HEIGHT, CLIMB_SPEED, SINK_SPEED = 0.8, 0.6, 0.4
+"""Height of the take-off, m, and speeds up and down, m/s."""
 REACHED = 0.1
-SPOOLS: Time = NS // 2
-EASES = 0.5
-"""Time constant by which a climb rate is eased in, s."""
+SPOOL_UP: Time = NS // 2
+CLIMB_TIME_CONSTANT = 0.5
+"""Time constant of the low-pass on the climb rate, s."""
 LEASH = 0.3
-"""How far the height that is held may be from the one that it has, m."""
+"""Largest difference between the height setpoint and the height, m."""
 BRAKES, BRAKES_MOST = 0.25, 0.2
-"""Hovering: tilt per speed, rad per m/s, and at most, rad."""
+"""Braking: tilt per speed, rad per m/s, and the largest tilt, rad."""
 STILL: Time = 3 * NS // 10
 LOW, SLOW = 0.06, 0.08
-"""A height, m, and a climb rate, m/s, at which it has landed when they last for `STILL`."""
+"""The drone has landed after `STILL` below this height, m, and climb rate, m/s."""
 TURN_LEASH = 0.5
-"""How far the heading that is held may be from the one that it has, rad."""
+"""Largest difference between the heading setpoint and the heading, rad."""
+ROCKING, TURNS = 0.15, 1.0
+"""Tilt to either side once a second, rad, and heading rate, rad/s, clockwise."""
+SHORTEST: Time = NS
+"""Shortest duration of an animation; that of a flip is not its real duration."""
+
+
+class Performance(NamedTuple):
+    """roll, pitch: amplitudes, rad. turn: heading rate, rad/s."""
+
+    begins: Time
+    ends: Time
+    roll: float
+    pitch: float
+    turn: float
+
+    def tilts(self, now: Time) -> tuple[float, float]:
+        phase = sin(2.0 * pi * (now - self.begins) / NS)
+        return self.roll * phase, self.pitch * phase
+
+
+def animation(value: str, now: Time) -> Performance:
+    """Return the animation for `control:flight_anim`, its number and milliseconds. Raises
+    ValueError."""
+    number, milliseconds = map(int, value.split(","))
+    if not 0 <= number < len(FLIGHTS):
+        raise ValueError("no animation has this number")
+    name = [*FLIGHTS][number]
+    lasts = max(SHORTEST, milliseconds * NS // 1000)
+    roll, pitch = ROCKING * ("roll" in name), ROCKING * ("pitch" in name)
+    return Performance(now, now + lasts, roll, pitch, -TURNS * ("turn" in name or "yaw" in name))
+
+
+def calibration(now: Time) -> Performance:
+    return Performance(now, now + round(2.0 * pi / TURNS * NS), 0.0, 0.0, -TURNS)
 
 
 class DroneFlight:
-    """The flight of one drone. `phase`: its state of flight. `moves`: what it follows; None to
-    hover."""
+    """Flies one drone. `phase`: its flight phase. `moves`: the move to follow; None to hover."""
 
     def __init__(self, airframe: Airframe, estimator: DroneEstimator, body: SimulatedBody) -> None:
         self.phase = Phase.LANDED
@@ -57,7 +93,6 @@ class DroneFlight:
         return self.phase is not Phase.LANDED
 
     def take_off(self, now: Time) -> None:
-        """Begin to fly."""
         self._estimator.rest()
         self._heading = self._estimator.attitude.heading
         self._control.begin(self._heading)
@@ -66,45 +101,48 @@ class DroneFlight:
         self._change(Phase.TAKING_OFF, now)
 
     def land(self, now: Time) -> None:
-        """Begin to come down."""
         if self.phase not in (Phase.LANDED, Phase.LANDING):
             self.moves = None
             self._change(Phase.LANDING, now)
 
     def stop(self, now: Time) -> None:
-        """Stop the rotors, wherever it is."""
+        """Stop the rotors, also in the air."""
         self._change(Phase.LANDED, now)
 
     def perform(self, performance: Performance, now: Time) -> None:
-        """Take no moves, and perform this, in the air."""
+        """Perform this instead of moves, if the drone is in the air."""
         if self.phase in (Phase.HOVERING, Phase.FLYING):
             self.moves, self._performs = None, performance
             self._change(Phase.LOOPING, now)
 
     def step(self, now: Time, dt: float) -> Command:
-        """Go on by `dt`."""
+        """Return the command of a step of `dt` seconds."""
         if self._performs is not None and now >= self._performs.ends:
             self._change(Phase.HOVERING, now)
         climb = self._wanted_climb(now)
-        self._climb += (climb - self._climb) * min(1.0, dt / EASES)
+        self._climb += (climb - self._climb) * min(1.0, dt / CLIMB_TIME_CONSTANT)
         height = self._estimator.height
         held = min(self._held + self._climb * dt, max(self.highest, height - LEASH))
         self._held = max(height - LEASH, min(height + LEASH, held))
         self._learn(dt)
-        self._note(now)
+        self._update_phase(now)
         return self._command(now, dt)
 
     def _wanted_climb(self, now: Time) -> float:
         if self.phase is Phase.TAKING_OFF:
-            spooled = now - self._since > SPOOLS
-            return RISES if spooled else 0.0
+            spooled = now - self._since > SPOOL_UP
+            return CLIMB_SPEED if spooled else 0.0
         if self.phase is Phase.LANDING:
-            return -SINKS
+            return -SINK_SPEED
         return 0.0 if self.moves is None else self.climb_most * self.moves.up
 
     def _command(self, now: Time, dt: float) -> Command:
-        """The attitude and thrust of this step, for the loop that believes in its own attitude."""
-        attitude, turn = self._estimator.attitude, self._turn()
+        """Return attitude and thrust, the attitude relative to the attitude loop's own estimate."""
+        attitude, turn = self._estimator.attitude, 0.0
+        if self._performs is not None:
+            turn = self._performs.turn
+        elif self.moves is not None:
+            turn = -self.turn_most * self.moves.clockwise
         off = wrap(self._heading + turn * dt - attitude.heading)
         self._heading = attitude.heading + max(-TURN_LEASH, min(TURN_LEASH, off))
         roll, pitch = self._tilts(now)
@@ -119,27 +157,17 @@ class DroneFlight:
         believed = multiply(self._body.attitude(), multiply(conjugate(attitude.value), wanted))
         return Command(believed, thrust / level, (0.0, 0.0, turn), attitude.heading)
 
-    def _turn(self) -> float:
-        """The heading rate, counter-clockwise."""
-        if self._performs is not None:
-            return self._performs.turn
-        return 0.0 if self.moves is None else -self.turn_most * self.moves.clockwise
-
     def _tilts(self, now: Time) -> tuple[float, float]:
-        """Roll and pitch."""
+        """Return roll and pitch."""
         if self.moves is not None:
             return self.tilt_most * self.moves.right, -self.tilt_most * self.moves.backward
-        roll, pitch = self._brakes()
+        forward, left, _ = self._estimator.velocity
+        size = max(1.0, BRAKES * hypot(forward, left) / BRAKES_MOST)
+        roll, pitch = BRAKES * left / size, -BRAKES * forward / size
         if self._performs is None:
             return roll, pitch
         right, down = self._performs.tilts(now)
         return roll + right, pitch + down
-
-    def _brakes(self) -> tuple[float, float]:
-        """Roll and pitch against the speed over the ground."""
-        forward, left, _ = self._estimator.velocity
-        size = max(1.0, BRAKES * hypot(forward, left) / BRAKES_MOST)
-        return BRAKES * left / size, -BRAKES * forward / size
 
     def _learn(self, dt: float) -> None:
         estimator = self._estimator
@@ -148,8 +176,8 @@ class DroneFlight:
             upright = 1.0 - 0.5 * (roll * roll + pitch * pitch)
             self._control.learn(upright, 0.0, True, dt)
 
-    def _note(self, now: Time) -> None:
-        """Notice that it is up, or down."""
+    def _update_phase(self, now: Time) -> None:
+        """Detect that the drone has taken off or landed."""
         height, climb = self._estimator.height, self._estimator.climb
         if self.phase is Phase.TAKING_OFF and height > HEIGHT - REACHED:
             self._change(Phase.HOVERING, now)
@@ -170,11 +198,10 @@ class DroneFlight:
 
 
 LEVEL_ENOUGH = 1.0
-"""The tilt, rad, beyond which it stops its rotors."""
+"""The tilt, rad, beyond which the drone stops its rotors."""
 
 
 def tilt_of_drone(estimator: DroneEstimator) -> float:
-    """How far it is from level, rad."""
     roll, pitch, _ = to_euler(estimator.attitude.value)
     return hypot(roll, pitch)
 

@@ -1,7 +1,4 @@
-"""The radio link of an emulated drone: what is sent arrives late, not evenly, and not always.
-
-Nothing overtakes. Seconds.
-"""
+"""The radio link of an emulated drone, with delay, jitter and loss but without reordering."""
 
 from __future__ import annotations
 
@@ -16,8 +13,8 @@ T = TypeVar("T")
 
 
 class Radio(NamedTuple):
-    """latency: of a datagram, s. jitter: by how much it is longer or shorter at most, s, uniformly.
-    loss: the share that never arrives."""
+    """latency: of a datagram, s. jitter: largest deviation from it, s, uniformly distributed. loss:
+    the share of datagrams that are lost."""
 
     latency: float = 0.0
     jitter: float = 0.0
@@ -25,7 +22,7 @@ class Radio(NamedTuple):
 
 
 class DelayLine(Generic[T]):
-    """One direction of a link. `more`: nanoseconds by which it is later, which a fault sets."""
+    """One direction of a link. `more`: an additional delay, ns, which a fault sets."""
 
     more: Time = 0
 
@@ -35,7 +32,6 @@ class DelayLine(Generic[T]):
         self._last: Time = 0
 
     def send(self, message: T, now: Time) -> None:
-        """Send one message, which may be lost."""
         latency, jitter, loss = self._radio
         if loss > 0.0 and self._generator.random() < loss:
             return
@@ -48,7 +44,7 @@ class DelayLine(Generic[T]):
             self.send(message, now)
 
     def arrived(self, now: Time) -> list[T]:
-        """What arrives by now."""
+        """Return the messages that have arrived."""
         found = []
         while self._on_the_way and self._on_the_way[0][0] <= now:
             found.append(self._on_the_way.popleft()[1])

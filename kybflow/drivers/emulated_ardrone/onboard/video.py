@@ -1,8 +1,8 @@
-"""The video of an emulated drone: what one of its cameras sees of the world's tags and obstacles.
+"""The video of an emulated drone: the world's tags and obstacles as one of its cameras sees them.
 
-Which one `video:video_channel` says: 0 is the airframe's `front`, 1 is `down`. Pictures are drawn
-and coded only while somebody watches, `RATE` times a second, each by itself, so that a viewer may
-begin with any.
+`video:video_channel` selects the camera: 0 is the airframe's `front`, 1 is `down`. Pictures are
+drawn and encoded only while a client is connected, `RATE` times a second, each as a key frame, so
+that a client may start with any.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ CHANNELS = ("front", "down")
 
 
 class DroneVideo:
-    """The video of one drone. Raises DriverError where a package is missing, or the airframe has
-    none of the cameras."""
+    """The video of one drone. Raises DriverError if a package is missing or the airframe has
+    neither camera."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class DroneVideo:
         self._due: Time = 0
 
     def due(self, now: Time) -> bytes:
-        """What is sent now; nothing between two pictures."""
+        """Return the bytes to send now; none between two pictures."""
         if now < self._due:
             return b""
         self._due = now + NS // RATE

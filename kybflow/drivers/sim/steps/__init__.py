@@ -1,2 +1,2 @@
-"""The physics steps: what rotors do, what IMUs feel, what on-board loops answer, as functions of
-plain numbers that run in Python or compiled. Nothing here knows of sensors' schedules or links."""
+"""The physics steps: rotors, IMUs and on-board control as functions of plain numbers, which run in
+Python or compiled. They know neither sensors' schedules nor links."""

@@ -1,7 +1,7 @@
-"""The physics steps compiled by Numba, which `pip install '.[fast]'` brings.
+"""The physics steps compiled by Numba, which `pip install '.[fast]'` installs.
 
-A flight is the same to the bit as without. The kernel's machine code stays on disk, so that only
-the first flight after an install waits for Numba; later ones load it in its place.
+Flights are identical to the bit with and without it. The kernel's machine code is cached on disk,
+so that only the first flight after an installation waits for Numba.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import push
 
 FAILURES = (ImportError, AttributeError, OSError, RuntimeError)
-"""What may go wrong when the kernel is compiled, kept or loaded, or MuJoCo's library is missing."""
+"""The errors of compiling, caching or loading the kernel, or of a missing MuJoCo library."""
 PLACES = (Path(__file__).parent / "__pycache__", Path("~/.cache/kybflow"))
-"""Where machine code is kept: beside the package, or at home for who may not write there."""
+"""Where machine code is cached: beside the package, or at home if that is not writable."""
 _NAME, _DIGEST = "kybflow_steps", hashlib.sha256().digest_size
 
 
@@ -48,27 +48,27 @@ class ArrayRows:
 
 
 class CompiledStepper:
-    """Makes the physics steps, compiled. Raises one of `FAILURES` where that can't be done."""
+    """Makes the physics steps, compiled. Raises one of `FAILURES` if that is impossible."""
 
     def __init__(
         self, model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]
     ) -> None:
         count = onboard.count
         self._onboard, self.errors = onboard, ImuErrors(sources, numpy.ascontiguousarray)
-        self._felt, self._first, self._last = self.errors.block, 0, 0
+        self._samples, self._first, self._last = self.errors.block, 0, 0
         self._numbers = (
             data.qpos, data.qvel, data.qacc, data.qfrc_applied,
             numpy.array(shares(model.opt.timestep)), numpy.empty((count, 9)),
             numpy.empty((count, 6)), *(table.array for table in onboard.tables),
         )  # fmt: skip
         addresses = (array.ctypes.data for array in self._numbers)
-        found = (self._felt.ctypes.data, model._address, data._address, *addresses)
+        found = (self._samples.ctypes.data, model._address, data._address, *addresses)
         self._memory = (ctypes.c_void_p * len(found))(*found)
         self._address, self._owners = ctypes.addressof(self._memory), (model, data)
         self._unused = ctypes.c_void_p()
         self._nothing = ctypes.addressof(self._unused)
         self._engine = _loaded(_kept(_fingerprint((push, imu_sample, estimate, smooth, control))))
-        # ctypes passes whole numbers soonest as addresses
+        # ctypes passes integers fastest as addresses
         kind = ctypes.PYFUNCTYPE(None, *[ctypes.c_void_p] * 6)
         self._kernel = kind(self._engine.get_function_address(_NAME))
 
@@ -77,21 +77,20 @@ class CompiledStepper:
         onboard, errors, nothing = self._onboard, self.errors, self._nothing
         self._first = first = errors.take(count)
         self._last = last = first + count
-        if errors.block is not self._felt:
-            self._felt = errors.block
-            self._memory[0] = self._felt.ctypes.data
+        if errors.block is not self._samples:
+            self._samples = errors.block
+            self._memory[0] = self._samples.ctypes.data
         self._kernel(nothing, nothing, first, last, onboard.count, self._address)
         onboard.steps += count
 
-    def felt(self, vehicle: int) -> list[Numbers]:
-        """What a vehicle's IMU measured in each step of the last `advance`."""
-        samples: list[Numbers] = self._felt[self._first : self._last, vehicle].tolist()
+    def imu_samples(self, vehicle: int) -> list[Numbers]:
+        """Return a vehicle's IMU sample of each step of the last `advance`."""
+        samples: list[Numbers] = self._samples[self._first : self._last, vehicle].tolist()
         return samples
 
 
 def _fingerprint(laws: Sequence[Any]) -> str:
-    """Tells one kernel from another: by its file, the laws' code and the constants that they name,
-    and the machine's kind."""
+    """Return a hash of the kernel's source, the laws' code and constants, and the machine type."""
     kernel = Path(__file__).with_name("kernel.py").read_text()
     found = [kernel, repr((binding.llvm_version_info, binding.get_default_triple()))]
     for law in laws:
@@ -102,7 +101,7 @@ def _fingerprint(laws: Sequence[Any]) -> str:
 
 
 def _kept(fingerprint: str) -> bytes:
-    """The kernel's machine code, compiled and kept when it is not there yet or is damaged."""
+    """Return the kernel's machine code, compiled and cached if it is missing or damaged."""
     files = [place.expanduser() / f"steps-{fingerprint[:32]}.o" for place in PLACES]
     for file in files:
         with suppress(OSError):
@@ -117,8 +116,8 @@ def _kept(fingerprint: str) -> bytes:
 
 
 def _keep(code: bytes, files: Sequence[Path]) -> None:
-    """Write the first of `files` that can be written; who reads it meanwhile finds all or nothing.
-    Raises OSError when there is none."""
+    """Write the first of `files` that can be written, atomically. Raises OSError if there is
+    none."""
     for file in files:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -137,7 +136,7 @@ def _digest(code: bytes) -> bytes:
 
 
 def _loaded(code: bytes) -> Any:
-    """An engine of LLVM with the kernel in it."""
+    """Return an LLVM engine with the kernel."""
     library = ctypes.CDLL(mujoco._functions.__file__)
     address = ctypes.cast(library.mj_step, ctypes.c_void_p).value
     binding.add_symbol("mj_step", address)

@@ -1,25 +1,24 @@
-"""The simulated autopilot: attitude from a simulated IMU, attitude control, mixer. Never the truth.
+"""The simulated autopilot: attitude estimation from a simulated IMU, attitude control and mixer.
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
-eq. 34), gyroscope and accelerometer; its heading follows the one that the sender believes, as an
-autopilot's follows external vision. From a sender that knows none it takes the tilt alone, and
-holds the heading that it has.
+eq. 34), from gyroscope and accelerometer. Its heading follows the sender's estimate, as an
+autopilot's follows external vision. If the sender knows no heading, the filter uses only the tilt
+of its setpoint and holds the current heading.
 
 Control, per body axis: angular acceleration = P e + I integral(e) + D (rates - gyro); torque =
-inertia x angular acceleration, led by the rotors' time constant. The attitude error is a tilt and
-then a turn about the body z that is wanted (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter
-Attitude Control, ETH 2013), so that a heading that is far off tilts nothing: e is the sine of the
-tilt, about body x and y, and twice the vector part of the attitude error about body z. The gains
-of roll and pitch are those of the loop that the airframe declares (`kybflow.world.inner_loop`),
-and without a lead where that has none. P e + D (rates - gyro) about body x and y is turned back by
-the angle by which a body that spins turns until led rotors answer.
+inertia x angular acceleration, with a lead for the rotors' time constant. The attitude error is
+split into a tilt and a turn about the desired body z (Brescianini, Hehn and D'Andrea, Nonlinear
+Quadrocopter Attitude Control, ETH 2013), so that a large heading error causes no tilt: e is the
+sine of the tilt, about body x and y, and twice the vector part of the attitude error about body z.
+The gains of roll and pitch are those of the airframe's loop (`kybflow.world.inner_loop`), without a
+lead if it has none. P e + D (rates - gyro) about body x and y is rotated back by the angle through
+which a spinning body turns until the rotors respond.
 
-Where a rotor would saturate, roll and pitch come before thrust, and thrust before yaw (Smeur,
+When a rotor would saturate, roll and pitch take precedence over thrust, and thrust over yaw (Smeur,
 Höppener and De Wagter, Prioritized Control Allocation for Quadrotors Subject to Saturation, IMAV
-2017). The rotors at both ends of a diagonal give m + x and m - x, x for roll and pitch, so that
-m <= 1 - |x|; what they can't lift is left to the other two, which changes nothing but the yaw. A
-vehicle with a weak rotor stays level and in the air; it spins.
-"""
+2017). The rotors at both ends of a diagonal get m + x and m - x, with x for roll and pitch, so that
+m <= 1 - |x|; the other two provide the remaining lift, which affects only yaw. A vehicle with a
+weak rotor stays level and in the air, but spins."""
 
 from __future__ import annotations
 
@@ -42,32 +41,32 @@ from kybflow.world.inner_loop import DAMPING, INTEGRAL
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
-"""How fast the accelerometer levels the attitude, 1/s; its square over four corrects the bias."""
+"""Gain of the accelerometer on the attitude, 1/s; its square over four corrects the bias."""
 LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
-"""Where the accelerometer tells nothing about the attitude: below and above."""
+"""Specific force outside of which the accelerometer doesn't correct the attitude."""
 AIMING = 1.0
-"""How fast the heading follows the sender's, 1/s."""
+"""Gain of the sender's heading on the heading, 1/s."""
 YAW_FREQUENCY = 3.0
-"""Natural frequency of yaw, rad/s; drag torque is weak."""
+"""Natural frequency of yaw, rad/s, which is low because drag torque is weak."""
 ERROR_SHARE = 0.5
-"""The torque that an attitude's error may ask for, as a part of the weight on the arm: all that
-rotors have in hover is more than twice that, and the rest is left to damping. Firmware bounds the
-rates that an error asks for (`MC_ROLLRATE_MAX`); without a bound saturated rotors swing."""
+"""Limit of the torque that an attitude error commands, as a fraction of weight times arm. Rotors in
+hover can produce more than twice that, which leaves the rest to damping. Firmware limits the rates
+instead (`MC_ROLLRATE_MAX`); without a limit saturated rotors oscillate."""
 INTEGRAL_SHARE = 0.1
-"""The torque that an integral may ask for, as a part of the weight on the arm."""
+"""Limit of the torque of an integral, as a fraction of weight times arm."""
 CALIBRATION = 0.1
-"""Seconds at rest from which the accelerometer's bias can be told."""
+"""Seconds at rest that are needed to measure the accelerometer's bias."""
 MOST_YAW = 0.1
-"""The part of a rotor's largest thrust that yaw may take."""
+"""Limit of yaw, as a fraction of a rotor's largest thrust."""
 
 STOPPED: Numbers = (0.0, 0.0, 0.0, 0.0)
 AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
 
 
 class Loop(NamedTuple):
-    """What an on-board loop is made of. airframe: the one that its gains are made for. cut_off: of
-    the second-order low-pass that its gyroscope passes, Hz; 0 for none. dead_time: from its
-    gyroscope's sample to the rotors' control, seconds."""
+    """The settings of an on-board loop. airframe: the one for which its gains are tuned. cut_off:
+    of the second-order low-pass on its gyroscope, Hz; 0 for none. dead_time: from a gyroscope
+    sample to the rotors, seconds."""
 
     airframe: Airframe
     cut_off: float = 0.0
@@ -75,9 +74,8 @@ class Loop(NamedTuple):
 
 
 class AttitudeController:
-    """Hands the commands of one vehicle to its on-board law, `estimate` and `control`. `rest`: the
-    upward specific force that was felt before it was armed, m/s^2; gravity where that was not long
-    enough."""
+    """Passes the commands of one vehicle to its on-board law, `estimate` and `control`. `rest`: the
+    mean upward specific force before arming, m/s^2; gravity if the time was too short."""
 
     def __init__(
         self,
@@ -101,14 +99,14 @@ class AttitudeController:
         onboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
 
     def gained(self) -> tuple[float, float]:
-        """The upward speed that the IMU has felt since the last call or since it was armed, m/s,
-        by an upward specific force beyond that at rest; and for how many seconds."""
+        """Return the integral of the upward specific force beyond that at rest, m/s, since the last
+        call or since arming; and the seconds."""
         lifted, steps = self._since()
         self._mark(lifted, steps)
         return self._dt * (lifted - steps * self.rest), self._dt * steps
 
     def _since(self) -> tuple[float, int]:
-        """The sum of the upward specific force since the last mark, and its steps."""
+        """Return the sum of the upward specific force since the last mark, and the steps."""
         onboard = self._onboard
         return onboard.filters[self._index][-1] - self._lifted, onboard.steps - self._steps
 
@@ -134,38 +132,38 @@ class AttitudeController:
         self._onboard.setpoints[self._index] = (float(armed), *attitude, *rates, lift, turn)
 
     def attitude(self) -> Quat:
-        """The attitude that the filter believes in, body to world."""
+        """Return the estimated attitude, body to world."""
         w, x, y, z, _, _, _, _ = self._onboard.filters[self._index]
         return (w, x, y, z)
 
     def _holding(self, attitude: Quat) -> Quat:
-        """The tilt of `attitude`, at the heading of the moment when nobody knew one any more."""
+        """Return the tilt of `attitude` at the heading when the sender's became unknown."""
         if self._held is None:
             self._held = heading_of(self.attitude())
         return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
 
 def _share(cut_off: float, dt: float) -> float:
-    """The part of a change that one of two equal stages takes in a step, so that both together let
-    half the power of `cut_off` pass."""
+    """Return the fraction of a change that each of two equal low-pass stages follows in a step, so
+    that both together have their -3 dB point at `cut_off`."""
     return 1.0 - exp(-tau * cut_off * dt / sqrt(sqrt(2.0) - 1.0)) if cut_off else 1.0
 
 
 def shares(dt: float) -> Numbers:
-    """The parts of turn rate, levelling and aiming that a step of `dt` seconds takes."""
+    """Return the factors on turn rate, levelling and aiming for a step of `dt` seconds."""
     return (0.5 * dt, 0.25 * LEVELLING * dt, 0.25 * AIMING * dt)
 
 
 def estimate(
-    filtered: Numbers, setpoint: Numbers, felt: Numbers, shares: Numbers
+    filtered: Numbers, setpoint: Numbers, sample: Numbers, shares: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """The attitude filter's next state, and the turn rate. filtered: its state: attitude, the bias
-    of the gyroscope, and the sum of the upward specific force. felt: turn rate and specific force
+    """Return the attitude filter's next state, and the turn rate. filtered: its state: attitude,
+    gyroscope bias, and the sum of the upward specific force. sample: turn rate and specific force
     along body x, y, z. shares: those of one step."""
     w, x, y, z, bx, by, bz, lifted = filtered
-    gx, gy, gz, ax, ay, az = felt
+    gx, gy, gz, ax, ay, az = sample
     gx, gy, gz = gx - bx, gy - by, gz - bz
-    # up in the body, as the attitude has it; the accelerometer's up is off by the cross product
+    # the estimated up in body axes; its cross product with the measured one is the error
     ux, uy, uz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
     size = sqrt(ax * ax + ay * ay + az * az)
     lifted += ax * ux + ay * uy + az * uz
@@ -185,9 +183,9 @@ def estimate(
 
 
 def smooth(gyro: Numbers, rates: Numbers) -> tuple[Numbers, Numbers]:
-    """The next state of a gyroscope's low-pass, and the turn rates after it. gyro: its state: two
-    first-order stages of each axis, and the part of a change that a stage takes in a step, which is
-    1 where nothing filters."""
+    """Return the next state of a gyroscope's low-pass, and the filtered turn rates. gyro: its
+    state: two first-order stages of each axis, and the fraction of a change that a stage follows in
+    a step, which is 1 without a filter."""
     ax, ay, az, bx, by, bz, share = gyro
     if share >= 1.0:
         return gyro, rates
@@ -200,8 +198,8 @@ def smooth(gyro: Numbers, rates: Numbers) -> tuple[Numbers, Numbers]:
 def control(
     loop: Numbers, filtered: Numbers, rates: Numbers, setpoint: Numbers, gains: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """The control loop's next state, and the rotors' controls. loop: its state: the integrals; and
-    what was asked of the rotors, slowly: thrust, roll, pitch, yaw."""
+    """Return the control loop's next state, and the rotors' controls. loop: its state: the
+    integrals, and the low-passed commands of thrust, roll, pitch and yaw."""
     w, x, y, z, _, _, _, _ = filtered
     gx, gy, gz = rates
     ix, iy, iz, st, sr, sp, sy = loop
@@ -226,7 +224,7 @@ def control(
     ax, ay = p * ex, p * ey
     ax = most if ax > most else -most if ax < -most else ax
     ay = most if ay > most else -most if ay < -most else ay
-    # what is asked of the rotors now, less what is asked slowly; a rotor is led by the difference
+    # the commands minus their low-pass; the lead amplifies this difference
     dt = lift - st
     turned = lag * gz
     ax, ay = ax + d * (rx - gx), ay + d * (ry - gy)
@@ -250,11 +248,11 @@ def control(
 
 
 class Gains(NamedTuple):
-    """Of roll and pitch and of yaw: proportional, 1/s^2; derivative, 1/s; integral over one step,
-    1/s^2. bound: of an integral, rad/s^2. most: of what an error may ask for, rad/s^2. roll, pitch,
-    yaw: a rotor's share of its largest thrust per rad/s^2. blend: the part of a change that is
-    asked slowly of the rotors in a step. lag: seconds until a led rotor answers, 0 where none is
-    led. lead: how many times faster that is."""
+    """The gains, for roll and pitch and for yaw: proportional, 1/s^2; derivative, 1/s; integral
+    over one step, 1/s^2. bound: limit of an integral, rad/s^2. most: limit of the proportional
+    term, rad/s^2. roll, pitch, yaw: fraction of a rotor's largest thrust per rad/s^2. blend:
+    fraction of a change that the low-passed commands follow in a step. lag: response time of a
+    rotor with lead, seconds; 0 without a lead. lead: how many times faster the rotor becomes."""
 
     proportional: float
     proportional_yaw: float

@@ -1,4 +1,4 @@
-"""What the simulator keeps of every vehicle from one physics step to the next: plain numbers."""
+"""The on-board state of every vehicle between physics steps, as plain numbers."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ LONGEST = 50
 
 
 class Rows(Protocol):
-    """A row of numbers for each vehicle, by its place in the world."""
+    """A row of numbers for each vehicle, by its index in the world."""
 
     def __getitem__(self, vehicle: int) -> Numbers: ...
     def __setitem__(self, vehicle: int, numbers: Numbers) -> None: ...
 
 
 class OnboardState:
-    """The rows of `count` vehicles. steps: how many physics steps have been made. is_slow: one of
-    their on-board loops filters its gyroscope or has a dead time.
+    """The rows of `count` vehicles. steps: the number of physics steps made. is_slow: whether any
+    on-board loop filters its gyroscope or has a dead time.
 
-    setpoints, filters, loops, gains: what `onboard` follows, has estimated, remembers and is tuned
-    by. gyros: what their gyroscopes' filters remember. asked: the controls that are on their way to
-    the rotors, `LONGEST` rows a vehicle, and in `delays` where the next stands and how many there
-    are. controls, rotors, thrusts, winds, pushes, constants: what `rotors.push` takes.
+    setpoints, filters, loops, gains, gyros: setpoints, estimates, control states, gains and
+    gyroscope filters of `onboard`. asked: the controls delayed by the dead time, `LONGEST` rows a
+    vehicle; delays: the index of the next one, and their number. controls, rotors, thrusts, winds,
+    pushes, constants: the arguments of `rotors.push`.
     """
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
@@ -39,7 +39,8 @@ class OnboardState:
         self.winds, self.pushes, self.constants, self.asked = rest
 
     def delayed(self, vehicle: int, wanted: Numbers) -> Numbers:
-        """The controls that reach a vehicle's rotors in the step in which `wanted` is asked for."""
+        """Return the controls that reach a vehicle's rotors now, and delay `wanted` by the dead
+        time."""
         place, count = self.delays[vehicle]
         if count == 0.0:
             return wanted

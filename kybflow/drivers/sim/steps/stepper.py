@@ -1,4 +1,4 @@
-"""Physics steps of all vehicles: rotors push, MuJoCo moves, IMUs measure, on-board laws answer."""
+"""The physics steps of all vehicles: rotors, MuJoCo, IMUs, on-board control."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ _PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
 
 
 class Stepper:
-    """Makes the physics steps, in Python around MuJoCo's. sources: of the errors of each vehicle's
-    IMU, which become `errors`."""
+    """Makes the physics steps in Python. sources: of each vehicle's IMU errors."""
 
     def __init__(
         self, model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]
     ) -> None:
         self._model, self._data, self._onboard = model, data, onboard
         self.errors = ImuErrors(sources, numpy.ndarray.tolist)
-        self._felt: list[list[Numbers]] = []
+        self._samples: list[list[Numbers]] = []
         count = onboard.count
         self._positions = data.qpos[: 7 * count].reshape(count, 7)
         self._velocities = data.qvel[: 6 * count].reshape(count, 6)
@@ -37,15 +36,15 @@ class Stepper:
         self._forces = data.qfrc_applied
         self._shares = shares(model.opt.timestep)
 
-    def felt(self, vehicle: int) -> list[Numbers]:
-        """What a vehicle's IMU measured in each step of the last `advance`."""
-        return [samples[vehicle] for samples in self._felt]
+    def imu_samples(self, vehicle: int) -> list[Numbers]:
+        """Return a vehicle's IMU sample of each step of the last `advance`."""
+        return [step[vehicle] for step in self._samples]
 
     def advance(self, count: int) -> None:
         """Make `count` steps."""
         on, model, data, part = self._onboard, self._model, self._data, self._shares
         rotors, controls, filters, loops = on.rotors, on.controls, on.filters, on.loops
-        setpoints, gains, gyros, self._felt = on.setpoints, on.gains, on.gyros, []
+        setpoints, gains, gyros, self._samples = on.setpoints, on.gains, on.gyros, []
         first, is_slow = self.errors.take(count), on.is_slow
         for errors in self.errors.block[first : first + count]:
             rotations, velocities = [], self._velocities.tolist()
@@ -57,22 +56,22 @@ class Stepper:
                 _PACK(self._forces, _SIZE * i, *force)
                 rotations.append(rotation)
             mujoco.mj_step(model, data)
-            felt = list(
+            samples = list(
                 map(imu_sample, rotations, velocities, self._accelerations.tolist(), errors)
             )
-            for i, sample in enumerate(felt):
+            for i, sample in enumerate(samples):
                 filters[i], rates = estimate(filters[i], setpoints[i], sample, part)
                 if is_slow:
                     gyros[i], rates = smooth(gyros[i], rates)
                 loops[i], wanted = control(loops[i], filters[i], rates, setpoints[i], gains[i])
                 controls[i] = on.delayed(i, wanted) if is_slow else wanted
-            self._felt.append(felt)
+            self._samples.append(samples)
         on.steps += count
 
 
 def rows() -> Callable[[int, int], Any]:
-    """Makes empty rows, for so many vehicles and of such a width, as the fastest stepper likes
-    them; every stepper takes either kind."""
+    """Return a function that makes rows of zeros, by count and width, of the kind that suits the
+    fastest stepper; every stepper accepts either kind."""
     if _is_fast():
         from kybflow.drivers.sim.steps.compiled import ArrayRows
 
@@ -81,8 +80,8 @@ def rows() -> Callable[[int, int], Any]:
 
 
 def stepper(model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]) -> Any:
-    """The fastest stepper that there is: the compiled one where Numba is installed. Warns where it
-    can't be compiled; a flight is the same without, only slower."""
+    """Return the fastest available stepper: the compiled one if Numba is installed. Warns if it
+    can't be compiled; flights are then identical, only slower."""
     if not _is_fast():
         return Stepper(model, data, onboard, sources)
     from kybflow.drivers.sim.steps.compiled import FAILURES, CompiledStepper
@@ -98,5 +97,5 @@ def stepper(model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuS
 
 
 def _is_fast() -> bool:
-    """Whether Numba is installed, which is not imported to find out."""
+    """Return whether Numba is installed, without importing it."""
     return find_spec("numba") is not None

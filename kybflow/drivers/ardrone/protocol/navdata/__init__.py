@@ -1,5 +1,5 @@
-"""Navigation data: a header, options each with a tag and a size, and a checksum.
+"""Navigation data: a header, options with a tag and a size each, and a checksum.
 
-`packet` cuts a datagram into its options and says why it refuses one; `options` decodes those that
-are used; `state` has the bits of the header's mask and the states of flight.
+`packet` splits a datagram into its options, `options` decodes those that a flight needs, `layouts`
+knows the fields of all, and `state` has the bits of the state mask and the flight phases.
 """

@@ -1,8 +1,7 @@
-"""The fields of every option, in their order (SDK 2.0, `navdata_common.h`), as text: `name:format`,
-the format as in `struct`, with a count for several.
+"""The fields of every option in order (SDK 2.0, `navdata_common.h`) as `name:format`, with the
+format as in `struct`.
 
-A field that a firmware doesn't send, because its option is shorter, is left out; what an option has
-beyond its fields stays undecoded.
+If a firmware sends a shorter option, the missing fields are left out; extra bytes stay undecoded.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class OptionTag(IntEnum):
 
 
 class OptionField(NamedTuple):
-    """One field: where it begins, after the option's head, and how it is packed."""
+    """One field. at: its offset after the option's header."""
 
     name: str
     at: int
@@ -152,7 +151,7 @@ LAYOUTS: Mapping[int, tuple[OptionField, ...]] = {
 
 
 def decoded(tag: int, data: bytes) -> dict[str, Value]:
-    """The fields of an option by their names; none of a tag that is not known."""
+    """Return the fields of an option by name; none for an unknown tag."""
     values: dict[str, Value] = {}
     for name, at, layout in LAYOUTS.get(tag, ()):
         if at + layout.size > len(data):

@@ -1,7 +1,7 @@
-"""The options of navigation data that a flight needs, as typed values; `layouts` has all of them.
+"""The options of navigation data that a flight needs, as typed values.
 
-An option that is longer than known is read as far as it is known; one that is shorter is none.
-Frame of the drone: x forward, y right, z down; psi clockwise.
+Extra bytes of an option are ignored; an option that is too short counts as missing. Drone frame: x
+forward, y right, z down, psi clockwise.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from kybflow.drivers.ardrone.protocol.navdata.state import Phase, phase_of
 
 
 class Demo(NamedTuple):
-    """phase: the state of flight. battery: percent. pitch, roll, heading: theta, phi and psi,
-    milli-degrees: nose up, right side down, clockwise. altitude: mm. velocity: mm/s, body."""
+    """battery: percent. pitch, roll, heading: theta, phi and psi in milli-degrees, positive nose
+    up, right side down, clockwise. altitude: mm. velocity: mm/s, body."""
 
     phase: Phase
     battery: int
@@ -28,7 +28,7 @@ class Demo(NamedTuple):
 
 
 class PhysMeasures(NamedTuple):
-    """What the inertial sensors measure. acceleration: mg, z down, -1000 at rest. rates: deg/s."""
+    """The inertial sensors. acceleration: mg, z down, -1000 at rest. rates: deg/s."""
 
     acceleration: tuple[float, float, float]
     rates: tuple[float, float, float]
@@ -39,11 +39,10 @@ _U32 = struct.Struct("<I")
 _PHYS = struct.Struct("<fHffffff")
 _DEMO_SIZE, _PHYS_SIZE, _RAW_SIZE, _RAW_BATTERY_AT = 144, 42, 48, 16
 WRAPS = 2048.0
-"""Seconds after which the time of option TIME begins anew."""
+"""Seconds after which the time of option TIME wraps."""
 
 
 def demo(options: Mapping[int, bytes]) -> Demo | None:
-    """The demo option; None where there is none."""
     data = options.get(OptionTag.DEMO, b"")
     if len(data) < _DEMO.size:
         return None
@@ -52,7 +51,6 @@ def demo(options: Mapping[int, bytes]) -> Demo | None:
 
 
 def write_demo(values: Demo, minor: int = 0, frame: int = 0) -> tuple[int, bytes]:
-    """The demo option as a drone sends it."""
     state = values.phase << 16 | minor
     data = _DEMO.pack(
         state, values.battery, values.pitch, values.roll, values.heading, values.altitude,
@@ -62,7 +60,7 @@ def write_demo(values: Demo, minor: int = 0, frame: int = 0) -> tuple[int, bytes
 
 
 def drone_time(options: Mapping[int, bytes]) -> float | None:
-    """The drone's time, seconds; it begins anew after `WRAPS`. 11 bits of seconds, 21 of
+    """Return the drone's time in seconds, which wraps after `WRAPS`: 11 bits of seconds, 21 of
     microseconds."""
     data = options.get(OptionTag.TIME, b"")
     if len(data) < _U32.size:
@@ -72,13 +70,11 @@ def drone_time(options: Mapping[int, bytes]) -> float | None:
 
 
 def write_time(microseconds: int) -> tuple[int, bytes]:
-    """The time option."""
     seconds, rest = divmod(microseconds, 1_000_000)
     return OptionTag.TIME, _U32.pack((seconds & 0x7FF) << 21 | rest)
 
 
 def phys_measures(options: Mapping[int, bytes]) -> PhysMeasures | None:
-    """The inertial sensors; None where they are not sent."""
     data = options.get(OptionTag.PHYS_MEASURES, b"")
     if len(data) < _PHYS.size:
         return None
@@ -87,12 +83,11 @@ def phys_measures(options: Mapping[int, bytes]) -> PhysMeasures | None:
 
 
 def write_phys_measures(values: PhysMeasures) -> tuple[int, bytes]:
-    """The inertial sensors as a drone sends them."""
     data = _PHYS.pack(40.0, 0, *values.acceleration, *values.rates)
     return OptionTag.PHYS_MEASURES, data.ljust(_PHYS_SIZE, b"\0")
 
 
 def write_raw_measures(millivolts: int) -> tuple[int, bytes]:
-    """The raw measures as a drone sends them, but for the battery's voltage all zero."""
+    """Return the raw measures, all zero except the battery voltage."""
     data = b"\0" * _RAW_BATTERY_AT + _U32.pack(millivolts)
     return OptionTag.RAW_MEASURES, data.ljust(_RAW_SIZE, b"\0")

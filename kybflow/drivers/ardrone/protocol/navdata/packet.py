@@ -1,8 +1,9 @@
 """The datagram of navigation data, little-endian and packed.
 
 u32 header 0x55667788, u32 state mask, u32 sequence, u32 vision flag; then options of u16 tag, u16
-size (these four bytes included) and data; last the option 0xFFFF with the plain sum of all bytes
-before it. The sizes say where an option ends, not what the SDK's headers believe: firmwares differ.
+size (including these four bytes) and data; finally the option 0xFFFF with the sum of all bytes
+before it. The parser relies on the sizes in the datagram, since those in the SDK's headers don't
+hold for every firmware.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SHORTEST = _HEAD.size + _OPTION.size + _SUM.size
 
 
 class Packet(NamedTuple):
-    """One datagram: the state mask, its number, and the data of each option by its tag."""
+    """One datagram, with the data of each option by its tag."""
 
     state: DroneState
     sequence: int
@@ -29,7 +30,7 @@ class Packet(NamedTuple):
 
 
 class Malformed(ValueError):
-    """A datagram that is no navigation data, and why."""
+    """Why a datagram is no navigation data."""
 
 
 def read_packet(data: bytes) -> Packet:
@@ -59,7 +60,6 @@ def read_packet(data: bytes) -> Packet:
 def write_packet(
     state: DroneState, sequence: int, options: Iterable[tuple[int, bytes]] = (), vision: int = 0
 ) -> bytes:
-    """A datagram as a drone sends it."""
     data = _HEAD.pack(HEADER, int(state), sequence & 0xFFFF_FFFF, vision)
     for tag, content in options:
         data += _OPTION.pack(tag, _OPTION.size + len(content)) + content

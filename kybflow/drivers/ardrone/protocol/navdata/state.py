@@ -1,4 +1,4 @@
-"""What the state mask of navigation data says, and which state of flight the demo option has."""
+"""The state mask of navigation data, and the flight phases of the demo option."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class DroneState(IntFlag):
 
 
 class Phase(IntEnum):
-    """The major state of flight, the upper half of the demo option's first field."""
+    """The flight phase, the upper half of the demo option's first field."""
 
     DEFAULT = 0
     INIT = 1
@@ -58,7 +58,7 @@ class Phase(IntEnum):
 
 
 FOLLOWING = frozenset({Phase.FLYING, Phase.HOVERING, Phase.GOING})
-"""Where a drone follows PCMD."""
+"""The phases in which a drone follows PCMD."""
 ALARMS = {
     DroneState.MOTORS_PROBLEM: "its motors have a problem",
     DroneState.SOFTWARE_FAULT: "its software has a fault",
@@ -72,15 +72,14 @@ ALARMS = {
     DroneState.COMMUNICATION_LOST: "it has lost the communication",
     DroneState.EMERGENCY: "it is in emergency, its rotors stopped",
 }
-"""The bits that are reported as they are set, in words."""
+"""The bits that are reported when they are set, in words."""
 
 
 def phase_of(control_state: int) -> Phase:
-    """The state of flight; the default for one that is not known."""
+    """Return the flight phase; DEFAULT for an unknown one."""
     major = control_state >> 16
     return Phase(major) if major in Phase.__members__.values() else Phase.DEFAULT
 
 
 def in_words(state: DroneState) -> list[str]:
-    """What is wrong, in words."""
     return [words for bit, words in ALARMS.items() if state & bit]

@@ -1,26 +1,60 @@
-"""A drone's ports in this process, and the wire of the driver for real ones at their other end."""
+"""The ports of an emulated drone; in memory, with the wire that the driver connects to them."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Hashable, Sequence
 
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.protocol.configuration import END
-from kybflow.drivers.ardrone.transport.wire import ASKS, Arrived, DroneWire
-from kybflow.drivers.emulated_ardrone.ports.ports import Ports
+from kybflow.drivers.ardrone.transport.wire import NAVDATA_REQUEST, Arrived, DroneWire
 
 MOST_HELD = 4096
 CLIENT = "client"
 
 
-class MemoryPorts(Ports):
-    """The drone's end."""
+class Ports(ABC):
+    """The ports of one drone; no method blocks."""
 
+    @abstractmethod
+    def commands(self) -> Sequence[tuple[bytes, Hashable]]:
+        """Return the AT command datagrams since the last call, each with its sender."""
+
+    @abstractmethod
+    def requests(self) -> Sequence[tuple[bytes, Hashable]]:
+        """Return the requests for navigation data since the last call, each with its sender."""
+
+    @abstractmethod
+    def answer(self, sender: Hashable) -> bool:
+        """Send navigation data to this sender from now on; return whether it is accepted."""
+
+    @abstractmethod
+    def send(self, data: bytes) -> None:
+        """Send a packet of navigation data."""
+
+    @abstractmethod
+    def send_configuration(self, data: bytes) -> None:
+        """Send the configuration to connected clients."""
+
+    @property
+    @abstractmethod
+    def is_watched(self) -> bool:
+        """Whether a client is connected for video."""
+
+    @abstractmethod
+    def send_video(self, data: bytes) -> None:
+        """Send a picture to connected clients; one that lags behind misses it."""
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+
+class MemoryPorts(Ports):
     def __init__(self) -> None:
         self.at: deque[bytes] = deque(maxlen=MOST_HELD)
         self.asked: deque[bytes] = deque(maxlen=MOST_HELD)
-        self.told: deque[bytes] = deque(maxlen=MOST_HELD)
+        self.sent: deque[bytes] = deque(maxlen=MOST_HELD)
         self.configuration: bytes | None = None
 
     def commands(self) -> Sequence[tuple[bytes, Hashable]]:
@@ -33,7 +67,7 @@ class MemoryPorts(Ports):
         return True
 
     def send(self, data: bytes) -> None:
-        self.told.append(data)
+        self.sent.append(data)
 
     def send_configuration(self, data: bytes) -> None:
         self.configuration = data
@@ -43,15 +77,15 @@ class MemoryPorts(Ports):
         return False
 
     def send_video(self, data: bytes) -> None:
-        """Nobody watches."""
+        """There is no video in memory."""
 
     def close(self) -> None:
         """There is nothing to close."""
 
 
 class DroneMemoryWire(DroneWire):
-    """The driver's end, in lockstep: `poll` sends what is due and takes what has
-    arrived. rate: of the commands, Hz."""
+    """The driver's wire, in lockstep: `poll` sends what is due and receives what has arrived. rate:
+    of the commands, Hz."""
 
     def __init__(self, ports: MemoryPorts, rate: float) -> None:
         self._now: Time = 0
@@ -62,8 +96,8 @@ class DroneMemoryWire(DroneWire):
 
     def poll(self, now: Time) -> None:
         self._now = now
-        while self._ports.told:
-            packet = self.gate.admit(self._ports.told.popleft(), True, now)
+        while self._ports.sent:
+            packet = self.gate.admit(self._ports.sent.popleft(), True, now)
             if packet is not None and not self.deaf:
                 self._arrived.append((now, packet))
         if now < self._due:
@@ -81,10 +115,10 @@ class DroneMemoryWire(DroneWire):
 
     def ask(self) -> None:
         if not self.mute:
-            self._ports.asked.append(ASKS)
+            self._ports.asked.append(NAVDATA_REQUEST)
 
     def listen_for_configuration(self) -> None:
-        """It is always heard."""
+        """There is no connection to open."""
 
     def configuration(self) -> bytes | None:
         found, self._ports.configuration = self._ports.configuration, None

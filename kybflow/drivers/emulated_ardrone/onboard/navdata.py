@@ -1,8 +1,8 @@
-"""The navigation data that an emulated drone sends: when, and which options.
+"""The navigation data that an emulated drone sends.
 
-Before it is configured, the state alone. Then at 15 Hz the options of the demonstration mode, or at
-200 Hz those that `general:navdata_options` asks for, all of them as a drone comes. What is not
-emulated is sent as zeros, of the size that it has.
+In bootstrap it sends the state mask alone. Then it sends the options of the demo mode at 15 Hz, or
+those that `general:navdata_options` selects at 200 Hz, by default all. Options that are not
+emulated are zeros of the right size.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 
 DEMO, FULL = 15, 200
 SMALL = 1 << OptionTag.DEMO | 1 << OptionTag.VISION_DETECT
-"""The options as a drone comes; with 200 Hz they stand for all."""
+"""The default options; at 200 Hz they stand for all."""
 SIZES = {
     OptionTag(tag): fields[-1].at + fields[-1].layout.size
     for tag, fields in LAYOUTS.items()
@@ -34,8 +34,8 @@ SIZES = {
 SIZES[OptionTag.DEMO], SIZES[OptionTag.REFERENCES] = 144, 84
 
 
-class Telling:
-    """Makes the packets of one drone. `wanted`: whether somebody has asked for them."""
+class NavdataSender:
+    """Makes the packets of one drone. `wanted`: whether a client has requested them."""
 
     def __init__(self, drone: OnboardDrone) -> None:
         self._drone = drone
@@ -44,16 +44,15 @@ class Telling:
         self._due: Time = 0
 
     def begin(self, now: Time) -> None:
-        """Somebody asks: from now on packets are sent, the first at once."""
+        """Send packets from now on, the first at once."""
         if not self.wanted:
             self.wanted, self._sequence, self._due = True, 0, now
 
     def end(self) -> None:
-        """The communication is lost."""
+        """Stop sending, as the communication is lost."""
         self.wanted = False
 
     def due(self, now: Time) -> list[bytes]:
-        """The packets of this step."""
         if not self.wanted:
             return []
         drone, packets = self._drone, list[bytes]()

@@ -1,9 +1,8 @@
-"""A drone's ports on a loopback address of its own, with the numbers of a real one.
+"""A drone's ports on a loopback address, with the port numbers of a real drone.
 
 UDP 5556 for commands, UDP 5554 for navigation data, TCP 5559 for the configuration, TCP 5555 for
-video. What a poll takes is bounded, so that a flood can't
-hold up a step. Navigation data goes to
-who asked last.
+video. Each poll receives a bounded number of datagrams, so that a flood can't delay a step.
+Navigation data goes to the client that requested it last.
 """
 
 from __future__ import annotations
@@ -16,29 +15,29 @@ from typing import Any
 
 from kybflow.core.errors import DriverError
 from kybflow.drivers.ardrone.transport.wire import AT, CONTROL, NAVDATA, VIDEO
-from kybflow.drivers.emulated_ardrone.ports.ports import Ports
+from kybflow.drivers.emulated_ardrone.ports import Ports
 
 MOST_AT_ONCE = 64
 LONGEST = 2048
-ROOM = 1 << 16
+BUFFER = 1 << 16
 MOST_CLIENTS = 4
 FIRST_HOST = "127.0.0.2"
 
 
 def host_of(number: int, first: str = FIRST_HOST) -> str:
-    """The address of one of several drones, from 0. Raises DriverError for one that is not
-    loopback."""
+    """Return the address of drone `number`, from 0. Raises DriverError unless it is a loopback
+    address."""
     try:
         address = IPv4Address(first) + number
     except ValueError:
         raise DriverError(f"`{first}` is no IPv4 address") from None
     if not address.is_loopback:
-        raise DriverError(f"{address} is no loopback address: a drone is emulated on 127.x.x.x")
+        raise DriverError(f"{address} is no loopback address; use one of 127.x.x.x")
     return str(address)
 
 
 class SocketPorts(Ports):
-    """The ports of one drone at `host`. Raises DriverError where one is taken."""
+    """The ports of one drone at `host`. Raises DriverError if one is in use."""
 
     def __init__(self, host: str) -> None:
         self.host = host
@@ -72,7 +71,7 @@ class SocketPorts(Ports):
             if self._listener is not None:
                 self._data.sendto(data, self._listener)
         except OSError:
-            pass  # nobody listens there any more: lost, as any datagram may be
+            pass  # the client has gone
 
     def send_configuration(self, data: bytes) -> None:
         for client in [*self._clients]:
@@ -89,7 +88,7 @@ class SocketPorts(Ports):
     def send_video(self, data: bytes) -> None:
         for viewer, left in [*self._viewers.items()]:
             try:
-                rest = left or data  # who has not had the last picture whole misses this one
+                rest = left or data  # a client that still receives the last picture misses this one
                 self._viewers[viewer] = rest[viewer.send(rest) :] if rest else b""
             except BlockingIOError:
                 continue
@@ -105,7 +104,7 @@ class SocketPorts(Ports):
         opened = socket.socket(socket.AF_INET, kind)
         self._opened.append(opened)
         opened.setblocking(False)
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         if kind is socket.SOCK_STREAM:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         opened.bind((self.host, port))

@@ -1,1 +1,0 @@
-"""Where an emulated drone speaks: in memory, or at the ports of a real one."""
