@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator
 from math import degrees, tan
 
 from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
+from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expanding.states import States, states_of
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Body, PartPlan, Start, VehiclePlan
-from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, Sequence, entries_of
 from kybflow.dsl.world import CameraPlan
 from kybflow.parts.observables import chains_of
