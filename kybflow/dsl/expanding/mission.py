@@ -4,7 +4,6 @@ Every value is in SI, every part has its parameters, names are still names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from kybflow.core.params import fields_of
@@ -17,8 +16,8 @@ from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
 from kybflow.dsl.expanding.world import with_coordinates, with_points, world_of
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import LISTS, Body, EstimatorPlan, Plan, StatePlan
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of, items_of
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of, items_of, scalars_in
+from kybflow.dsl.reading.values import decode_value
 from kybflow.dsl.resolving.exports import EMPTY, chain_of, stack_of
 from kybflow.dsl.resolving.resolve import Resolved
 
@@ -74,7 +73,7 @@ def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
     if not isinstance(node, Scalar):
         return needed
     field = next(f for f in fields_of(Plan) if f.name == "control")
-    rate = decode(node, field, Findings())
+    rate = decode_value(node, field, Findings())
     if rate is None:
         return needed
     if not rate.is_integer():
@@ -120,7 +119,8 @@ def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
                 _judge_parts(entry.value, decoder)
     flows_of(library.get("flows"), decoder)
     for section in ("vehicles", "stacks", "chains", "flows"):
-        left.update(_left_open(library.get(section) or EMPTY))
+        inside = scalars_in(library.get(section) or EMPTY)
+        left.update(s.span for s in inside if "$" in s.text or s.text.startswith(PREFIX))
     found.add(f for f in own.all if f.code not in _LEFT_TO_MISSION and f.span not in left)
 
 
@@ -141,14 +141,3 @@ def _judge_parts(body: Mapping, decoder: Decoder) -> None:
             decoder.record(
                 StatePlan, entry.value, entry.key.span, name=name, legs=(), transitions=()
             )
-
-
-def _left_open(node: Node) -> Iterator[Span]:
-    """The place of each value that only a mission gives."""
-    if isinstance(node, Scalar):
-        if "$" in node.text or node.text.startswith(PREFIX):
-            yield node.span
-        return
-    inside = node.items if isinstance(node, Sequence) else (e.value for e in node.entries.values())
-    for value in inside:
-        yield from _left_open(value)

@@ -37,15 +37,18 @@ from kybflow.dsl.reading.nodes import (
     entries_of,
     is_null,
 )
-from kybflow.dsl.reading.values import decode, origin
+from kybflow.dsl.reading.values import decode_value, origin
 from kybflow.dsl.world import (
-    Corners,
+    BoxParams,
+    CylinderParams,
     GridParams,
     MapImage,
+    MovingSphereParams,
     Obstacle,
     OccupancyParams,
     PlaneParams,
     PointCloudParams,
+    SphereParams,
     TagParams,
     Tags,
     World,
@@ -79,30 +82,20 @@ _OF_TAGS = ("grid", "tag", "file")
 
 def world_of(node: Node | None, decoder: Decoder) -> World:
     """The world of a mission; what is wrong with it is left out."""
-    entries = entries_of(node)
-    obstacles = _values(entries.get("obstacles"))
-    tags = _values(entries.get("tags"))
     body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
+    obstacles, tags = (entries_of(body.get(key)).values() for key in ("obstacles", "tags"))
     made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
-    printed = tuple(t for e in tags if (t := tags_of_entry(e, decoder)) is not None)
+    printed = tuple(t for e in tags if (t := _tags(e, decoder)) is not None)
     world = decoder.record(World, body, body.span, obstacles=made, tags=printed)
     if world is None:
         return World(obstacles=made, tags=printed)
     points = entries_of(body.get("points"))
     lost = {n: ZERO for n, e in points.items() if n not in world.points and not is_null(e.value)}
-    box = None if world.fence is None else _box(world.fence)
+    box = None if world.fence is None else Box(world.fence.low, world.fence.high)
     if box is not None and not _has_inside(box):
         decoder.found.report("KYB153", "the fence has no inside", world.fence.span, help=_ORDER)
     whole: World = world.but(box=box, points={**world.points, **lost})
     return whole
-
-
-def _values(entry: MappingEntry | None) -> list[MappingEntry]:
-    return [] if entry is None else list(entries_of(entry.value).values())
-
-
-def _box(corners: Corners) -> Box:
-    return Box(corners.low, corners.high)
 
 
 def _has_inside(box: Box) -> bool:
@@ -112,55 +105,62 @@ def _has_inside(box: Box) -> bool:
 def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     """The obstacle with its shape; None, and a finding, where something is wrong with it."""
     name, found = entry.key, decoder.found
-    entries = entries_of(entry.value)
-    solids = [kind for kind, own in entries.items() if kind in _SOLIDS and not is_null(own.value)]
-    if len(solids) != 1:
-        what = " and ".join(f"a {kind}" for kind in solids) or "nothing solid"
-        hint = f"write one of {', '.join(f'`{kind}`' for kind in _SOLIDS[:-1])} and `{_SOLIDS[-1]}`"
-        message = f"the obstacle `{name.text}` is {what}"
-        found.report("KYB155", message, name.span, help=hint)
+    kind = _only_kind(entry, _SOLIDS, "KYB155", "obstacle `{}` is", "nothing solid", found)
+    if kind is None:
         return None
     obstacle: Obstacle | None = decoder.record(Obstacle, entry.value, name.span, name=name.text)
-    if obstacle is None or getattr(obstacle, solids[0]) is None:
+    if obstacle is None or (solid := getattr(obstacle, kind)) is None:
         return None
-    if (ball := obstacle.moving_sphere) is not None:
-        return obstacle.but(moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body))
-    if (scan := obstacle.point_cloud) is not None:
-        cloud = _cloud(scan, found)
-        return None if cloud is None else obstacle.but(shape=cloud, files=(scan.file,))
-    if (chart := obstacle.occupancy) is not None:
-        image = _image(chart, found)
-        columns = None if image is None else _columns(chart, image, found)
-        files = (chart.file, image)
-        return None if columns is None else obstacle.but(shape=columns, files=files)
-    shape = _solid(obstacle, found)
-    return None if shape is None else obstacle.but(shape=shape)
+    if isinstance(solid, MovingSphereParams):
+        ball = MovingSphere(solid.along, solid.radius, solid.speed, solid.body)
+        return obstacle.but(moving=ball)
+    shape, files = _solid(solid, found)
+    return None if shape is None else obstacle.but(shape=shape, files=files)
 
 
-def _solid(obstacle: Obstacle, found: Findings) -> Shape | None:
-    if obstacle.box is not None:
-        box = _box(obstacle.box)
-        if _has_inside(box):
-            return box
-        span = obstacle.box.source.node.span
-        found.report("KYB156", "the box has no inside", span, help=_ORDER)
-    elif (tube := obstacle.cylinder) is not None:
-        return Cylinder(tube.at, tube.radius, tube.height)
-    elif (ball := obstacle.sphere) is not None:
-        return Sphere(ball.at, ball.radius)
-    elif obstacle.plane is not None:
-        return _plane(obstacle.plane, found)
+def _only_kind(
+    entry: MappingEntry, kinds: tuple[str, ...], code: str, what: str, nothing: str, found: Findings
+) -> str | None:
+    """The one of `kinds` that an entry is; None, and a finding, where it is none or several."""
+    written = [k for k, e in entries_of(entry.value).items() if k in kinds and not is_null(e.value)]
+    if len(written) == 1:
+        return written[0]
+    own = " and ".join(f"a {kind}" for kind in written) or nothing
+    hint = f"write one of {', '.join(f'`{kind}`' for kind in kinds[:-1])} and `{kinds[-1]}`"
+    found.report(code, f"the {what.format(entry.key.text)} {own}", entry.key.span, help=hint)
     return None
 
 
-def _plane(plane: PlaneParams, found: Findings) -> Plane | None:
-    x, y, z = plane.facing
-    norm = sqrt(x * x + y * y + z * z)
-    if norm == 0.0:
-        hint = "`facing` is a direction, like `[1, 0, 0]`"
-        found.report("KYB156", "the plane faces nowhere", plane.span_of("facing"), help=hint)
-        return None
-    return Plane(plane.at, (x / norm, y / norm, z / norm))
+def _solid(solid: Any, found: Findings) -> tuple[Shape | None, tuple[File, ...]]:
+    """The shape of an obstacle and the files that it is made of; None, and a finding, where it is
+    none."""
+    match solid:
+        case BoxParams():
+            box = Box(solid.low, solid.high)
+            if _has_inside(box):
+                return box, ()
+            span = solid.source.node.span
+            found.report("KYB156", "the box has no inside", span, help=_ORDER)
+        case CylinderParams():
+            return Cylinder(solid.at, solid.radius, solid.height), ()
+        case SphereParams():
+            return Sphere(solid.at, solid.radius), ()
+        case PlaneParams():
+            if any(solid.facing):
+                x, y, z = solid.facing
+                norm = sqrt(x * x + y * y + z * z)
+                return Plane(solid.at, (x / norm, y / norm, z / norm)), ()
+            hint = "`facing` is a direction, like `[1, 0, 0]`"
+            found.report("KYB156", "the plane faces nowhere", solid.span_of("facing"), help=hint)
+        case PointCloudParams():
+            return _cloud(solid, found), (solid.file,)
+        case OccupancyParams():
+            beside = os.path.join(os.path.dirname(solid.file.name), read_info(solid.file).image)
+            node = Scalar(beside, solid.span_of("file"))
+            image = decode_value(node, fields_of(MapImage)[0], found)
+            columns = None if image is None else _columns(solid, image, found)
+            return columns, (solid.file, image)
+    return None, ()
 
 
 def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
@@ -180,14 +180,6 @@ def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
     return PointCloud.of(points, scan.radius)
 
 
-def _image(chart: OccupancyParams, found: Findings) -> File | None:
-    """The picture of a map, beside its file."""
-    beside = os.path.join(os.path.dirname(chart.file.name), read_info(chart.file).image)
-    node = Scalar(beside, chart.span_of("file"))
-    image: File | None = decode(node, fields_of(MapImage)[0], found)
-    return image
-
-
 def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | None:
     info = read_info(chart.file)
     places = occupied_places(info, read_image(image))
@@ -202,12 +194,6 @@ def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | 
 
 
 _NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
-
-
-def unknown_point(name: str, points: MappingOf[str, Any]) -> tuple[str, str]:
-    """(what is wrong with `world.points.NAME`, the way out)."""
-    hint = did_you_mean(name, points) or "name it under `points` of `world`"
-    return f"the world has no point `{name}`", hint
 
 
 class Points:
@@ -242,7 +228,8 @@ class Points:
             return node
         point = self._points.get(match[1])
         if point is None:
-            message, hint = unknown_point(match[1], self._points)
+            message = f"the world has no point `{match[1]}`"
+            hint = did_you_mean(match[1], self._points) or "name it under `points` of `world`"
             self._found.report("KYB154", message, node.span, notes=origin(node), help=hint)
         numbers = (Scalar(repr(number), node.span) for number in point or ZERO)
         return Sequence(tuple(numbers), node.span)
@@ -250,12 +237,9 @@ class Points:
 
 def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) -> Mapping:
     """The mission with coordinates in the place of `world.points.NAME`, but for the world's own."""
-    pasting = Points(points, found)
-    entries = {
-        key: entry if key == "world" else entry._replace(value=pasting.apply(entry.value))
-        for key, entry in root.entries.items()
-    }
-    return Mapping(entries, root.span)
+    place = Points(points, found).apply
+    entries = {k: e._replace(value=place(e.value)) for k, e in root.entries.items() if k != "world"}
+    return Mapping({**root.entries, **entries}, root.span)
 
 
 def with_coordinates(
@@ -282,16 +266,11 @@ _FACING: dict[str, Quat] = {
 """Attitude of a tag with heading 0 whose printed side looks there."""
 
 
-def tags_of_entry(entry: MappingEntry, decoder: Decoder) -> Tags | None:
+def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
     """One entry of `world.tags` with the tags that it means; None, and a finding, where something
     is wrong with it."""
     name, found = entry.key, decoder.found
-    entries = entries_of(entry.value)
-    kinds = [kind for kind, own in entries.items() if kind in _OF_TAGS and not is_null(own.value)]
-    if len(kinds) != 1:
-        what = " and ".join(f"a {kind}" for kind in kinds) or "nothing"
-        hint = "write one of `grid`, `tag` and `file`"
-        found.report("KYB380", f"the tags `{name.text}` are {what}", name.span, help=hint)
+    if _only_kind(entry, _OF_TAGS, "KYB380", "tags `{}` are", "nothing", found) is None:
         return None
     tags: Tags | None = decoder.record(Tags, entry.value, name.span, name=name.text)
     if tags is None:
@@ -299,8 +278,7 @@ def tags_of_entry(entry: MappingEntry, decoder: Decoder) -> Tags | None:
     if tags.file is not None:
         rows = read_tags(tags.file)
         lines = tuple(row.line for row in rows)
-        span = tags.span_of("file")
-        source = tags.source._replace(span=span)
+        source = tags.source._replace(span=tags.span_of("file"))
         return tags.but(tags=tuple(r.tag for r in rows), lines=lines, source=source)
     if (grid := tags.grid) is not None and _is_grid(grid, found):
         return tags.but(tags=tuple(tags_of(grid)))
