@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Inset, Span
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, scalars_in
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
 from kybflow.dsl.resolving.parameters import BoundParameter, ParameterTable
 
 CODES = {
@@ -121,8 +121,14 @@ def known(node: Node) -> Node | None:
 
 def names_in(node: Node) -> Iterator[str]:
     """Every name that stands as `$name` under `node`."""
-    for scalar in scalars_in(node):
-        yield from _INSIDE.findall(scalar.text)
+    if isinstance(node, Scalar):
+        yield from _INSIDE.findall(node.text)
+    elif isinstance(node, Sequence):
+        for item in node.items:
+            yield from names_in(item)
+    else:
+        for entry in node.entries.values():
+            yield from names_in(entry.value)
 
 
 def _placed(value: Node, span: Span, name: str) -> Node:
