@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy
 
 from kybflow.core.errors import FileError
+from kybflow.dsl.calibration_file import write_calibration
 from kybflow.dsl.expanding.vehicles import written_camera
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.reading.calibration import write_calibration
-from kybflow.dsl.reading.pose_table import read_poses
-from kybflow.dsl.reading.tag_table import write_tags
 from kybflow.recording.recorded_poses import read_recorded_poses
 from kybflow.recording.run_folder import EVENTS, RunFolderError
+from kybflow.vision.calibration.pose_table import read_poses
 from kybflow.vision.calibration.track import RecordedTrack
+from kybflow.vision.tag_table import write_tags
 
 if TYPE_CHECKING:
     from kybflow.vision.calibration.walk import WalkCalibration

@@ -340,26 +340,15 @@ def named_in(parameters: Any, what: Named) -> dict[str, str]:
 
 def names_in(parameters: Any, what: Named) -> Iterator[tuple[str, str]]:
     """Yield each name of `what` in these parameters, behind the parameter that has it."""
-    for field in _naming(parameters.__class__, what):
+    for field in fields_with(parameters.__class__, "names"):
         for name in field.named(getattr(parameters, field.name), what):
             yield field.name, name
 
 
 @functools.cache
-def limited_fields(cls: Any) -> tuple[Field, ...]:
-    """Return the parameters of `cls` that another one limits."""
-    return tuple(f for f in fields_of(cls) if f.limited_by is not None)
-
-
-@functools.cache
-def fields_in_rooms(cls: Any) -> tuple[Field, ...]:
-    """Return the parameters of `cls` that are held against the room."""
-    return tuple(f for f in fields_of(cls) if f.room is not None)
-
-
-@functools.cache
-def _naming(cls: Any, what: Named) -> tuple[Field, ...]:
-    return tuple(f for f in fields_of(cls) if f.names == what)
+def fields_with(cls: Any, fact: Literal["limited_by", "room", "names"]) -> tuple[Field, ...]:
+    """Return the parameters of `cls` whose declaration has `fact`."""
+    return tuple(field for field in fields_of(cls) if getattr(field, fact) is not None)
 
 
 def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: bool) -> Field:

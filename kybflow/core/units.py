@@ -188,6 +188,15 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
     )
 
 
+def is_quantity(text: str, dimension: Dimension) -> bool:
+    """Return whether `text` is a quantity of `dimension`."""
+    try:
+        parse_quantity(text, dimension)
+    except UnitError:
+        return False
+    return True
+
+
 def article(noun: str) -> str:
     """Return `noun` with `a` or `an` before it."""
     return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"

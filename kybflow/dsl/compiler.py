@@ -27,8 +27,7 @@ from kybflow.dsl.diagnostics.diagnostic import (
 )
 from kybflow.dsl.diagnostics.spans import SET
 from kybflow.dsl.expanding import targets
-from kybflow.dsl.expanding.library import judge_library
-from kybflow.dsl.expanding.mission import mission_of
+from kybflow.dsl.expanding.mission import judge_library, mission_of
 from kybflow.dsl.language.judge import is_library, judge_mission
 from kybflow.dsl.language.text import to_yaml
 from kybflow.dsl.plan import Parameter, Plan, SourceFile

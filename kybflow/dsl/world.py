@@ -22,10 +22,10 @@ from kybflow.core.units import (
     Position,
     Speed,
 )
+from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.language.source import Record
-from kybflow.dsl.reading.calibration import read_calibration
-from kybflow.dsl.reading.tag_table import LARGEST, read_tags
 from kybflow.vision.families import FAMILIES
+from kybflow.vision.tag_table import LARGEST, read_tags
 from kybflow.world.cameras import Camera
 from kybflow.world.moving_sphere import MovingSphere
 from kybflow.world.occupancy_map import read_image, read_info

@@ -8,17 +8,19 @@ only be tightened while its vehicle flies.
 
 from __future__ import annotations
 
-import dataclasses
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from math import isfinite
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
-from kybflow.core.errors import OptionRefused, UnitError
-from kybflow.core.params import Field, Numbers, fields_of, type_of
+from kybflow.core.errors import OptionRefused
+from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.text import nearest
-from kybflow.core.units import article, format_quantity, parse_quantity
+from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.language.source import NOBODY
 from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.nodes import Node, Scalar, Sequence
+from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.events import OptionChanged, OptionRefusedEvent
 from kybflow.runtime.events import Events
 from kybflow.runtime.making import parts_of
@@ -166,7 +168,7 @@ class _Planned:
         return self._parameters
 
     def change(self, label: str, name: str, value: Any) -> None:
-        self._parameters[label] = dataclasses.replace(self._parameters[label], **{name: value})
+        self._parameters[label] = replace(self._parameters[label], **{name: value})
 
 
 def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
@@ -177,101 +179,35 @@ def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
         options.set(name, value, "command line")
 
 
-_WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
-_NAME = re.compile(r"\w+")
-_LIST = re.compile(r"\[\s*\]|\[\s*\w+(\s*,\s*\w+)*\s*\]|\w+(\s*,\s*\w+)*")
-_ITEM = re.compile(r"\[[^\]]*\]|[^,\[\]]+")
-"""One item of a list: a list of its own, or what stands between commas."""
-
-
 def _decoded(name: str, value: Any, field: Field) -> Any:
-    """Return `value` converted to the field's type and checked against its bounds. Raises
+    """Return `value` converted to the field's type and checked as in a mission. Raises
     OptionRefused."""
-    kind = field.type
-    if isinstance(kind, Numbers) and not kind.fixed:
-        value = _array(name, value, field, kind.size)
-    elif field.shape == "integer":
-        if isinstance(value, bool) or not _WHOLE.fullmatch(str(value)):
-            raise OptionRefused(f"`{name}` is a whole number, not `{value}`")
-        value = int(value)
-    elif field.choices and value not in field.choices:
-        raise OptionRefused(f"`{name}` is one of {', '.join(field.choices)}, not `{value}`")
-    elif field.shape in _WORDS:
-        return _WORDS[field.shape](name, value)
-    elif kind.fixed:
+    if field.type.fixed:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
-    _check_bounds(name, () if field.choices else field.numbers(value), field)
-    flaw = field.flaw(value)
-    if flaw is not None:
-        raise OptionRefused(f"`{name}` {flaw}")
-    return value
+    found = Findings()
+    node = _node(value, field, found)
+    decoded = None if node is None else decode_value(node, replace(field, key=name), found)
+    for finding in found.all:
+        reason = finding.message if name in finding.message else f"`{name}`: {finding.message}"
+        reason = f"{reason}, not {finding.label}" if finding.label else reason
+        raise OptionRefused(f"{reason}; {finding.help}" if finding.help else reason)
+    return decoded
 
 
-def _array(name: str, value: Any, field: Field, size: tuple[int | None, ...]) -> Any:
-    """Return a number, or lists of them as deep as `size` is long."""
-    if not size:
-        return _number(name, value, field)
-    items = _items(value)
-    if items is None or len(items) != size[0]:
-        raise OptionRefused(f"`{name}` has {_many(value, items, field, len(size))}")
-    return tuple(_array(name, item, field, size[1:]) for item in items)
-
-
-def _many(value: Any, items: list[Any] | None, field: Field, depth: int) -> str:
-    """How many numbers are needed, and what there is."""
-    found = f"`{value}`" if items is None else f"{len(items)}"
-    if field.shape != "matrix" or not isinstance(field.type, Numbers):
-        return f"three numbers, not {found}"
-    if items is not None:
-        rows = "1 row" if len(items) == 1 else f"{found} rows"
-        found = rows if depth == 2 else f"a row of {found}"
-    return "{} rows of {} numbers, not {}".format(*field.type.size, found)
-
-
-def _items(value: Any) -> list[Any] | None:
-    """What a list, or its text, is of; None for what is no list."""
+def _node(value: Any, field: Field, found: Findings) -> Node | None:
+    """Return a value (SI), or its text, as a mission would have it; a list may lack its
+    brackets."""
     if isinstance(value, str):
-        text = value.strip().removeprefix("[").removesuffix("]")
-        return [item.strip() for item in _ITEM.findall(text) if item.strip()]
-    return list(value) if isinstance(value, Iterable) else None
-
-
-def _number(name: str, value: Any, field: Field) -> float:
-    assert field.dimension is not None
-    try:
-        return parse_quantity(value, field.dimension) if isinstance(value, str) else float(value)
-    except TypeError:
-        raise OptionRefused(f"`{name}` is {article(field.dimension.name)}, not `{value}`") from None
-    except UnitError as error:
-        raise OptionRefused(f"`{name}`: {error}; {error.hint}") from None
-
-
-def _truth(name: str, value: Any) -> bool:
-    if str(value).lower() not in ("true", "false"):
-        raise OptionRefused(f"`{name}` is true or false, not `{value}`")
-    return str(value).lower() == "true"
-
-
-def _names(name: str, value: str | Iterable[str]) -> tuple[str, ...]:
-    if not isinstance(value, str):
-        return tuple(value)
-    if not _LIST.fullmatch(value.strip()):
-        raise OptionRefused(f"`{name}` is a list of names like `[a, b]`, not `{value}`")
-    return tuple(_NAME.findall(value))
-
-
-_WORDS: dict[str, Callable[[str, Any], Any]] = {"boolean": _truth, "names": _names}
-"""How a value without numbers is read, by its shape, from an option's name and what was asked."""
-
-
-def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:
-    for number in numbers:
-        if not isfinite(number):
-            raise OptionRefused(f"`{name}` is finite, not {number:g}")
-        broken = field.outside(number)
-        if broken is not None:
-            found = format_quantity(number, field.dimension) if field.dimension else f"{number:g}"
-            raise OptionRefused(f"`{name}` {broken}, not {found}")
+        text, is_list = value.strip(), field.shape in ("vector", "matrix", "names")
+        if not is_list or not text:
+            return Scalar(value, NOBODY, quoted=field.shape == "text")
+        return compose(text if text[0] + text[-1] == "[]" else f"[{text}]", "", found)
+    if isinstance(value, Iterable):
+        items = (Scalar(i, NOBODY) if isinstance(i, str) else _node(i, field, found) for i in value)
+        return Sequence(tuple(item for item in items if item is not None), NOBODY)
+    if field.dimension is not None and isinstance(value, int | float):
+        return Scalar(f"{float(value)!r} {field.dimension.si}".rstrip(), NOBODY)
+    return Scalar(str(value), NOBODY)
 
 
 def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:

@@ -20,7 +20,7 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import Duration
-from kybflow.dsl.reading.calibration import read_calibration
+from kybflow.dsl.calibration_file import read_calibration
 from kybflow.parts import Claim, Link, Objection, Sensor, Stream
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT

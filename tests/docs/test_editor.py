@@ -16,7 +16,7 @@ import pytest
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.catalog import load_catalog
 
 REPO = Path(__file__).parents[2]
@@ -170,7 +170,7 @@ def test_completing_a_parameter_inserts_a_right_value_with_its_unit(
             found = Findings()
             node = compose(value, "editor", found)
             assert node is not None
-            decode(node, field, found)
+            decode_value(node, field, found)
             assert found.all == [], field.name
 
 

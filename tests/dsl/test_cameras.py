@@ -9,9 +9,9 @@ import pytest
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import rotate
+from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.expanding.vehicles import FACING, pinhole
-from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.parts.catalog import load_catalog
 from kybflow.world.cameras import DOWN, Lens
 

@@ -20,7 +20,7 @@ from kybflow.dsl.language.published import Editor
 from kybflow.dsl.language.schema import Schemas
 from kybflow.dsl.plan import Plan
 from kybflow.dsl.reading.composer import compose
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.catalog import load_catalog
 
 MISSION = """
@@ -124,7 +124,7 @@ def test_an_editor_inserts_a_right_one(field: Field, inserted: str) -> None:
     found = Findings()
     node = compose(inserted, "editor", found)
     assert node is not None
-    assert decode(node, field, found) is not None
+    assert decode_value(node, field, found) is not None
     assert not found.all
 
 

@@ -91,9 +91,9 @@ def test_a_vehicle_that_is_not_there_is_refused(options, told):
     assert told[-1].name == "option_refused"
 
 
-@pytest.mark.parametrize("value", ["[", "", ",", "[mk", "[[mk]]", "{mk: mk}", "[mk, ]"])
+@pytest.mark.parametrize("value", ["[", "", ",", "[mk", "[[mk]]", "{mk: mk}"])
 def test_half_a_list_of_names_is_no_empty_one(options, told, value):
     name = "mk.processors.avoid_obstacles.treat_as_obstacles"
-    with pytest.raises(OptionRefused, match="is a list of names like"):
+    with pytest.raises(OptionRefused, match=r"must be a list of names|never closed|nothing stands"):
         options.set(name, value, by="test")
     assert told[-1].name == "option_refused"

@@ -19,9 +19,9 @@ from kybflow.core.errors import FileError  # noqa: E402
 from kybflow.core.files import File  # noqa: E402
 from kybflow.core.geometry import from_euler, multiply  # noqa: E402
 from kybflow.dsl.compiler import compile_mission  # noqa: E402
-from kybflow.dsl.reading.pose_table import read_poses  # noqa: E402
-from kybflow.dsl.reading.tag_table import read_tags, write_tags  # noqa: E402
 from kybflow.parts.catalog import load_catalog  # noqa: E402
+from kybflow.vision.calibration.pose_table import read_poses  # noqa: E402
+from kybflow.vision.tag_table import read_tags, write_tags  # noqa: E402
 
 MISSION = """kybflow: 1
 mission: floor

@@ -9,7 +9,7 @@ from math import pi, tan
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import GRAVITY
-from kybflow.core.params import Field, fields_in_rooms, fields_of
+from kybflow.core.params import Field, fields_of, fields_with
 from kybflow.core.units import (
     ACCELERATION,
     ANGLE,
@@ -93,7 +93,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
     of more than half of the fence's longest side, or a height above its top (a warning)."""
     fence = case.plan.fence
     for part in _parts(case) if fence is not None else ():
-        for field in fields_in_rooms(part.params.__class__):
+        for field in fields_with(part.params.__class__, "room"):
             if fence is None or not part.is_written(field.name):
                 continue
             value = getattr(part.params, field.name)

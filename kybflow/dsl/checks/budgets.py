@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import inf
 
-from kybflow.core.params import limited_fields
+from kybflow.core.params import fields_with
 from kybflow.core.units import RATIO, format_quantity
 from kybflow.dsl.checks.barriers import flow_ways
 from kybflow.dsl.checks.case import Case
@@ -205,7 +205,7 @@ def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
     example, it must stay at its goal longer than its timeout."""
     for _, state in case.states():
         part = state.behavior
-        for field in limited_fields(part.params.__class__):
+        for field in fields_with(part.params.__class__, "limited_by"):
             assert field.limited_by is not None
             own, most = getattr(part.params, field.name), getattr(part.params, field.limited_by)
             if own is None or most is None or own <= most or field.dimension is None:

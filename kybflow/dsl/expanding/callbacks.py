@@ -8,7 +8,6 @@ from typing import Any
 
 from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import ActionKeys, CallbackPlan, FaultPlan, PartPlan
@@ -43,46 +42,34 @@ def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...
 
 def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
     event, items, found = node.get("event"), items_of(node.get("do")), decoder.found
-    _judge_occasion(node, found)
+    asked = [
+        entry
+        for key, entry in node.entries.items()
+        if key not in _CALLBACK_KEYS and not is_null(entry.value)
+    ]
+    if event is not None and node.get("for") is not None:
+        hint = "`for` belongs to a `when` without an `event`"
+        span = node.entries["for"].key.span
+        found.report("KYB461", "an event has no duration", span, help=hint)
+    elif event is None and node.get("when") is None:
+        hint = "write `event: NAME`, `when: CONDITION`, or both"
+        found.report("KYB461", "nothing says when this is done", head_of(node), help=hint)
+    for entry in asked if event is None else ():
+        message = f"`{entry.key.text}` asks for a field of an event, and there is none"
+        hint = "add `event: NAME`, or ask for it in the `when`"
+        found.report("KYB461", message, entry.key.span, help=hint)
     if not items:
         told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
         found.report("KYB171", f"nothing is done {told}", head_of(node), help="write `do: [...]`")
-    fields = tuple(_fields(node, decoder))
+    for entry in asked:
+        decoder.misplaced(entry.value, entry.key.text)
+    fields = tuple((e.key.text, e.value.text) for e in asked if isinstance(e.value, Scalar))
     actions = tuple(action for item in items for action in _actions(item, decoder))
     own: dict[str, Any] = {"event": ""} if event is None else {}
     callback: CallbackPlan | None = decoder.record(
         CallbackPlan, node, node.span, fields=fields, do=actions, vehicles=(), actions=(), **own
     )
     return callback
-
-
-def _fields(node: Mapping, decoder: Decoder) -> Iterator[tuple[str, str]]:
-    """The fields that the event must have, each with its value."""
-    for key, entry in node.entries.items():
-        if key in _CALLBACK_KEYS or is_null(entry.value):
-            continue
-        if isinstance(entry.value, Scalar):
-            yield key, entry.value.text
-        else:
-            decoder.misplaced(entry.value, key)
-
-
-def _judge_occasion(node: Mapping, found: Findings) -> None:
-    """Report what is wrong with when a callback is answered."""
-    if node.get("event") is not None:
-        if node.get("for") is not None:
-            message, span = "an event has no duration", node.entries["for"].key.span
-            hint = "`for` belongs to a `when` without an `event`"
-            found.report("KYB461", message, span, help=hint)
-        return
-    if node.get("when") is None:
-        hint = "write `event: NAME`, `when: CONDITION`, or both"
-        found.report("KYB461", "nothing says when this is done", head_of(node), help=hint)
-    for key, entry in node.entries.items():
-        if key not in _CALLBACK_KEYS and not is_null(entry.value):
-            message = f"`{key}` asks for a field of an event, and there is none"
-            hint = "add `event: NAME`, or ask for it in the `when`"
-            found.report("KYB461", message, entry.key.span, help=hint)
 
 
 def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
@@ -143,14 +130,8 @@ def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:
         hint = f"write its parameters: `{{{name.text}: {{...}}}}`"
         found.report("KYB103", message, entry.value.span, help=hint)
         return None
-    spec = decoder.spec("actions", name)
     body = entry.value if isinstance(entry.value, Mapping) else Mapping({}, name.span)
-    params = spec and decoder.parameters(spec.params, body, spec.name, name.span)
-    if spec is None or params is None:
-        return None
-    source = Source(name.span, body)
-    label = f"actions.{name.text}"
-    return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
+    return decoder.named_part("actions", name, body, f"actions.{name.text}")
 
 
 def faults_of(node: Node | None, decoder: Decoder) -> tuple[FaultPlan, ...]:

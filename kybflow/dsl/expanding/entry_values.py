@@ -13,7 +13,7 @@ from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import PartPlan, Plan, Request, StatePlan, Values, VehiclePlan
 from kybflow.dsl.reading.nodes import Mapping, entries_of, is_null
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.reading.values import decode_value
 
 _FILES = frozenset({"file", "file path"})
 
@@ -59,7 +59,7 @@ def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
             found.report("KYB244", message, entry.value.span, help=hint)
         else:
             is_none = is_null(entry.value) and field.optional
-            values.append((name, None if is_none else decode(entry.value, field, found)))
+            values.append((name, None if is_none else decode_value(entry.value, field, found)))
     return () if len(found.all) > before else tuple(values)
 
 

@@ -29,13 +29,8 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
         body = entry.value
         if not isinstance(body, Mapping):
             continue  # null: not written
-        phases = body.entries.get("phases")
-        if phases is not None and phases.inherited:
-            inner = {n: e._replace(inherited=True) for n, e in entries_of(phases.value).items()}
-            whole = phases._replace(value=Mapping(inner, phases.value.span))
-            body = Mapping({**body.entries, "phases": whole}, body.span)
-        named = entries_of(phases and phases.value).items()
-        written = [name for name, phase in named if isinstance(phase.value, Mapping)]
+        phases = entries_of(body.get("phases")).items()
+        written = [name for name, phase in phases if isinstance(phase.value, Mapping)]
         if not written:
             message = f"the flow `{name}` needs `phases`"
             hint = "write `phases: {...}`, or start from a flow that has some"
@@ -54,9 +49,8 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
     for way in flow.next:
         if way.after is not None:
             hint = "write it in each phase that it bounds"
-            found.report(
-                "KYB462", "a flow's `next` has no `after`", way.key_span("after"), help=hint
-            )
+            message = "a flow's `next` has no `after`"
+            found.report("KYB462", message, way.key_span("after"), help=hint)
         shared.append(next_transition(way, found).but(since=flow.name))
     phases = {}
     for name, phase in flow.phases.items():
@@ -74,14 +68,9 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
             return ()  # told already: it is no name
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
+        target, after = phase.otherwise, phase.within
         return (
-            TransitionPlan(
-                target=phase.otherwise,
-                cause="within",
-                after=phase.within,
-                at=span.at,
-                source=source,
-            ),
+            TransitionPlan(target=target, cause="within", after=after, at=span.at, source=source),
         )
     if limit is not None:
         message = "nothing says where the phase goes after `within`"
@@ -96,18 +85,13 @@ def with_waiting(plan: Plan) -> Plan:
     """The plan, whose vehicles wait on the ground for the flow that drives them, unless they say
     how they `begin`, or their topmost behavior stays on the ground."""
     driven = {name for flow in plan.flows for name in named_vehicles(plan, flow)}
-    vehicles = tuple(
-        _waiting(vehicle) if vehicle.name in driven and not vehicle.is_written("begin") else vehicle
-        for vehicle in plan.vehicles
-    )
-    return plan.but(vehicles=vehicles) if driven else plan
-
-
-def _waiting(vehicle: VehiclePlan) -> VehiclePlan:
-    first = vehicle.states.get(vehicle.begin)
-    if first is not None and all(leg.start is leg.end is GROUND for leg in first.legs):
-        return vehicle
-    return vehicle.but(begin=GROUNDED)
+    vehicles = list[VehiclePlan]()
+    for vehicle in plan.vehicles:
+        first = vehicle.states.get(vehicle.begin)
+        stays = first is not None and all(leg.start is leg.end is GROUND for leg in first.legs)
+        waits = vehicle.name in driven and not vehicle.is_written("begin") and not stays
+        vehicles.append(vehicle.but(begin=GROUNDED) if waits else vehicle)
+    return plan.but(vehicles=tuple(vehicles)) if driven else plan
 
 
 def named_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
@@ -139,7 +123,13 @@ def with_requests(plan: Plan) -> Plan:
     asked = set(_requests(plan))
     if not asked:
         return plan
-    first = set(_first_requests(plan))
+    first = {
+        request
+        for flow in plan.flows
+        for name in own_vehicles(plan, flow)
+        if plan.fleet[name].begin == GROUNDED
+        for request in _first_of(plan, flow, name)
+    }
     vehicles = tuple(
         vehicle.but(
             requested=frozenset(state for who, state in asked if who == vehicle.name),
@@ -169,17 +159,9 @@ def _goals(plan: Plan, who: str, state: str) -> Iterator[tuple[str, str]]:
             yield name, goal
 
 
-def _first_requests(plan: Plan) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of the first requests that a flow makes to a vehicle which waits for it."""
-    for flow in plan.flows:
-        for vehicle in own_vehicles(plan, flow):
-            if plan.fleet[vehicle].begin == GROUNDED:
-                yield from _first_of(plan, flow, vehicle)
-
-
 def _first_of(plan: Plan, flow: FlowPlan, vehicle: str) -> Iterator[tuple[str, str]]:
-    """Follow the transitions from the first phase until a phase requests something of the vehicle
-    or gives it away."""
+    """(vehicle, state) of the first requests to a vehicle that waits for the flow: follow the
+    transitions from the first phase until a phase requests something of it or gives it away."""
     waiting, seen = [flow.begin], {flow.begin}
     while waiting:
         phase = flow.phases.get(waiting.pop())

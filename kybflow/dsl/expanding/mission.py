@@ -1,6 +1,6 @@
-"""The resolved tree to the plan as written: every value in SI, every part with its parameters, what
-the language adds in its place. Names are still names. Judges each value alone; what two of them
-mean together is a check."""
+"""The resolved tree of a mission to its plan as written, and a library judged without a mission.
+
+Every value is in SI, every part has its parameters, names are still names."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.params import fields_of
 from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.expanding.callbacks import callbacks_of, faults_of
 from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
-from kybflow.dsl.expanding.inputs import inputs_of
-from kybflow.dsl.expanding.targets import Target, needed_rate
+from kybflow.dsl.expanding.targets import Target, inputs_of, needed_rate
 from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
 from kybflow.dsl.expanding.world import with_coordinates, with_points, world_of
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.plan import Body, Plan
-from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.plan import LISTS, Body, EstimatorPlan, Plan, StatePlan
+from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of, items_of, scalars_in
+from kybflow.dsl.reading.values import decode_value
+from kybflow.dsl.resolving.exports import EMPTY, chain_of, stack_of
 from kybflow.dsl.resolving.resolve import Resolved
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ CODES = {
     "KYB152": "A control rate that is no whole number of Hz, or one that nothing flies with.",
 }
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
-_LACKING = frozenset({"KYB108", "KYB385"})
+_LEFT_TO_LIKE = frozenset({"KYB108", "KYB385"})
 
 
 def mission_of(
@@ -72,7 +73,7 @@ def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
     if not isinstance(node, Scalar):
         return needed
     field = next(f for f in fields_of(Plan) if f.name == "control")
-    rate = decode(node, field, Findings())
+    rate = decode_value(node, field, Findings())
     if rate is None:
         return needed
     if not rate.is_integer():
@@ -93,7 +94,50 @@ def airframes_of(root: Mapping, decoder: Decoder) -> tuple[Body, ...]:
         assert isinstance(entry.value, Mapping)
         found = Findings()
         own = body_of(name, entry.key.span, entry.value, Decoder(decoder.catalog, found))
-        decoder.found.add(finding for finding in found.all if finding.code not in _LACKING)
+        decoder.found.add(finding for finding in found.all if finding.code not in _LEFT_TO_LIKE)
         if own is not None:
             airframes.append(own)
     return tuple(airframes)
+
+
+_LEFT_TO_MISSION = frozenset({"KYB102", "KYB108"})
+
+
+def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
+    """Report what is wrong with the worlds, airframes, parts and flows of a library, whose `like`
+    is resolved but for its chains. A parameter without a value, a named point and what an entry to
+    start from lacks are left to the mission that imports it."""
+    decoder = Decoder(catalog, found)
+    for entry in entries_of(library.get("worlds")).values():
+        world_of(entry.value, decoder)
+    airframes_of(library, decoder)
+    left, own = set[Span](), Findings()
+    decoder = Decoder(catalog, own)
+    for section in ("vehicles", "stacks", "chains"):
+        for entry in entries_of(library.get(section)).values():
+            if isinstance(entry.value, Mapping):
+                _judge_parts(entry.value, decoder)
+    flows_of(library.get("flows"), decoder)
+    for section in ("vehicles", "stacks", "chains", "flows"):
+        inside = scalars_in(library.get(section) or EMPTY)
+        left.update(s.span for s in inside if "$" in s.text or s.text.startswith(PREFIX))
+    found.add(f for f in own.all if f.code not in _LEFT_TO_MISSION and f.span not in left)
+
+
+def _judge_parts(body: Mapping, decoder: Decoder) -> None:
+    for kind in LISTS:
+        for item in items_of(body.get(kind)):
+            if stack_of(item) is not None:
+                continue
+            if kind == "estimators":
+                decoder.record(EstimatorPlan, item, item.span)
+            else:
+                decoder.part(kind, item)
+    tracker = body.get("tracker")
+    if tracker is not None:
+        decoder.part("trackers", tracker)
+    for name, entry in entries_of(body.get("behaviors")).items():
+        if isinstance(entry.value, Mapping) and chain_of(entry.value) is None:
+            decoder.record(
+                StatePlan, entry.value, entry.key.span, name=name, legs=(), transitions=()
+            )

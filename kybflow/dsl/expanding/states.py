@@ -16,7 +16,7 @@ from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.names.built_in import failure_of
 from kybflow.dsl.plan import Cause, ChainPlan, PartPlan, StatePlan, TransitionPlan, Ways
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, is_null
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, entries_of, is_null
 from kybflow.dsl.resolving.chains import OF_CHAINS
 from kybflow.parts.observables import chains_of
 
@@ -33,10 +33,10 @@ class States(NamedTuple):
     written: dict[str, StatePlan | ChainPlan]
 
 
-def states_of(behaviors: Mapping, decoder: Decoder) -> States:
-    """The states and chains that `behaviors` says; a state with errors is left out."""
-    entries = {name: e for name, e in behaviors.entries.items() if not is_null(e.value)}
-    names = [name for name, entry in entries.items() if not _is_chain(entry.value)]
+def states_of(behaviors: dict[str, MappingEntry], decoder: Decoder) -> States:
+    """The states and chains in the entries of `behaviors`; a state with errors is left out."""
+    entries = {name: e for name, e in behaviors.items() if not is_null(e.value)}
+    names = [n for n, e in entries.items() if "do" in entries_of(e.value)]
     first: dict[str, str] = {}
     for name in names:
         for chain in chains_of(name):
@@ -53,10 +53,6 @@ def states_of(behaviors: Mapping, decoder: Decoder) -> States:
         if state is not None:
             written[name] = states[name] = state
     return States(states, chains, written)
-
-
-def _is_chain(node: Node) -> bool:
-    return isinstance(node, Mapping) and "do" not in node.entries
 
 
 def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> ChainPlan:

@@ -1,9 +1,10 @@
-"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, and
-the control rate that the drivers need."""
+"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, its
+inputs, and the control rate that the drivers need."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from collections.abc import Mapping as MappingOf
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,6 @@ from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.expanding.inputs import inputs_in
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
@@ -34,11 +34,12 @@ CODES = {
     "KYB150": "A target that the mission doesn't have.",
     "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
     "KYB390": "A sensor under a name that no estimator of the vehicle has.",
+    "KYB400": "A target replaces an input that the mission doesn't have, or a vehicle is called "
+    "`inputs`, which a target needs for itself.",
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
 """The name of the file that the span of an unknown target points into."""
-Entries = dict[str, MappingEntry]
 _OWN = frozenset(field.key for field in fields_of(TargetKeys))
 """The keys of a target that are no vehicles."""
 
@@ -69,9 +70,14 @@ class Target:
         target's name implies."""
         written = {n: p.driver for n, p in self._places.items() if p.entry("driver") is not None}
         if "all" not in written and not self._vehicles.keys() <= written.keys():
-            implied = self._implied()
-            if implied is not None:
-                written["all"] = implied
+            name, span = self.name.text, self.name.span
+            implied = {} if name == "sim" else implied_targets(self._decoder.catalog)
+            node: Node | None = Scalar("sim", span) if name == "sim" else None
+            if name in implied:
+                used, values = implied[name]
+                node = _node({"use": used, **values}, span)
+            if node is not None and (part := self._decoder.part("drivers", node)) is not None:
+                written["all"] = part
         drivers: dict[str, PartPlan] = {}
         for name in self._vehicles:
             driver = written.get(name, written.get("all"))
@@ -82,17 +88,7 @@ class Target:
                 self._found.report("KYB151", message, self.name.span)
         return drivers
 
-    def _implied(self) -> PartPlan | None:
-        """The driver that stands behind the name of the target; None where none does."""
-        name, span = self.name.text, self.name.span
-        if name == "sim":
-            return self._decoder.part("drivers", Scalar("sim", span))
-        if name not in (implied := implied_targets(self._decoder.catalog)):
-            return None
-        driver, values = implied[name]
-        return self._decoder.part("drivers", _node({"use": driver, **values}, span))
-
-    def _decoded(self, entries: Entries, decoder: Decoder) -> dict[str, Place]:
+    def _decoded(self, entries: MappingOf[str, MappingEntry], decoder: Decoder) -> dict[str, Place]:
         """How `all` and each vehicle are reached on a target."""
         places: dict[str, Place] = {}
         for name, entry in entries.items():
@@ -150,18 +146,21 @@ class Target:
             lists = {**named, **_sensors(own)}.values()
             sensors = [use for several in lists for use in several]
             sensors += self._brought(vehicle, sensors)
-            tracker = own.tracker or everybody.tracker or self._asked_for(vehicle.driver)
+            tracker, driver = own.tracker or everybody.tracker, vehicle.driver
+            if tracker is None and (asked := driver.cls.tracker(driver.params)) is not None:
+                tracker = self._decoder.part("trackers", _node(asked, driver.span))
             yield vehicle.but(
                 sensors=tuple(sensors),
                 tracker=tracker or vehicle.tracker,
                 own_tracker=None if tracker is None else vehicle.tracker,
-                reached=_over(everybody, own),
+                reached=own.but(
+                    **{
+                        field.name: getattr(everybody, field.name)
+                        for field in fields_of(Place)
+                        if not own.is_written(field.key)
+                    }
+                ),
             )
-
-    def _asked_for(self, driver: PartPlan) -> PartPlan | None:
-        """The tracker that a driver asks for."""
-        asked = driver.cls.tracker(driver.params)
-        return None if asked is None else self._decoder.part("trackers", _node(asked, driver.span))
 
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
         """The sensors that the driver brings for what nothing else gives an estimator; they stand
@@ -214,13 +213,6 @@ def _sensors(place: Place) -> dict[str, list[SensorPlan]]:
     }
 
 
-def _over(everybody: Place, own: Place) -> Place:
-    """How a vehicle is reached: as its own entry says, else as that of `all`."""
-    own_keys = {field.name for field in fields_of(Place) if own.is_written(field.key)}
-    values = {field.name: getattr(everybody, field.name) for field in fields_of(Place)}
-    return own.but(**{name: value for name, value in values.items() if name not in own_keys})
-
-
 def _estimators(vehicle: Node) -> Iterator[str]:
     """The names of a vehicle's estimators, whether or not they can be decoded."""
     for item in items_of(vehicle.get("estimators") if isinstance(vehicle, Mapping) else None):
@@ -259,3 +251,49 @@ def divides(control: int, steps: float) -> bool:
     """Whether every tick at `control` falls on a step, of `steps` a second."""
     each = round(steps / control)
     return each >= 1 and abs(steps / control - each) < 1e-9
+
+
+def inputs_in(target: Node | None) -> MappingOf[str, MappingEntry]:
+    """The inputs that a target has in place of the mission's, as they are written."""
+    written = entries_of(target)
+    return entries_of(written["inputs"].value) if "inputs" in written else {}
+
+
+def inputs_of(root: Mapping, target: str, decoder: Decoder) -> tuple[InputPlan, ...]:
+    """The inputs on a target; one with errors is left out."""
+    own, targets = entries_of(root.get("inputs")), entries_of(root.get("targets"))
+    vehicle = entries_of(root.get("vehicles")).get("inputs")
+    for entry in targets.values():
+        for name, other in inputs_in(entry.value).items():
+            if name not in own:
+                hint = did_you_mean(name, own) or f"write `inputs: {{{name}: {{use: ...}}}}` in it"
+                message = f"the mission has no input `{name}`"
+                decoder.found.report("KYB400", message, other.key.span, "unknown", help=hint)
+        if vehicle is not None:
+            message, hint = "a vehicle can't be called `inputs`", "give it another name"
+            decoder.found.report("KYB400", message, vehicle.key.span, help=hint)
+    replaced = inputs_in(targets[target].value) if target in targets else {}
+    inputs: list[InputPlan] = []
+    for name, entry in own.items():
+        instead = replaced.get(name)
+        is_own = instead is None or is_null(instead.value)
+        value = entry.value if instead is None or is_own else instead.value
+        one = None if is_null(value) else _input(entry.key, value, decoder)
+        if one is not None:
+            inputs.append(one)
+        if instead is not None and not is_null(entry.value):  # judged too, though it isn't used
+            _input(entry.key, entry.value, decoder)
+    return tuple(inputs)
+
+
+def _input(name: Scalar, node: Node, decoder: Decoder) -> InputPlan | None:
+    one: InputPlan | None = decoder.record(
+        InputPlan, node, name.span, name=name.text, button_names={}
+    )
+    if one is None:
+        return None
+    cls, params = one.part.cls, one.part.params
+    stuck = cls.stuck_after if one.stuck_after is None else one.stuck_after
+    given = {device: name for name, device in one.buttons.items()}
+    names = {b: given.get(b, b) for b in cls.buttons(params) if b in given or b not in one.buttons}
+    return one.but(stuck_after=stuck, button_names=names, at=one.part.span.at)

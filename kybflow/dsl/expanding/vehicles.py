@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from math import degrees, tan
 
 from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
+from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.expanding.states import States, states_of
+from kybflow.dsl.expanding.states import states_of
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Body, PartPlan, Start, VehiclePlan
-from kybflow.dsl.reading.calibration import read_calibration
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, Sequence, entries_of
 from kybflow.dsl.world import CameraPlan
 from kybflow.parts.observables import chains_of
@@ -40,20 +39,25 @@ def vehicle_of(
     """The vehicle; None when it has errors."""
     name, body, found = entry.key, entry.value, decoder.found
     assert isinstance(body, Mapping)
-    is_whole = driver is not None
-    for key, hint in (
-        ("airframe", "name one: `airframe: std.mk_quadro`"),
-        ("tracker", "name one: `tracker: cascade`"),
-    ):
-        if body.get(key) is None or (key == "airframe" and isinstance(body.get(key), Scalar)):
-            _missing(name, key, hint, found)
-            is_whole = False
-    airframe = body.entries.get("airframe")
+    airframe, behaviors = body.entries.get("airframe"), entries_of(body.get("behaviors"))
+    has_no_airframe = isinstance(body.get("airframe"), Scalar | None)
+    lacking = (
+        ("airframe", "name one: `airframe: std.mk_quadro`", has_no_airframe),
+        ("tracker", "name one: `tracker: cascade`", body.get("tracker") is None),
+        ("behaviors", "a vehicle does one thing at least", not behaviors),
+    )
+    for key, hint, is_lacking in lacking:
+        if is_lacking:
+            message = f"the vehicle `{name.text}` needs `{key}`"
+            found.report("KYB102", message, name.span, help=hint)
+    is_whole = driver is not None and not any(is_lacking for *_, is_lacking in lacking)
     for written in (airframe, body.entries.get("begin")):
         if written is not None and isinstance(written.value, Sequence):
             decoder.misplaced(written.value, written.key.text)
             is_whole = False
-    states = _states(name, body, decoder)
+    if behaviors and body.entries["behaviors"].inherited:
+        behaviors = {k: e._replace(inherited=True) for k, e in behaviors.items()}
+    states = states_of(behaviors, decoder)
     begin = body.get("begin")
     named = begin.text if isinstance(begin, Scalar) else next(iter(states.states), "")
     inside = (state for state in states.states if named in chains_of(state))
@@ -69,34 +73,14 @@ def vehicle_of(
     if values is None or not is_whole or whole is None or not first:
         return None
     place = values.setdefault("place", Start())
-    written = values.get("supervisors", ())
-    values["supervisors"] = (*written, *_always(name.span, written, decoder))
-    return VehiclePlan(**values, start=place.at, heading=place.heading)
-
-
-def _missing(name: Scalar, key: str, help: str, found: Findings) -> None:
-    message = f"the vehicle `{name.text}` needs `{key}`"
-    found.report("KYB102", message, name.span, help=help)
-
-
-def _always(span: Span, written: Iterable[PartPlan], decoder: Decoder) -> Iterator[PartPlan]:
-    """The supervisors that every vehicle has, but for those that are written."""
-    names = {use.name for use in written}
+    own = values.get("supervisors", ())
+    has = {use.name for use in own}
     for spec in decoder.catalog.always("supervisors"):
-        use = None if spec.name in names else decoder.part("supervisors", Scalar(spec.name, span))
-        if use is not None:
-            yield use
-
-
-def _states(name: Scalar, body: Mapping, decoder: Decoder) -> States:
-    behaviors = body.get("behaviors")
-    if not isinstance(behaviors, Mapping) or not behaviors.entries:
-        _missing(name, "behaviors", "a vehicle does one thing at least", decoder.found)
-        behaviors = Mapping({}, name.span)
-    elif body.entries["behaviors"].inherited:
-        own = {k: e._replace(inherited=True) for k, e in behaviors.entries.items()}
-        behaviors = Mapping(own, behaviors.span)
-    return states_of(behaviors, decoder)
+        node = Scalar(spec.name, name.span)
+        part = None if spec.name in has else decoder.part("supervisors", node)
+        own = own if part is None else (*own, part)
+    values["supervisors"] = own
+    return VehiclePlan(**values, start=place.at, heading=place.heading)
 
 
 def body_of(name: str, head: Span, node: Mapping, decoder: Decoder) -> Body | None:

@@ -1,20 +1,31 @@
-"""`world:` and its obstacles to solids, and coordinates in the place of `world.points.NAME`."""
+"""`world:` to its solids and printed tags, and coordinates in the place of `world.points.NAME`."""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from collections.abc import Mapping as MappingOf
-from math import sqrt
+from math import pi, sqrt
 from typing import Any
 
 from kybflow.core.files import File
-from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.geometry import (
+    LEVEL,
+    UP,
+    ZERO,
+    Quat,
+    Vec3,
+    add,
+    from_axes,
+    from_heading,
+    multiply,
+    rotate,
+)
 from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
-from kybflow.dsl.expanding.tags import tags_of_entry
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import (
@@ -26,22 +37,31 @@ from kybflow.dsl.reading.nodes import (
     entries_of,
     is_null,
 )
-from kybflow.dsl.reading.values import decode, origin
+from kybflow.dsl.reading.values import decode_value, origin
 from kybflow.dsl.world import (
-    Corners,
+    BoxParams,
+    CylinderParams,
+    GridParams,
     MapImage,
+    MovingSphereParams,
     Obstacle,
     OccupancyParams,
     PlaneParams,
     PointCloudParams,
+    SphereParams,
+    TagParams,
+    Tags,
     World,
 )
+from kybflow.vision.families import FAMILIES
+from kybflow.vision.tag_table import read_tags
 from kybflow.world.columns import Columns
 from kybflow.world.moving_sphere import MovingSphere
 from kybflow.world.occupancy_map import occupied_places, read_image, read_info
 from kybflow.world.point_cloud import FARTHEST, METRES, MOST, PointCloud, placed, thinned
 from kybflow.world.point_cloud_file import read_points
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.tags import Tag
 
 CODES = {
     "KYB153": "A fence whose corners are in the wrong order.",
@@ -49,38 +69,33 @@ CODES = {
     "KYB155": "An obstacle that is no solid, or several.",
     "KYB156": "An obstacle with no inside: a box with its corners in the wrong order, a plane that "
     "faces nowhere.",
+    "KYB380": "An entry of `tags` that is no grid, no tag and no file, or several of them.",
+    "KYB381": "A number of a tag that its family doesn't have.",
+    "KYB382": "A grid of tags that is none: its `count` is not two numbers, or it leaves out what "
+    "it doesn't have, or everything.",
     "KYB545": "Something scanned of which nothing is left, or more than can be kept away from.",
 }
 _ORDER = "each number of `from` must be below that of `to`"
-_KINDS = tuple(f.key for f in fields_of(Obstacle) if isinstance(f.type, RecordOf))
+_SOLIDS = tuple(f.key for f in fields_of(Obstacle) if isinstance(f.type, RecordOf))
+_OF_TAGS = ("grid", "tag", "file")
 
 
 def world_of(node: Node | None, decoder: Decoder) -> World:
     """The world of a mission; what is wrong with it is left out."""
-    entries = entries_of(node)
-    obstacles = _values(entries.get("obstacles"))
-    tags = _values(entries.get("tags"))
     body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
+    obstacles, tags = (entries_of(body.get(key)).values() for key in ("obstacles", "tags"))
     made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
-    printed = tuple(t for e in tags if (t := tags_of_entry(e, decoder)) is not None)
+    printed = tuple(t for e in tags if (t := _tags(e, decoder)) is not None)
     world = decoder.record(World, body, body.span, obstacles=made, tags=printed)
     if world is None:
         return World(obstacles=made, tags=printed)
     points = entries_of(body.get("points"))
     lost = {n: ZERO for n, e in points.items() if n not in world.points and not is_null(e.value)}
-    box = None if world.fence is None else _box(world.fence)
+    box = None if world.fence is None else Box(world.fence.low, world.fence.high)
     if box is not None and not _has_inside(box):
         decoder.found.report("KYB153", "the fence has no inside", world.fence.span, help=_ORDER)
     whole: World = world.but(box=box, points={**world.points, **lost})
     return whole
-
-
-def _values(entry: MappingEntry | None) -> list[MappingEntry]:
-    return [] if entry is None else list(entries_of(entry.value).values())
-
-
-def _box(corners: Corners) -> Box:
-    return Box(corners.low, corners.high)
 
 
 def _has_inside(box: Box) -> bool:
@@ -90,55 +105,62 @@ def _has_inside(box: Box) -> bool:
 def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     """The obstacle with its shape; None, and a finding, where something is wrong with it."""
     name, found = entry.key, decoder.found
-    entries = entries_of(entry.value)
-    solids = [kind for kind, own in entries.items() if kind in _KINDS and not is_null(own.value)]
-    if len(solids) != 1:
-        what = " and ".join(f"a {kind}" for kind in solids) or "nothing solid"
-        hint = f"write one of {', '.join(f'`{kind}`' for kind in _KINDS[:-1])} and `{_KINDS[-1]}`"
-        message = f"the obstacle `{name.text}` is {what}"
-        found.report("KYB155", message, name.span, help=hint)
+    kind = _only_kind(entry, _SOLIDS, "KYB155", "obstacle `{}` is", "nothing solid", found)
+    if kind is None:
         return None
     obstacle: Obstacle | None = decoder.record(Obstacle, entry.value, name.span, name=name.text)
-    if obstacle is None or getattr(obstacle, solids[0]) is None:
+    if obstacle is None or (solid := getattr(obstacle, kind)) is None:
         return None
-    if (ball := obstacle.moving_sphere) is not None:
-        return obstacle.but(moving=MovingSphere(ball.along, ball.radius, ball.speed, ball.body))
-    if (scan := obstacle.point_cloud) is not None:
-        cloud = _cloud(scan, found)
-        return None if cloud is None else obstacle.but(shape=cloud, files=(scan.file,))
-    if (chart := obstacle.occupancy) is not None:
-        image = _image(chart, found)
-        columns = None if image is None else _columns(chart, image, found)
-        files = (chart.file, image)
-        return None if columns is None else obstacle.but(shape=columns, files=files)
-    shape = _solid(obstacle, found)
-    return None if shape is None else obstacle.but(shape=shape)
+    if isinstance(solid, MovingSphereParams):
+        ball = MovingSphere(solid.along, solid.radius, solid.speed, solid.body)
+        return obstacle.but(moving=ball)
+    shape, files = _solid(solid, found)
+    return None if shape is None else obstacle.but(shape=shape, files=files)
 
 
-def _solid(obstacle: Obstacle, found: Findings) -> Shape | None:
-    if obstacle.box is not None:
-        box = _box(obstacle.box)
-        if _has_inside(box):
-            return box
-        span = obstacle.box.source.node.span
-        found.report("KYB156", "the box has no inside", span, help=_ORDER)
-    elif (tube := obstacle.cylinder) is not None:
-        return Cylinder(tube.at, tube.radius, tube.height)
-    elif (ball := obstacle.sphere) is not None:
-        return Sphere(ball.at, ball.radius)
-    elif obstacle.plane is not None:
-        return _plane(obstacle.plane, found)
+def _only_kind(
+    entry: MappingEntry, kinds: tuple[str, ...], code: str, what: str, nothing: str, found: Findings
+) -> str | None:
+    """The one of `kinds` that an entry is; None, and a finding, where it is none or several."""
+    written = [k for k, e in entries_of(entry.value).items() if k in kinds and not is_null(e.value)]
+    if len(written) == 1:
+        return written[0]
+    own = " and ".join(f"a {kind}" for kind in written) or nothing
+    hint = f"write one of {', '.join(f'`{kind}`' for kind in kinds[:-1])} and `{kinds[-1]}`"
+    found.report(code, f"the {what.format(entry.key.text)} {own}", entry.key.span, help=hint)
     return None
 
 
-def _plane(plane: PlaneParams, found: Findings) -> Plane | None:
-    x, y, z = plane.facing
-    norm = sqrt(x * x + y * y + z * z)
-    if norm == 0.0:
-        hint = "`facing` is a direction, like `[1, 0, 0]`"
-        found.report("KYB156", "the plane faces nowhere", plane.span_of("facing"), help=hint)
-        return None
-    return Plane(plane.at, (x / norm, y / norm, z / norm))
+def _solid(solid: Any, found: Findings) -> tuple[Shape | None, tuple[File, ...]]:
+    """The shape of an obstacle and the files that it is made of; None, and a finding, where it is
+    none."""
+    match solid:
+        case BoxParams():
+            box = Box(solid.low, solid.high)
+            if _has_inside(box):
+                return box, ()
+            span = solid.source.node.span
+            found.report("KYB156", "the box has no inside", span, help=_ORDER)
+        case CylinderParams():
+            return Cylinder(solid.at, solid.radius, solid.height), ()
+        case SphereParams():
+            return Sphere(solid.at, solid.radius), ()
+        case PlaneParams():
+            if any(solid.facing):
+                x, y, z = solid.facing
+                norm = sqrt(x * x + y * y + z * z)
+                return Plane(solid.at, (x / norm, y / norm, z / norm)), ()
+            hint = "`facing` is a direction, like `[1, 0, 0]`"
+            found.report("KYB156", "the plane faces nowhere", solid.span_of("facing"), help=hint)
+        case PointCloudParams():
+            return _cloud(solid, found), (solid.file,)
+        case OccupancyParams():
+            beside = os.path.join(os.path.dirname(solid.file.name), read_info(solid.file).image)
+            node = Scalar(beside, solid.span_of("file"))
+            image = decode_value(node, fields_of(MapImage)[0], found)
+            columns = None if image is None else _columns(solid, image, found)
+            return columns, (solid.file, image)
+    return None, ()
 
 
 def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
@@ -158,14 +180,6 @@ def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
     return PointCloud.of(points, scan.radius)
 
 
-def _image(chart: OccupancyParams, found: Findings) -> File | None:
-    """The picture of a map, beside its file."""
-    beside = os.path.join(os.path.dirname(chart.file.name), read_info(chart.file).image)
-    node = Scalar(beside, chart.span_of("file"))
-    image: File | None = decode(node, fields_of(MapImage)[0], found)
-    return image
-
-
 def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | None:
     info = read_info(chart.file)
     places = occupied_places(info, read_image(image))
@@ -180,12 +194,6 @@ def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | 
 
 
 _NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
-
-
-def unknown_point(name: str, points: MappingOf[str, Any]) -> tuple[str, str]:
-    """(what is wrong with `world.points.NAME`, the way out)."""
-    hint = did_you_mean(name, points) or "name it under `points` of `world`"
-    return f"the world has no point `{name}`", hint
 
 
 class Points:
@@ -220,7 +228,8 @@ class Points:
             return node
         point = self._points.get(match[1])
         if point is None:
-            message, hint = unknown_point(match[1], self._points)
+            message = f"the world has no point `{match[1]}`"
+            hint = did_you_mean(match[1], self._points) or "name it under `points` of `world`"
             self._found.report("KYB154", message, node.span, notes=origin(node), help=hint)
         numbers = (Scalar(repr(number), node.span) for number in point or ZERO)
         return Sequence(tuple(numbers), node.span)
@@ -228,12 +237,9 @@ class Points:
 
 def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) -> Mapping:
     """The mission with coordinates in the place of `world.points.NAME`, but for the world's own."""
-    pasting = Points(points, found)
-    entries = {
-        key: entry if key == "world" else entry._replace(value=pasting.apply(entry.value))
-        for key, entry in root.entries.items()
-    }
-    return Mapping(entries, root.span)
+    place = Points(points, found).apply
+    entries = {k: e._replace(value=place(e.value)) for k, e in root.entries.items() if k != "world"}
+    return Mapping({**root.entries, **entries}, root.span)
 
 
 def with_coordinates(
@@ -245,3 +251,87 @@ def with_coordinates(
         else p._replace(value=points.get(p.value.removeprefix(PREFIX), ZERO))
         for name, p in parameters.items()
     }  # fmt: skip
+
+
+_NORTH: Vec3 = (0.0, 1.0, 0.0)
+_EASTWARD = from_axes(_NORTH, UP, (1.0, 0.0, 0.0))
+_FACING: dict[str, Quat] = {
+    "up": LEVEL,
+    "down": from_axes((-1.0, 0.0, 0.0), _NORTH, (0.0, 0.0, -1.0)),
+    "east": _EASTWARD,
+    "north": multiply(from_heading(pi / 2), _EASTWARD),
+    "west": multiply(from_heading(pi), _EASTWARD),
+    "south": multiply(from_heading(-pi / 2), _EASTWARD),
+}
+"""Attitude of a tag with heading 0 whose printed side looks there."""
+
+
+def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
+    """One entry of `world.tags` with the tags that it means; None, and a finding, where something
+    is wrong with it."""
+    name, found = entry.key, decoder.found
+    if _only_kind(entry, _OF_TAGS, "KYB380", "tags `{}` are", "nothing", found) is None:
+        return None
+    tags: Tags | None = decoder.record(Tags, entry.value, name.span, name=name.text)
+    if tags is None:
+        return None
+    if tags.file is not None:
+        rows = read_tags(tags.file)
+        lines = tuple(row.line for row in rows)
+        source = tags.source._replace(span=tags.span_of("file"))
+        return tags.but(tags=tuple(r.tag for r in rows), lines=lines, source=source)
+    if (grid := tags.grid) is not None and _is_grid(grid, found):
+        return tags.but(tags=tuple(tags_of(grid)))
+    if (one := tags.tag) is not None and _has(one.family, one.id, one.span_of("id"), found):
+        return tags.but(tags=(tag_of(one),))
+    return None
+
+
+def _is_grid(grid: GridParams, found: Findings) -> bool:
+    """Whether `count` and `leave_out` fit the grid and its family."""
+    if len(grid.count) != 2:
+        message = f"`count` must be [columns, rows], but this is a list of {len(grid.count)}"
+        found.report("KYB382", message, grid.span_of("count"), help="write it like `[10, 10]`")
+        return False
+    last = grid.first + grid.count[0] * grid.count[1] - 1
+    if not _has(grid.family, last, grid.span_of("count"), found):
+        return False
+    strange = [number for number in grid.leave_out if not grid.first <= number <= last]
+    message = ""
+    if strange:
+        message = f"the grid has no tag {strange[0]} to leave out"
+    elif len(set(grid.leave_out)) > last - grid.first:
+        message = "the grid leaves out every tag"
+    if message:
+        hint = f"its tags are {grid.first} to {last}"
+        found.report("KYB382", message, grid.span_of("leave_out"), help=hint)
+    return not message
+
+
+def _has(family: str, number: int, span: Span, found: Findings) -> bool:
+    most = FAMILIES[family][1] - 1
+    if number > most:
+        message, hint = f"{family} has no tag {number}", f"its tags are 0 to {most}"
+        found.report("KYB381", message, span, help=hint)
+    return number <= most
+
+
+def tag_of(tag: TagParams) -> Tag:
+    return Tag(tag.family, tag.id, tag.size, tag.at, _attitude(tag))
+
+
+def tags_of(grid: GridParams) -> Iterator[Tag]:
+    """The tags of a grid whose `count` has two numbers, those left out not among them."""
+    (columns, rows), pitch = grid.count, grid.size + grid.spacing
+    down = -pitch if grid.rows == "down" else pitch
+    attitude, missing = _attitude(grid), frozenset(grid.leave_out)
+    for row in range(rows):
+        for column in range(columns):
+            number = grid.first + row * columns + column
+            if number not in missing:
+                at = add(grid.at, rotate(attitude, (column * pitch, row * down, 0.0)))
+                yield Tag(grid.family, number, grid.size, at, attitude)
+
+
+def _attitude(params: GridParams | TagParams) -> Quat:
+    return multiply(from_heading(params.heading), _FACING[params.facing])

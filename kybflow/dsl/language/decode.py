@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Container, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from kybflow.core.errors import KybflowError, UnitError
+from kybflow.core.errors import KybflowError
 from kybflow.core.params import (
     TEXT,
     Choice,
@@ -18,7 +18,7 @@ from kybflow.core.params import (
     ValueType,
 )
 from kybflow.core.text import did_you_mean, nearest
-from kybflow.core.units import format_quantity, parse_quantity
+from kybflow.core.units import is_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
@@ -50,7 +50,7 @@ from kybflow.dsl.reading.nodes import (
     is_null,
     items_of,
 )
-from kybflow.dsl.reading.values import decode, diagonal
+from kybflow.dsl.reading.values import decode_value, example_of
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
@@ -139,7 +139,7 @@ class Decoder:
                 hint = meant(part, key, body, keys, beside)
                 self.found.report("KYB107", message, entry.key.span, help=hint)
             elif field.required or not is_null(entry.value):
-                values[field.name] = decode(entry.value, field, self.found)
+                values[field.name] = decode_value(entry.value, field, self.found)
         for field in layout.required:
             if field.key not in body.entries:
                 self._missing("KYB108", part, field, body, keys, head)
@@ -180,20 +180,23 @@ class Decoder:
             message = f"`{word}` is missing"
             self.found.report("KYB102", message, node.span, help=f"write `{word}: NAME`")
             return None
-        spec = self.spec(kind.kind, name)
-        if spec is None:
-            return None
-        params = self.parameters(spec.params, body, spec.name, name.span, beside)
-        if params is None:
-            return None
         alias = label.text if isinstance(label, Scalar) else name.text
         option = _LABELS.get(kind.kind) or f"{kind.kind}.{alias}"
         option = alias if kind.kind == "faults" else option
-        source = Source(name.span, body)
-        return PartPlan(spec.name, spec.cls, params, option, name.span.at, source=source)
+        return self.named_part(kind.kind, name, body, option, beside)
 
-    def spec(self, kind: str, name: Scalar) -> PartSpec | None:
-        """The part called `name`; None, and a finding, when there is none or it can't be loaded."""
+    def named_part(
+        self, kind: str, name: Scalar, body: Mapping, label: str, beside: Collection[str] = ()
+    ) -> PartPlan | None:
+        """The part called `name` with its parameters in `body`; None where something is wrong."""
+        spec = self._spec(kind, name)
+        params = spec and self.parameters(spec.params, body, spec.name, name.span, beside)
+        if spec is None or params is None:
+            return None
+        source = Source(name.span, body)
+        return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
+
+    def _spec(self, kind: str, name: Scalar) -> PartSpec | None:
         if name.text not in self.catalog.names(kind):
             more = self._chains if kind == "behaviors" else ()
             chain = f"chain.{name.text}"
@@ -250,7 +253,7 @@ class Decoder:
         elif isinstance(kind, Choice):
             names = (node,)
         points = [name for name in names if self.misplaced(name, field.key)]
-        return None if points else decode(node, field, self.found)
+        return None if points else decode_value(node, field, self.found)
 
     def _text(self, entry: MappingEntry, field: Field) -> Any:
         node = entry.value
@@ -264,7 +267,8 @@ class Decoder:
         values: dict[str, Any] = {}
         for name, inner in entries_of(entry.value).items():
             if not is_null(inner.value):
-                value = self._value(inner, Field(name=name, type=kind.item, key=name))
+                one = inner._replace(inherited=inner.inherited or entry.inherited)
+                value = self._value(one, Field(name=name, type=kind.item, key=name))
                 if value is not None:
                     values[name] = value
         return values if kind.as_dict else tuple(values.values())
@@ -344,7 +348,7 @@ _READERS: dict[type[ValueType], _Reader] = {
     PartOf: Decoder._use,
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
-"""What reads a value, by its type; `decode` reads all others."""
+"""What reads a value, by its type; `decode_value` reads all others."""
 
 
 def meant(
@@ -378,25 +382,15 @@ def _fitting(value: Node, known: Iterable[Field]) -> Iterator[str]:
             is_path = any(isinstance(item, Sequence) for item in value.items)
             if depth == 1 + is_path:
                 yield field.key
-        if isinstance(value, Scalar) and isinstance(kind, Numbers) and not depth:
-            try:
-                parse_quantity(value.text, kind.dimension)
-            except UnitError:
-                continue
-            if not value.text.strip()[-1:].isdigit():
+        elif isinstance(value, Scalar) and isinstance(kind, Numbers) and not depth:
+            has_unit = not value.text.strip()[-1:].isdigit()
+            if has_unit and is_quantity(value.text, kind.dimension):
                 yield field.key
 
 
 def how_to_write(field: Field) -> str:
     """A parameter as an author writes it, and what it is."""
     about = field.help.split(". ")[0].rstrip(".")
-    example, kind = "...", field.type
-    if isinstance(kind, Numbers):
-        example = kind.dimension.example
-        if field.shape == "matrix":
-            example = diagonal(kind.size, example, format_quantity(0.0, kind.dimension))
-        elif kind.size:
-            example = f"[{', '.join([example] * 3)}]"
-            example = f"[{example}, ...]" if len(kind.size) == 2 else example
+    example = example_of(field.type) if isinstance(field.type, Numbers) else "..."
     how = f"write `{field.key}: {example}`"
     return f"{how}: {about[:1].lower()}{about[1:]}" if about else how

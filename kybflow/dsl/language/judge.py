@@ -16,8 +16,8 @@ from kybflow.dsl.language.schema import BOUNDS, KINDS, record_schema
 from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Plan
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, head_of, to_json
-from kybflow.dsl.reading.slips import CONDITIONS, missing_colon
-from kybflow.dsl.reading.values import TYPES, decode
+from kybflow.dsl.reading.values import TYPES, decode_value
+from kybflow.dsl.reading.yaml_errors import CONDITIONS, missing_colon
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
@@ -160,7 +160,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     field = _field(name, schema)
     found = Findings()
     if field is not None:
-        decode(node, field, found)
+        decode_value(node, field, found)
     if found.all:
         yield from found.all
         return

@@ -1,11 +1,11 @@
-"""Whether a file has the shape that the records declare, before anything in it is resolved: a
-`$name` may stand for a value, `like` may bring what is missing, no part is looked up. Says yes or
-no; what is wrong says `jsonschema` by the schema of the same records (ADR 22)."""
+"""Whether a file has the shape that the records declare, before `$name` and `like` are resolved and
+parts are looked up. `jsonschema` explains what is wrong, by the schema of the same records
+(ADR 22)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeGuard
 
 from kybflow.core.errors import UnitError
 from kybflow.core.params import (
@@ -40,7 +40,7 @@ from kybflow.dsl.language.types import (
     layout_of,
     part_layout,
 )
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, is_null, to_json
+from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of, is_null, to_json
 
 _JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 
@@ -62,20 +62,16 @@ def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
         if any(lacking):
             return False
     for key, entry in entries.items():
-        field = keys.get(key)
+        field, others = keys.get(key), layout.others
         if field is None:
-            if layout.part is None and not _may_stand(key, entry.value, layout.others):
+            if layout.part is not None:
+                continue
+            if others is None or (isinstance(others, RecordOf) and not NAMES["name"].match(key)):
                 return False
-        elif not (is_null(entry.value) or _fits(entry.value, field.type, field)):
+            field = Field(type=others)
+        if not (is_null(entry.value) or _fits(entry.value, field.type, field)):
             return False
     return True
-
-
-def _may_stand(key: str, value: Node, others: ValueType | None) -> bool:
-    """Whether a record whose other keys are `others` may have a key of its author's."""
-    if others is None or (isinstance(others, RecordOf) and not NAMES["name"].match(key)):
-        return False
-    return is_null(value) or _fits(value, others, Field(type=others))
 
 
 def _fits(node: Node, kind: ValueType, field: Field) -> bool:
@@ -84,46 +80,29 @@ def _fits(node: Node, kind: ValueType, field: Field) -> bool:
     return judge(node, kind, field)
 
 
-def _is_text(node: Node, *_: Any) -> bool:
+def _is_text(node: Node, *_: Any) -> TypeGuard[Scalar]:
     return isinstance(node, Scalar) and isinstance(to_json(node), str)
 
 
+def _is_parameter(node: Node) -> bool:
+    return isinstance(node, Scalar) and PARAMETER.match(node.text) is not None
+
+
 def _is_title(node: Node, *_: Any) -> bool:
-    if not isinstance(node, Scalar) or not _is_text(node):
+    if not _is_text(node):
         return False
     return len(node.text) <= TITLE_LENGTH and NAMES["name"].match(node.text) is not None
 
 
-def _is_version(node: Node, *_: Any) -> bool:
-    value = to_json(node)
-    return value == 1 and not isinstance(value, bool)
-
-
-def _is_use(node: Node, kind: Any, _: Field) -> bool:
-    return _is_laid_out(node, part_layout(kind))
-
-
-def _is_request(node: Node, *_: Any) -> bool:
-    return bool(node.entries) if isinstance(node, Mapping) else _is_text(node)
-
-
 def _is_phase(node: Node, *_: Any) -> bool:
-    if not isinstance(node, Mapping):
-        return _is_text(node)
-    inside = (entry.value for entry in node.entries.values())
-    return bool(node.entries) and all(is_null(value) or _is_text(value) for value in inside)
+    inside = [entry.value for entry in entries_of(node).values()]
+    return _is_text(node) or (bool(inside) and all(is_null(n) or _is_text(n) for n in inside))
 
 
 def _is_any_of(node: Node, kind: Any, _: Field) -> bool:
     if isinstance(node, Scalar):
         return _JSON[type(to_json(node))] in kind.kinds
     return ("object" if isinstance(node, Mapping) else "array") in kind.kinds
-
-
-def _is_record(node: Node, kind: Any, _: Field) -> bool:
-    if kind.or_name and not isinstance(node, Mapping):
-        return _is_text(node)
-    return has_shape(node, kind.cls)
 
 
 def _is_mapping(node: Node, kind: Any, field: Field) -> bool:
@@ -162,10 +141,6 @@ def _are_uses(node: Node, kind: Any, field: Field) -> bool:
     return True
 
 
-def _are_numbers(node: Node, kind: Any, field: Field) -> bool:
-    return _are_sized(node, kind, kind.size, field)
-
-
 def _are_sized(node: Node, kind: Numbers, size: tuple[int | None, ...], field: Field) -> bool:
     if isinstance(node, Scalar):
         is_place = size == (3,) and field.shape != "matrix"
@@ -190,36 +165,30 @@ def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
     return isinstance(value, str) or field.outside(number) is None
 
 
-def _is_choice(node: Node, kind: Any, _: Field) -> bool:
-    if not isinstance(node, Scalar) or not _is_text(node):
-        return False
-    return node.text in kind.words or PARAMETER.match(node.text) is not None
-
-
 def _is_whole(node: Node, _: Any, field: Field) -> bool:
-    value = to_json(node) if isinstance(node, Scalar) else None
-    if isinstance(value, str):
-        return PARAMETER.match(value) is not None
+    value = to_json(node)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
+        return _is_parameter(node)
     return value == int(value) and field.outside(value) is None
-
-
-def _is_boolean(node: Node, *_: Any) -> bool:
-    value = to_json(node) if isinstance(node, Scalar) else None
-    return isinstance(value, bool) or (
-        isinstance(value, str) and PARAMETER.match(value) is not None
-    )
 
 
 _Judge = Callable[[Node, Any, Field], bool]
 _ALONE: dict[ValueType, _Judge] = {
     TEXT: _is_text, CONDITION: _is_text, EVENT: _is_text, STATE: _is_text, FILE: _is_text,
-    FILE_PATH: _is_text, TITLE: _is_title, VERSION: _is_version, REQUEST: _is_request,
-    PHASE: _is_phase, SENSORS: _is_sensors, INTEGER: _is_whole, BOOLEAN: _is_boolean,
+    FILE_PATH: _is_text, TITLE: _is_title, PHASE: _is_phase, SENSORS: _is_sensors,
+    VERSION: lambda node, *_: (value := to_json(node)) == 1 and not isinstance(value, bool),
+    REQUEST: lambda node, *_: bool(entries_of(node)) or _is_text(node),
+    INTEGER: _is_whole,
+    BOOLEAN: lambda node, *_: isinstance(to_json(node), bool) or _is_parameter(node),
 }  # fmt: skip
 _JUDGES: dict[type[ValueType], _Judge] = {
-    Numbers: _are_numbers, Choice: _is_choice, ListOf: _is_list, MappingOf: _is_mapping,
-    RecordOf: _is_record, PartOf: _is_use, UsesOf: _are_uses, AnyOf: _is_any_of,
+    Numbers: lambda node, kind, field: _are_sized(node, kind, kind.size, field),
+    Choice: lambda node, kind, _: _is_text(node) and (
+        node.text in kind.words or _is_parameter(node)
+    ),
+    ListOf: _is_list, MappingOf: _is_mapping,
+    RecordOf: lambda node, kind, _: (kind.or_name and _is_text(node)) or has_shape(node, kind.cls),
+    PartOf: lambda node, kind, _: _is_laid_out(node, part_layout(kind)),
+    UsesOf: _are_uses, AnyOf: _is_any_of,
 }  # fmt: skip
 """What judges a value, by its type."""

@@ -13,7 +13,7 @@ from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node
-from kybflow.dsl.reading.values import decode
+from kybflow.dsl.reading.values import decode_value
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -64,7 +64,7 @@ def option_values(
     errors."""
     own = Findings()
     options = options_named(name, plan, catalog, own)
-    values = [decode(value, option.field, own) for option in options]
+    values = [decode_value(value, option.field, own) for option in options]
     for option, decoded in zip(options, values, strict=True):
         for vehicle in option.field.named(decoded, "vehicle"):
             if vehicle not in plan.fleet:

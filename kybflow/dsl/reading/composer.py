@@ -33,8 +33,7 @@ from kybflow.dsl.reading.nodes import (
     Sequence,
     is_cut,
 )
-from kybflow.dsl.reading.slips import without_colon
-from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml
+from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, without_colon
 
 CODES = {
     "KYB005": "The file is empty.",

@@ -7,7 +7,7 @@ where a file uses an alias, and never changed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from kybflow.dsl.diagnostics.spans import Inset, Span, Text
@@ -165,13 +165,13 @@ def head_of(node: Node) -> Span:
     return node.span
 
 
-def texts_in(nodes: Iterable[Node]) -> Iterator[str]:
-    """The text of every scalar under `nodes`; an aliased node is visited once."""
+def scalars_in(*nodes: Node) -> Iterator[Scalar]:
+    """Every scalar under `nodes`; an aliased node is visited once."""
     waiting, seen = list(nodes), set[int]()
     while waiting:
         top = waiting.pop()
         if isinstance(top, Scalar):
-            yield top.text
+            yield top
         elif id(top) not in seen:
             seen.add(id(top))
             waiting += [entry.value for entry in entries_of(top).values()] or items_of(top)

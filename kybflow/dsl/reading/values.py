@@ -34,6 +34,7 @@ from kybflow.core.units import (
     Dimension,
     article,
     format_quantity,
+    is_quantity,
     parse_quantity,
 )
 from kybflow.dsl.diagnostics.diagnostic import Findings
@@ -84,7 +85,7 @@ def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bou
 _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 
 
-def decode(node: Node, field: Field, found: Findings) -> Any:
+def decode_value(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; None, and a finding, when it is none."""
     value = _value(node, field, field.type, found)
     flaw = field.flaw(value) if field.is_definite else None
@@ -231,9 +232,11 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
     text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
     what = "a row" if size and shape == "row" else describe(node)
     message = f"`{field.key}` must be {needed}, but this is {what}{size}{text}"
-    hint = (
-        "" if isinstance(node, Mapping) or dimension is None else _example(node, field, dimension)
-    )
+    hint, kind = "", field.type
+    if isinstance(kind, Numbers) and not isinstance(node, Mapping):
+        text = node.text if isinstance(node, Scalar) and field.shape == "matrix" else ""
+        one = text if is_quantity(text, kind.dimension) else ""
+        hint = f"write it like `{example_of(kind, one)}`"
     if field.type is INTEGER:
         hint = f"write it like `{NUMBER.example}`"
     if shape == "vector":
@@ -281,22 +284,14 @@ def _decimal_commas(node: Sequence) -> str:
     return f"write `[{', '.join(texts)}]`, with a decimal point"
 
 
-def _example(node: Node, field: Field, dimension: Dimension) -> str:
-    one, example = dimension.example, "{0}"
-    if isinstance(field.type, Numbers) and field.shape == "matrix":
-        is_one = isinstance(node, Scalar) and _is_quantity(node.text, dimension)
-        one = node.text if isinstance(node, Scalar) and is_one else one
-        example = diagonal(field.type.size, "{0}", format_quantity(0.0, dimension))
-    shape = {"vector": "[{0}, {0}, {0}]", "path": "[[{0}, {0}, {0}], ...]"}
-    return f"write it like `{shape.get(field.shape, example).format(one)}`"
-
-
-def _is_quantity(text: str, dimension: Dimension) -> bool:
-    try:
-        parse_quantity(text, dimension)
-    except UnitError:
-        return False
-    return True
+def example_of(kind: Numbers, one: str = "") -> str:
+    """Numbers as an author writes them: `[1.2 m, 1.2 m, 1.2 m]`; each is `one` where that is
+    given, in the diagonal of a matrix."""
+    one = one or kind.dimension.example
+    if kind.shape == "matrix":
+        return diagonal(kind.size, one, format_quantity(0.0, kind.dimension))
+    point = f"[{one}, {one}, {one}]"
+    return (one, point, f"[{point}, ...]")[len(kind.size)]
 
 
 def diagonal(size: tuple[int | None, ...], one: str, other: str) -> str:

@@ -1,21 +1,27 @@
-"""What stopped YAML's parser, in words: what stands there, which line began the block, and what to
-change."""
+"""What is wrong with a text that is not the YAML its author meant, and what to change.
+
+The parser stops at what is not YAML (`not_yaml`). A decimal comma, a forgotten colon and a comma in
+a text it reads as keys without a value (`without_colon`): inside of `{...}` a plain value ends at a
+comma.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.core.text import as_typed
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.reading.nodes import NAME_A_POINT
-from kybflow.dsl.reading.slips import missing_colon
+from kybflow.dsl.reading.nodes import NAME_A_POINT, MappingEntry, Scalar, is_cut, no_commas
 
 CODES = {
     "KYB004": "The file is not YAML.",
+    "KYB014": "A key without a colon: a decimal comma, a comma in a text or a forgotten colon.",
 }
+_SPECIAL = {"*": "an alias", "&": "an anchor", "!": "a tag", "%": "a directive"}
 _OPEN = {
     "while parsing a flow mapping": ("{", "}"),
     "while parsing a flow sequence": ("[", "]"),
@@ -30,6 +36,20 @@ _APART = re.compile(r"- +(?=[\d.])")
 _CALL = re.compile(r"\w\([^()]*\Z")
 """What stands before the argument of a function."""
 _SHOWN = 60
+CONDITIONS = frozenset({"when", "healthy"})
+"""The keys whose values are conditions."""
+_TEXTS = frozenset({"log", "stop", "summary", "help"})
+_COMPARED = re.compile(r"[<>=]|\w in \w")
+_JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII | re.DOTALL)
+"""What YAML takes for one word: a key and its value without a space between."""
+_TWO_WORDS = re.compile(r"([A-Za-z_]\w*)(?:\s*=\s*|\s+)([^\s=<>].*)\Z", re.ASCII | re.DOTALL)
+"""A key and its value without a colon."""
+_LAST_NUMBER = re.compile(r"(?:^|.*[\s<>=(\[])[-+]?\d+\Z", re.DOTALL)
+_DIGITS = re.compile(r"\d+(?!\w*[.:])")
+_BARE = re.compile(r"[-+]?\d+(\.\d*)?\Z", re.ASCII)
+_THOUSANDS = re.compile(r"\d{3}\b")
+_IN_PARENTHESES = re.compile(r"\([-+\d.][^()]*\)\Z")
+"""A list that another language writes so."""
 
 
 class _Stop(NamedTuple):
@@ -54,6 +74,26 @@ class _Stop(NamedTuple):
     @property
     def character(self) -> str:
         return self.line[self.column : self.column + 1]
+
+    @property
+    def escape(self) -> str:
+        return self.line[self.column : self.column + 2]
+
+    @property
+    def began_line(self) -> int:
+        return self.began[0] + 1 if self.began else 0
+
+    @property
+    def sign(self) -> str:
+        """The character with which began what the parser was reading."""
+        if self.began is None:
+            return ""
+        row, column = self.began
+        return self.lines[row][column : column + 1]
+
+    @property
+    def special(self) -> str | None:
+        return _SPECIAL.get(self.sign)
 
     def finding(
         self, message: str, help: str, at: tuple[int, int] | None = None, width: int = 1
@@ -87,11 +127,6 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
         notes = (context,) if context else ()
         return replace(stop.finding(f"this is not YAML: {problem}", ""), notes=notes)
     return explained
-
-
-def _no_colon(stop: _Stop) -> Diagnostic | None:
-    """A line of a block without a colon: the parser stops in the next one."""
-    return None if stop.began is None else _colonless(stop, stop.began[0])
 
 
 def _colonless(stop: _Stop, row: int) -> Diagnostic:
@@ -137,32 +172,6 @@ def _deeper(stop: _Stop) -> Diagnostic | None:
     return _too_deep(stop, above) if _indent(stop.lines[above]) < _indent(stop.line) else None
 
 
-def _closes_nothing(stop: _Stop) -> Diagnostic | None:
-    if stop.character and stop.character in "]}":
-        return stop.finding(f"this `{stop.character}` closes nothing", "remove it")
-    return None
-
-
-def _behind_a_value(stop: _Stop) -> Diagnostic | None:
-    if stop.is_first:
-        return None
-    hint = "put the whole value in quotes; inside of '...' a quote is written twice"
-    return stop.finding("the value has ended before this", hint)
-
-
-def _entry_in_mapping(stop: _Stop) -> Diagnostic | None:
-    if stop.began is None or not stop.line.lstrip().startswith("- "):
-        return None
-    where = f"a list entry inside of the mapping that begins in line {stop.began[0] + 1}"
-    return stop.finding(where, "write `key: value`, or indent it under a key")
-
-
-def _nameless(stop: _Stop) -> Diagnostic | None:
-    if stop.character == ":":
-        return stop.finding("no name stands before this colon", "write `key: value`")
-    return None
-
-
 def _indentation(stop: _Stop) -> Diagnostic | None:
     """A line that is indented like none of the blocks above it."""
     indent = _indent(stop.line)
@@ -205,41 +214,6 @@ def _dash_in_value(stop: _Stop) -> Diagnostic | None:
     return None
 
 
-def _nothing_between(stop: _Stop) -> Diagnostic | None:
-    if stop.character and stop.character in ",]}":
-        return stop.finding(
-            f"nothing stands before this `{stop.character}`", "remove it, or write a value"
-        )
-    return None
-
-
-def _special_character(stop: _Stop) -> Diagnostic | None:
-    message = f"no value of YAML begins with `{stop.character}`"
-    return stop.finding(message, "put the value in quotes") if stop.character else None
-
-
-def _quote(stop: _Stop) -> Diagnostic | None:
-    hint = "close it with the same quote"
-    return stop.finding("this quote is never closed", hint, stop.began) if stop.began else None
-
-
-def _special_word(stop: _Stop) -> Diagnostic | None:
-    if stop.began is None:
-        return None
-    sign = stop.lines[stop.began[0]][stop.began[1] : stop.began[1] + 1]
-    what = {"*": "an alias", "&": "an anchor", "!": "a tag", "%": "a directive"}.get(sign)
-    if what is None:
-        return None
-    message = f"`{sign}` begins {what} of YAML"
-    return stop.finding(message, "put the value in quotes if you mean the text", stop.began)
-
-
-def _escape(stop: _Stop) -> Diagnostic | None:
-    wrong = stop.line[stop.column : stop.column + 2]
-    message = f"`{wrong}` is no escape of YAML"
-    return stop.finding(message, "put a text with a backslash in single quotes")
-
-
 def _left_of_the_first(stop: _Stop) -> Diagnostic | None:
     first = next((r for r, line in enumerate(stop.lines) if _is_content(line)), 0)
     indent = _indent(stop.lines[first]) if stop.lines else 0
@@ -252,39 +226,78 @@ def _left_of_the_first(stop: _Stop) -> Diagnostic | None:
     return stop.finding(message, "indent both alike")
 
 
-def _block_text(stop: _Stop) -> Diagnostic | None:
-    if stop.began is None:
-        return None
-    sign = stop.lines[stop.began[0]][stop.began[1] : stop.began[1] + 1]
-    message = f"`{sign}` at the beginning of a value begins a text of several lines"
-    return stop.finding(
-        message, "put the value in quotes, or begin it with something else", stop.began
-    )
+_Explainer = Callable[[_Stop], Diagnostic | None]
 
 
-_EXPLAINERS: dict[str, tuple[Callable[[_Stop], Diagnostic | None], ...]] = {
-    "could not find expected ':'": (_no_colon,),
+def _when(
+    holds: Callable[[_Stop], object], message: str, help: str, at_began: bool = False
+) -> _Explainer:
+    """Explain with fixed words where `holds`; `{0}` in the message is the stop."""
+
+    def explain(stop: _Stop) -> Diagnostic | None:
+        place = stop.began if at_began else None
+        return stop.finding(message.format(stop), help, place) if holds(stop) else None
+
+    return explain
+
+
+_CLOSES_NOTHING = _when(
+    lambda s: s.character in {"]", "}"}, "this `{0.character}` closes nothing", "remove it"
+)
+_VALUE_ENDED = _when(
+    lambda s: not s.is_first, "the value has ended before this",
+    "put the whole value in quotes; inside of '...' a quote is written twice",
+)  # fmt: skip
+_QUOTE = _when(
+    lambda s: s.began, "this quote is never closed", "close it with the same quote", at_began=True
+)
+_SPECIAL_WORD = _when(
+    lambda s: s.special, "`{0.sign}` begins {0.special} of YAML",
+    "put the value in quotes if you mean the text", at_began=True,
+)  # fmt: skip
+_EXPLAINERS: dict[str, tuple[_Explainer, ...]] = {
+    "could not find expected ':'": (lambda s: s.began and _colonless(s, s.began[0]),),
     "mapping values are not allowed in this context": (_second_colon,),
     "did not find expected key": (
-        _closes_nothing, _behind_a_value, _entry_in_mapping, _nameless, _indentation, _deeper,
+        _CLOSES_NOTHING, _VALUE_ENDED,
+        _when(lambda s: s.began and s.line.lstrip().startswith("- "),
+              "a list entry inside of the mapping that begins in line {0.began_line}",
+              "write `key: value`, or indent it under a key"),
+        _when(lambda s: s.character == ":",
+              "no name stands before this colon", "write `key: value`"),
+        _indentation, _deeper,
     ),
     "did not find expected '-' indicator": (
-        _closes_nothing, _behind_a_value, _indentation, _key_in_list,
+        _CLOSES_NOTHING, _VALUE_ENDED, _indentation, _key_in_list,
     ),
     "block sequence entries are not allowed in this context": (_dash_in_value,),
-    "did not find expected node content": (_dash_in_value, _nothing_between),
-    "found character that cannot start any token": (_special_character,),
-    "found unexpected end of stream": (_quote,),
-    "found unexpected document indicator": (_quote,),
-    "did not find expected alphabetic or numeric character": (_special_word,),
-    "found unknown escape character": (_escape,),
+    "did not find expected node content": (
+        _dash_in_value,
+        _when(lambda s: s.character in {",", "]", "}"},
+              "nothing stands before this `{0.character}`", "remove it, or write a value"),
+    ),
+    "found character that cannot start any token": (
+        _when(lambda s: s.character,
+              "no value of YAML begins with `{0.character}`", "put the value in quotes"),
+    ),
+    "found unexpected end of stream": (_QUOTE,),
+    "found unexpected document indicator": (_QUOTE,),
+    "found unknown escape character": (
+        _when(lambda s: s.escape, "`{0.escape}` is no escape of YAML",
+              "put a text with a backslash in single quotes"),
+    ),
     "did not find expected <document start>": (_left_of_the_first,),
-    "did not find expected comment or line break": (_block_text,),
-    "did not find expected whitespace or line break": (_special_word,),
-    "did not find the expected '>'": (_special_word,),
-    "did not find expected digit or '.' character": (_special_word,),
-    "could not find expected directive name": (_special_word,),
-    "found undefined tag handle": (_special_word,),
+    "did not find expected comment or line break": (
+        _when(lambda s: s.began,
+              "`{0.sign}` at the beginning of a value begins a text of several lines",
+              "put the value in quotes, or begin it with something else", at_began=True),
+    ),
+    "did not find expected alphabetic or numeric character": (_SPECIAL_WORD,),
+    "did not find expected whitespace or line break": (_SPECIAL_WORD,),
+    "did not find the expected '>'": (_SPECIAL_WORD,),
+    "did not find expected digit or '.' character": (_SPECIAL_WORD,),
+    "could not find expected directive name": (_SPECIAL_WORD,),
+    "found undefined tag handle": (_SPECIAL_WORD,),
 }  # fmt: skip
 """What each problem of the parser can mean, asked in order."""
 
@@ -370,3 +383,58 @@ def _left_open_in(line: str, opening: str) -> int | None:
 
 def _indent(line: str) -> int:
     return len(line) - len(line.lstrip())
+
+
+def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Findings) -> None:
+    """Report `keys` that have no colon and follow each other in one mapping, behind the entry
+    `before`; None where nothing stands before them."""
+    name, value = (before.key.text, before.value) if before else ("", None)
+    text, first = value.text if isinstance(value, Scalar) else "", keys[0].text
+    row = [text, *(key.text for key in keys)]
+    listed = ", ".join(row)
+    is_list = _IN_PARENTHESES.match(listed) is not None
+    is_row = len(keys) > 1 and all(map(_BARE.match, row))
+    hint = ""
+    if is_list:
+        hint = f"write `{name}: [{listed[1:-1]}]`"
+    elif value is not None and is_cut(value):
+        hint = no_commas(f"{text}, {first}")
+    elif _LAST_NUMBER.match(text) and _DIGITS.match(first):
+        hint = f"write `{name}: {text}.{first}`, with a decimal point"
+        if is_row:
+            hint = f"write `{name}: [{listed}]` for a list"
+        elif _THOUSANDS.match(first):
+            hint = f"{hint}, or `{name}: {text}{first}` where thousands are meant"
+    elif name in _TEXTS and text:
+        hint = "put the text in quotes"
+    elif name in CONDITIONS or _COMPARED.search(first):
+        hint = "" if _COMPARED.search(first) else missing_colon(first)
+        hint = hint or "the language has no commas: write `and` where both must hold"
+        name = name if name in CONDITIONS else "when"
+    if hint and text:
+        message = f"YAML ends `{name}` at the comma and reads `{first[:_SHOWN]}` as a key"
+        notes = (f"`{name}` is `{text}`",)
+        found.report("KYB014", message, keys[0].span, notes=notes, help=hint)
+        keys = () if is_list or is_row else keys[1:]
+    for key in keys:
+        _without_value(key, found)
+
+
+def _without_value(key: Scalar, found: Findings) -> None:
+    shown = key.text[:_SHOWN]
+    if not key.quoted and (joined := _JOINED.match(key.text)):
+        message = f"a space is missing after `{joined[1]}:`"
+        found.report("KYB010", message, key.span, help=f"write `{joined[1]}: {joined[2]}`")
+    elif hint := missing_colon(key.text):
+        found.report("KYB014", f"a colon is missing in `{shown}`", key.span, help=hint)
+    else:
+        hint = f"write `{shown}: VALUE`; a list stands in `[...]`, a text with braces in quotes"
+        found.report("KYB014", f"the key `{shown}` has no value", key.span, help=hint)
+
+
+def missing_colon(text: str) -> str:
+    """The help for a text that is probably a key and its value, like `height 1 m`, `height=1 m`, or
+    with the colon of another keyboard; empty where it is none."""
+    typed = as_typed(text)
+    parts = _JOINED.match(typed) or _TWO_WORDS.match(typed)
+    return f"write `{parts[1]}: {parts[2].strip()[:_SHOWN]}`" if parts else ""

@@ -30,7 +30,7 @@ from kybflow.dsl.reading.values import (
     QUANTITIES,
     TYPES,
     bounds_of,
-    decode,
+    decode_value,
     quantity_field,
     shown_value,
 )
@@ -180,7 +180,7 @@ def _value(node: Node, field: Field, found: Findings) -> Any:
     is_point = field.shape == "vector" and isinstance(node, Scalar) and node.text.startswith(PREFIX)
     if isinstance(node, Scalar) and (is_point or field.type is TEXT):
         return node.text
-    return decode(node, field, found)
+    return decode_value(node, field, found)
 
 
 def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
@@ -193,7 +193,7 @@ def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
     for bound in _BOUNDS:
         node = body.get(bound)
         if node is not None:
-            bounds[bound] = decode(node, quantity_field(bound, dimension), found)
+            bounds[bound] = decode_value(node, quantity_field(bound, dimension), found)
     return quantity_field(name, dimension, shape, **bounds)
 
 

@@ -16,7 +16,7 @@ from kybflow.dsl.reading.nodes import (
     entries_of,
     is_null,
     items_of,
-    texts_in,
+    scalars_in,
 )
 from kybflow.dsl.resolving.imports import Files
 from kybflow.dsl.resolving.parameters import Setting
@@ -42,7 +42,7 @@ def unused_names(
 ) -> Iterator[Diagnostic]:
     """KYB112 for each entry of the mission `root` whose name stands nowhere else: not in the file,
     not in `settings`, for a group and a point not in the text of an import."""
-    given = [*texts_in(_nodes(settings))]
+    given = [scalar.text for scalar in scalars_in(*_nodes(settings))]
     texts = {file: source.text for file, source in files.sources.items()}
     world = root.get("world")
     points = _named(world.get("points") if isinstance(world, Mapping) else None)
@@ -103,7 +103,7 @@ def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator
     """KYB128 for each import of the mission `root` of which nothing speaks, neither in the file nor
     in `settings`."""
     nodes = [entry.value for key, entry in root.entries.items() if key != "import"]
-    said = " ".join(texts_in([*nodes, *_nodes(settings)]))
+    said = " ".join(s.text for s in scalars_in(*nodes, *_nodes(settings)))
     for name, entry in entries_of(root.get("import")).items():
         if f"{name}." not in said:
             message = f"nothing uses the import `{name}`"

@@ -66,7 +66,7 @@ def test_it_takes_effect_in_the_next_tick_and_names_who_asked(run: Any) -> None:
     ("wanted", "reason"),
     [
         ({"derivative": -1.0}, "must be above 0"),
-        ({"derivative": float("nan")}, "is finite, not nan"),
+        ({"derivative": float("nan")}, "`nan` is not a number"),
         ({"mass_guess": 1.2}, "is read-only"),
     ],
 )
