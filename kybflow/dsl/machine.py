@@ -1,19 +1,20 @@
 """The state machines of vehicles and flows: built from the plan, run by `transitions`, which no
 other file imports.
 
-The library's machine owns the state. It knows every legal transition, picks the one that is taken,
-and calls the owner on exit from a state and on entry into one. Its triggers are:
+The library's machine owns the state: it checks that a transition is legal, and calls the owner on
+exit from a state and on entry into one. Its triggers are:
 
 - `begin`: into the first state.
-- `step`: the mission's transitions, in the order `next`, end of the behavior, `within`. The guard
-  of each is its condition: that its `when` has held, its event was heard, its time has passed, its
-  behavior has ended. A vehicle whose behavior would not start steps too, at last to `brake` or
-  `landed`.
+- `step`: the mission's transitions, in the order `next`, end of the behavior, `within`.
+- `give_up`: to `brake` or `landed`, when no other state of a vehicle would start.
 - `switch STATE`: what a person, a flow or a callback asks for.
 - `failsafe STATE`: into a built-in state of a vehicle, from every state.
 - `end`: out of every phase of a flow.
 
-A trigger costs several microseconds, so a tick pulls `step` only when a guard is open.
+A trigger costs several microseconds, so a tick asks each guard itself, once, and pulls `step` only
+for a transition that is due; the `Exit` that it passes names it, and is the library's condition.
+`switch STATE` is declared when it is first asked for: a transition between every two states would
+be a million for a thousand states.
 
 The library puts its methods on a private model and is given callables, no names to import. What its
 triggers return is not read: the state tells. A trigger that is pulled on entry runs when the
@@ -23,13 +24,11 @@ machines are flat.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
-from functools import partial
 from typing import Literal, NamedTuple
 
-from transitions import EventData, Machine, Transition
-from transitions.core import Condition
+from transitions import Machine
 
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import END, FlowPlan, TransitionPlan, VehiclePlan
@@ -59,34 +58,27 @@ class Exit(NamedTuple):
     transition: TransitionPlan | None = None
 
 
-_STEP = Exit("step")
-"""What stands for the reason until a transition of the mission is taken, which has its own."""
-_REFUSED = Exit("refused")
-
-
 class _Model:
     """What `transitions` puts its methods on: it sets `state` and adds `trigger`."""
 
     state: str
-    trigger: Callable[[str], object]
+    trigger: Callable[[str, Exit], object]
 
 
 class _Facts:
     """What guards are judged by.
 
     `elapsed` counts seconds in the state, `chains` seconds in each chain around it until the state
-    was entered. `heard` holds the events since the last tick, `refused` the states that would not
-    start just now.
+    was entered. `heard` holds the events since the last tick.
     """
 
-    __slots__ = ("chains", "elapsed", "heard", "outcome", "refused")
+    __slots__ = ("chains", "elapsed", "heard", "outcome")
 
     def __init__(self) -> None:
         self.elapsed = 0.0
         self.chains: dict[str, float] = {}
         self.heard: AbstractSet[str] = _NOTHING
         self.outcome: Outcome = "running"
-        self.refused: AbstractSet[str] = _NOTHING
 
 
 class _Timer:
@@ -106,51 +98,33 @@ class _Timer:
             self.held = 0.0 if self.held is None else self.held + dt
 
 
+class _Way(NamedTuple):
+    """A transition of the mission, and the guard that is open when it is due."""
+
+    guard: Guard
+    transition: TransitionPlan
+
+    def exit(self) -> Exit:
+        cause = self.transition.cause
+        how = "done" if cause == "then" else cause
+        return Exit(how, self.transition.at, self.transition)
+
+
 class _Watched(NamedTuple):
-    """What a tick looks at in one state: its timers, the guards of its transitions, and those
-    guards among them that may open before the behavior ends."""
+    """What a tick evaluates in one state: its timers, the ways out in order, and those among them
+    that may open before the behavior ends."""
 
     timers: list[_Timer]
-    guards: list[Guard]
-    while_running: list[Guard]
-
-
-class _FromAnyState(Transition):
-    """A transition that leaves many states; its source is the state that the machine is in."""
-
-    def __init__(self, target: str, *guards: Guard) -> None:
-        super().__init__("", target)
-        self.conditions.extend(Condition(guard) for guard in guards)
-
-    def execute(self, event_data: EventData) -> bool:
-        self.source = event_data.state.name
-        return bool(super().execute(event_data))
-
-
-class _FromEach(Mapping[str, list[Transition]]):
-    """The transitions of one trigger where each of `states` has the same: they are kept once, since
-    a transition between every two states would be a million for a thousand states."""
-
-    def __init__(self, states: Collection[str], transitions: list[Transition]) -> None:
-        self._states, self._transitions = states, transitions
-
-    def __getitem__(self, state: str) -> list[Transition]:
-        if state not in self._states:
-            raise KeyError(state)
-        return self._transitions
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._states)
-
-    def __len__(self) -> int:
-        return len(self._states)
+    ways: list[_Way]
+    ways_while_running: list[_Way]
 
 
 class StateMachine:
     """What the machines of vehicles and flows share.
 
     The machine waits in `initial` until it begins. `on_exit` is called while the state is still the
-    one that is left, `on_enter` with the name of the state that was entered.
+    one that is left, `on_enter` with the name of the state that was entered. A `next` that is open
+    leads nowhere while its target is not `welcome`.
     """
 
     def __init__(
@@ -159,15 +133,14 @@ class StateMachine:
         states: Iterable[str],
         on_enter: Callable[[str], None],
         on_exit: Callable[[Exit], None],
+        welcome: Callable[[str], bool] = lambda _: True,
     ) -> None:
-        self._on_enter, self._on_exit = on_enter, on_exit
-        self._facts, self._reason = _Facts(), Exit("")
+        self._on_enter, self._on_exit, self._welcome = on_enter, on_exit, welcome
+        self._facts, self._model = _Facts(), _Model()
         self._watched = {name: _Watched([], [], []) for name in (initial, *states)}
-        self._model = _Model()
         self._machine = Machine(None, initial=initial, auto_transitions=False, queued=True)
         self._machine.get_state(initial).add_callback("enter", self._entered)
         self._machine.add_states(list(states), on_enter=[self._entered], on_exit=[self._exited])
-        self._machine.add_transition("step", [], initial)
         self._machine.add_model(self._model)
         self._watch(initial)
 
@@ -176,14 +149,9 @@ class StateMachine:
         """The name of the active state."""
         return self._model.state
 
-    @property
-    def triggers(self) -> list[str]:
-        """The triggers for which the active state has a transition."""
-        return list(self._machine.get_triggers(self._model.state))
-
     def begin(self) -> None:
         """Enter the first state."""
-        self._pull("begin")
+        self._pull("begin", Exit("begin"))
 
     def step(self, elapsed: float, heard: AbstractSet[str], outcome: Outcome, dt: float) -> None:
         """Take the first transition that is due: `next` from the top, then the behavior's end, then
@@ -196,33 +164,35 @@ class StateMachine:
         facts.elapsed, facts.heard, facts.outcome = elapsed, heard, outcome
         for timer in self._timers:
             timer.count(dt)
-        for guard in self._guards_while_running if outcome == "running" else self._guards:
-            if guard():
-                facts.refused = _NOTHING
-                self._pull("step")
+        for way in self._ways_while_running if outcome == "running" else self._ways:
+            if way.guard() and self._may_enter(way.transition):
+                self._pull("step", way.exit())
                 return
 
-    def _pull(self, trigger: str, reason: Exit = _STEP) -> None:
-        """Pull a trigger. Raises ValueError where no transition of it leaves the active state."""
-        if trigger not in self.triggers:
-            raise ValueError(f"no transition `{trigger}` leaves `{self.state}`")
-        self._reason = reason
-        self._model.trigger(trigger)
+    def _may_enter(self, transition: TransitionPlan, refused: AbstractSet[str] = _NOTHING) -> bool:
+        target = transition.target
+        return target not in refused and (transition.cause != "next" or self._welcome(target))
 
-    def _exited(self) -> None:
+    def _pull(self, trigger: str, reason: Exit) -> None:
+        """Pull a trigger. Raises ValueError where no transition of it leaves the active state."""
+        if trigger not in self._machine.get_triggers(self.state):
+            raise ValueError(f"no transition `{trigger}` leaves `{self.state}`")
+        self._model.trigger(trigger, reason)
+
+    def _exited(self, reason: Exit) -> None:
         """Add up the time in the chains around the state; only the mission's transitions let it go
         on, and not those that enter the chain anew."""
-        taken, facts = self._reason.transition, self._facts
+        taken, facts = reason.transition, self._facts
         facts.chains = {
             chain: seconds + facts.elapsed
             for chain, seconds in facts.chains.items()
             if taken is not None and not (taken.enters and is_in(chain, taken.enters))
         }
-        self._on_exit(self._reason)
+        self._on_exit(reason)
 
-    def _entered(self) -> None:
+    def _entered(self, _: Exit) -> None:
         """Start the timers of the state that was entered."""
-        facts, name = self._facts, self._model.state
+        facts, name = self._facts, self.state
         facts.chains = {chain: facts.chains.get(chain, 0.0) for chain in chains_of(name)}
         self._watch(name)
         for timer in self._timers:
@@ -230,43 +200,27 @@ class StateMachine:
         self._on_enter(name)
 
     def _watch(self, name: str) -> None:
-        self._timers, self._guards, self._guards_while_running = self._watched[name]
+        self._timers, self._ways, self._ways_while_running = self._watched[name]
 
-    def _guarded(
+    def _declare_ways(
         self, state: str, leaving: Sequence[TransitionPlan], conditions: Conditions
-    ) -> Iterator[tuple[TransitionPlan, Guard]]:
-        """The mission's transitions out of a state, in order, each with its guard, which is watched
-        while the state is active."""
-        timers, guards, while_running = self._watched[state]
+    ) -> None:
+        """Declare the mission's transitions out of a state, whose guards are asked in order while
+        the state is active."""
+        timers, ways, while_running = self._watched[state]
         for transition in sorted(leaving, key=lambda t: _ORDER[t.cause]):
-            guard = _guard(transition, self._facts, conditions, timers)
-            guards.append(guard)
+            way = _Way(_guard(transition, self._facts, conditions, timers), transition)
+            ways.append(way)
             if transition.cause in ("next", "within"):
-                while_running.append(guard)
-            yield transition, guard
+                while_running.append(way)
+            self._machine.add_transition("step", state, transition.target, _is_due(transition))
 
-    def _declare(
-        self, source: str, target: str, transition: TransitionPlan, *guards: Guard
-    ) -> None:
-        """Declare a transition of the mission. The machine takes the first whose guards are all
-        open."""
-        taken = partial(self._taken, transition)
-        self._machine.add_transition("step", source, target, [*guards], before=[taken])
-
-    def _taken(self, transition: TransitionPlan) -> None:
-        if self._reason is _REFUSED:
-            self._reason = _REFUSED._replace(transition=transition)
-        else:
-            how = "done" if transition.cause == "then" else transition.cause
-            self._reason = Exit(how, transition.at, transition)
-
-    def _declare_from(
-        self, states: Collection[str], trigger: str, target: str, *guards: Guard
-    ) -> None:
-        """Declare one transition that leaves each of `states` by a trigger of its own."""
-        self._machine.add_transition(trigger, [], target)
-        leaving = _FromEach(states, [_FromAnyState(target, *guards)])
-        self._machine.events[trigger].transitions = leaving  # type: ignore[assignment]
+    def _switch(self, state: str, at: str, *conditions: Callable[[Exit], bool]) -> None:
+        """Pull `switch STATE`, which is declared when it is first asked for."""
+        trigger = f"switch {state}"
+        if not self._machine.get_transitions(trigger, self.state):
+            self._machine.add_transition(trigger, self.state, state, [*conditions])
+        self._pull(trigger, Exit("asked", at))
 
 
 class VehicleMachine(StateMachine):
@@ -275,8 +229,7 @@ class VehicleMachine(StateMachine):
     `starts` builds the behavior of a state that is asked for before anything is left; what it
     raises leaves all as it was. `airborne` decides between `brake` and `landed` for a vehicle whose
     behavior would not start and whose state has no other way out. While its failsafe has `latched`
-    it enters `fault` in place of `landed` when it steps. A `next` that is open leads nowhere while
-    its target is not `welcome`.
+    it enters `fault` in place of `landed` when it steps.
     """
 
     def __init__(
@@ -291,27 +244,22 @@ class VehicleMachine(StateMachine):
         welcome: Callable[[str], bool] = lambda _: True,
     ) -> None:
         states = vehicle.states
-        super().__init__(_START, states, on_enter, on_exit)
-        self._machine.add_transition("begin", _START, vehicle.begin)
-        last_way_out = [
-            _FromAnyState("brake", self._has_refused, airborne),
-            _FromAnyState("landed", self._has_refused),
-        ]
+        super().__init__(_START, states, on_enter, on_exit, welcome)
+        self._healthy, self._starts = states.keys() - {"fault"}, starts
+        declare = self._machine.add_transition
+
+        def rests_in_fault(reason: Exit) -> bool:
+            return reason.how != "refused" and latched()
+
+        declare("begin", _START, vehicle.begin)
         for name, state in states.items():
-            for transition, guard in self._guarded(name, state.transitions, conditions):
-                target = transition.target
-                if target == "landed":
-                    self._declare(name, "fault", transition, guard, latched, self._has_started)
-                guards: list[Guard] = [guard, partial(self._may_enter, target)]
-                guards += [partial(welcome, target)] if transition.cause == "next" else []
-                self._declare(name, target, transition, *guards)
-            self._machine.events["step"].transitions[name].extend(last_way_out)
-        healthy = states.keys() - {"fault"}
-        for name in states:
-            if name in healthy:
-                self._declare_from(healthy, f"switch {name}", name, partial(starts, name))
-            if states[name].built_in:
-                self._declare_from(states, f"failsafe {name}", name)
+            for landing in (t for t in state.transitions if t.target == "landed"):
+                declare("step", name, "fault", [_is_due(landing), rests_in_fault])
+            self._declare_ways(name, state.transitions, conditions)
+            if state.built_in:
+                declare(f"failsafe {name}", list(states), name)
+        declare("give_up", list(states), "brake", lambda _: airborne())
+        declare("give_up", list(states), "landed")
 
     def failsafe(self, state: str) -> None:
         """Enter a built-in state from wherever the vehicle is. Raises ValueError for another."""
@@ -320,24 +268,20 @@ class VehicleMachine(StateMachine):
     def switch(self, state: str, at: str) -> None:
         """Enter a state that somebody asked for at a line of the mission. Raises what `starts`
         raises, and ValueError for a state that can't be asked for."""
-        self._pull(f"switch {state}", Exit("asked", at))
+        if not {state, self.state} <= self._healthy:
+            raise ValueError(f"no transition `switch {state}` leaves `{self.state}`")
+        self._switch(state, at, lambda _: self._starts(state))
 
     def refuse(self, refused: AbstractSet[str]) -> None:
         """Leave a state whose behavior has refused to start: as if it had failed at once, but to no
         state that has `refused` already, unless it is the last way out."""
         facts = self._facts
         facts.elapsed, facts.heard, facts.outcome = 0.0, _NOTHING, "failed"
-        facts.refused = refused
-        self._pull("step", _REFUSED)
-
-    def _has_started(self) -> bool:
-        return not self._facts.refused
-
-    def _has_refused(self) -> bool:
-        return bool(self._facts.refused)
-
-    def _may_enter(self, state: str) -> bool:
-        return state not in self._facts.refused
+        for way in self._ways:
+            if way.guard() and self._may_enter(way.transition, refused):
+                self._pull("step", Exit("refused", transition=way.transition))
+                return
+        self._pull("give_up", Exit("refused"))
 
 
 class FlowMachine(StateMachine):
@@ -350,23 +294,23 @@ class FlowMachine(StateMachine):
         on_enter: Callable[[str], None],
         on_exit: Callable[[Exit], None],
     ) -> None:
-        phases = flow.phases
-        super().__init__(END, phases, on_enter, on_exit)
-        for phase in phases.values():
-            for transition, guard in self._guarded(phase.name, phase.transitions, conditions):
-                self._declare(phase.name, transition.target, transition, guard)
+        super().__init__(END, flow.phases, on_enter, on_exit)
+        for phase in flow.phases.values():
+            self._declare_ways(phase.name, phase.transitions, conditions)
         self._machine.add_transition("begin", END, flow.begin)
-        self._declare_from(phases, "end", END)
-        for name in phases:
-            self._declare_from((END, *phases), f"switch {name}", name)
+        self._machine.add_transition("end", list(flow.phases), END)
 
     def switch(self, phase: str, at: str) -> None:
         """Enter a phase that somebody asked for at a line of the mission."""
-        self._pull(f"switch {phase}", Exit("asked", at))
+        self._switch(phase, at)
 
     def end(self, how: str) -> None:
         """End the flow. Raises ValueError for one that has not begun."""
         self._pull("end", Exit(how))
+
+
+def _is_due(transition: TransitionPlan) -> Callable[[Exit], bool]:
+    return lambda reason: reason.transition is transition
 
 
 def _guard(
