@@ -62,7 +62,7 @@ class EmulatedLink(AutopilotLink):
         super().__init__(Seat(seat.context, params), profile, port)
         self.wire = wire
         self._emulated = emulated
-        self.rig, self.is_calm = emulated.vehicle.rig, emulated.vehicle.is_calm
+        self.faults, self.is_calm = emulated.vehicle.faults, emulated.vehicle.is_calm
 
     @property
     def autopilot(self) -> OnboardAutopilot:
@@ -72,9 +72,9 @@ class EmulatedLink(AutopilotLink):
         """Its world tells the truth, not the autopilot."""
 
     def update(self, now: Time) -> None:
-        rig = self._emulated.vehicle.rig
-        self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
-        self.wire.other.late = round(rig.late * NS)
+        faults = self._emulated.vehicle.faults
+        self.wire.deaf, self.wire.mute = faults.deaf, faults.mute
+        self.wire.other.late = round(faults.late * NS)
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:

@@ -43,7 +43,7 @@ class IdealVehicle(Link):
         self.context = context = seat.context
         self.state = KinematicState(context.start, attitude=from_heading(context.heading))
         self.is_down, self._has_lifted = True, False
-        self.rig = ActiveFaults(context.vehicle, _refuse)
+        self.faults = ActiveFaults(context.vehicle, _refuse)
         self.tell_touch: Callable[[Touch], None] = _untold
         self._command: Command | None = None
         self._charge = BatteryCharge(context.airframe, seat.params.battery)

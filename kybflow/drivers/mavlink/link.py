@@ -82,7 +82,7 @@ class AutopilotLink(Link):
                 profile, contact.status, contact.requests, contact.parameters, output
             )
         if params.simulator:
-            self.rig = ActiveFaults(context.vehicle, self._rigged)
+            self.faults = ActiveFaults(context.vehicle, self._apply_faults)
         self._capacity = LineCapacity(params)
         self._stream_requests = StreamRequests(contact, self._streams(frozenset()), names)
         self._now: Time = 0
@@ -218,10 +218,10 @@ class AutopilotLink(Link):
         """What tells the ground truth; None on hardware."""
         return GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
 
-    def _rigged(self) -> None:
-        """Obey the rig, whose faults act on this side of the link alone."""
-        if self.rig is not None:
-            self.contact.port.deaf, self.contact.port.mute = self.rig.deaf, self.rig.mute
+    def _apply_faults(self) -> None:
+        """Apply the faults on this side of the link."""
+        if self.faults is not None:
+            self.contact.port.deaf, self.contact.port.mute = self.faults.deaf, self.faults.mute
 
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """The messages to request, Hz. kinds: what the vehicle is flown by."""

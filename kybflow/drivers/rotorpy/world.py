@@ -133,7 +133,7 @@ class RotorpyWorld(Session):
     def refit(self, index: int) -> None:
         """Obey a vehicle's rig."""
         vehicle = self._vehicles[index]
-        self._plants[index].load(vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload)
+        self._plants[index].load(vehicle.body.mass * vehicle.faults.mass + vehicle.faults.payload)
         self._errors.bias(index, vehicle.imu_bias)
         self.onboard.winds[index], self.onboard.pushes[index] = ZERO, NOTHING
 

@@ -73,7 +73,7 @@ class SimulatedVehicle(Link):
     """A vehicle in a world, and the link to it. `index` is its place there. `is_wired`: who reads
     and commands it sits on board, so that a fault of the link does not come between."""
 
-    rig: ActiveFaults
+    faults: ActiveFaults
     is_wired = False
 
     def __init__(
@@ -110,9 +110,9 @@ class SimulatedVehicle(Link):
         self.battery = SimulatedBattery(context.airframe, p.battery, p.battery_rate)
         self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
-        self.rig = ActiveFaults(context.vehicle, self._rigged)
+        self.faults = ActiveFaults(context.vehicle, self._rigged)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
-        self._filters = self.rig.filters
+        self._filters = self.faults.filters
         self._push = ZERO
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
@@ -155,7 +155,7 @@ class SimulatedVehicle(Link):
     @property
     def is_blown(self) -> bool:
         """Whether it feels wind, is pushed, or vibrates."""
-        return self.wind.blows or self.rig.blows or self._push != ZERO or self._lab.stirs
+        return self.wind.blows or self.faults.blows or self._push != ZERO or self._lab.stirs
 
     @property
     def thrust(self) -> float:
@@ -171,7 +171,7 @@ class SimulatedVehicle(Link):
     def blown(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
         """The wind at it, m/s, world frame, `elapsed` seconds after the last call: its own, and
         those of all vehicles' jets, whose momenta add up."""
-        x, y, z = add(self.wind.after(elapsed), self.rig.wind(now))
+        x, y, z = add(self.wind.after(elapsed), self.faults.wind(now))
         if jets:
             place = self.truth().position
             z -= hypot(*(jet.sinks(place) for jet in jets))
@@ -203,7 +203,7 @@ class SimulatedVehicle(Link):
 
     def _thrusts(self) -> Numbers:
         """The largest thrust of each rotor, on the battery as it is."""
-        sag, weak = self.battery.charge.level**2, self.rig.rotors
+        sag, weak = self.battery.charge.level**2, self.faults.rotors
         return tuple(sag * f * left for f, left in zip(self.body.thrust, weak, strict=True))
 
     @property
@@ -283,7 +283,7 @@ class SimulatedVehicle(Link):
 
     def _rigged(self) -> None:
         """Obey the rig."""
-        rig = self.rig
+        rig = self.faults
         self._filters = rig.filters
         self._push = scale(rig.push, self.body.mass)
         self._deaf, self._mute = (not self.is_wired and cut for cut in (rig.deaf, rig.mute))

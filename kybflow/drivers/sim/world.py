@@ -156,7 +156,7 @@ class SimulatedWorld(Session):
         """Obey a vehicle's rig and its parcel: its mass and inertia, its wind. The thrust of its
         rotors follows with the next report of its battery."""
         vehicle, model, parcel = self._vehicles[index], self.model, self._parcels.get(index)
-        mass = vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload
+        mass = vehicle.body.mass * vehicle.faults.mass + vehicle.faults.payload
         place = FIRST_BODY + index
         jx, jy, jz = (j * mass / vehicle.body.mass for j in vehicle.body.inertia)
         if parcel is not None:
