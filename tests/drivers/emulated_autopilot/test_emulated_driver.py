@@ -71,4 +71,4 @@ def test_motion_capture_comes_beside_what_the_autopilot_tells(autopilot):
     assert {Pose, Odometry} <= {type(m) for m in measured}
     assert link.faults is not None
     assert link.truth() == link.view()
-    assert isinstance(link.autopilot, OnboardAutopilot)
+    assert isinstance(link.onboard, OnboardAutopilot)
