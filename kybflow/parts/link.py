@@ -53,7 +53,7 @@ class Override(NamedTuple):
 class Link(ABC):
     """One vehicle's connection.
 
-    rig: where faults act on a simulated vehicle, or on our side of one; None on hardware.
+    faults: act on a simulated vehicle, or on our side of the link to one; None on hardware.
     override: why the vehicle doesn't follow commands, because a pilot flies it or it changed its
     mode by itself; None while it follows. While overridden, the link sends no command until the
     operator requests control (`Reclaimable`). armed: whether the vehicle reports that it is armed;
@@ -62,7 +62,7 @@ class Link(ABC):
     shorter one of the newest two, so that a single slow one doesn't count; zero while unknown.
     """
 
-    rig: ActiveFaults | None = None
+    faults: ActiveFaults | None = None
     override: Override | None = None
     armed: bool | None = None
     is_heard: bool = True

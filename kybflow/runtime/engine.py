@@ -95,7 +95,7 @@ class Engine:
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
         links = {name: link for session in sessions for name, link in session.links.items()}
-        rigs = {name: link.rig for name, link in links.items() if link.rig is not None}
+        rigs = {name: link.faults for name, link in links.items() if link.faults is not None}
         self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)

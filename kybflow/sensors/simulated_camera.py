@@ -106,9 +106,9 @@ class _Taken(NamedTuple):
 
 
 class Frames(Stream):
-    """The frames of a vehicle's cameras. What is wrong with them stands in the link's rig when they
-    are taken. A frame is drawn when it arrives, and never, where nobody reads. parcel: its side,
-    metres."""
+    """The frames of a vehicle's cameras, with the effects of the faults that are active when they
+    are taken. A frame is rendered when it arrives, and only if somebody reads it. parcel: its side,
+    m."""
 
     def __init__(
         self, room: Room, cameras: Sequence[Camera], link: Link, times: Times, parcel: float = 0.0
@@ -154,7 +154,7 @@ class Frames(Stream):
             while (at := round(self._counts[i] * NS / camera.rate)) <= now:
                 nearer = (now, truth) if now - at <= at - before else (before, known)
                 body = _moved(_unladen(nearer[1], self._parcel), (at - nearer[0]) / NS)
-                rig = self._link.rig
+                rig = self._link.faults
                 weakness = SOUND if rig is None else rig.camera
                 taken.append(_Taken(at + self._times.latency, at, camera, body, weakness))
                 self._counts[i] += 1
@@ -168,7 +168,7 @@ class Frames(Stream):
         return Frame(stamp, taken.camera.name, self._room.draw(taken.camera, body, weakness))
 
     def _filtered(self, frames: list[Measurement]) -> list[Measurement]:
-        filters = () if self._link.rig is None else self._link.rig.filters
+        filters = () if self._link.faults is None else self._link.faults.filters
         for change in filters:
             frames = [kept for frame in frames if (kept := change(frame)) is not None]
         return frames

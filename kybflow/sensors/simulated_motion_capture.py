@@ -71,7 +71,7 @@ class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
 
 
 class SimulatedPoses(Stream):
-    """The poses of one vehicle. What its link's rig does to measurements it does to these, as they
+    """The poses of one vehicle. What its link's faults do to measurements it does to these, as they
     arrive."""
 
     def __init__(
@@ -124,7 +124,7 @@ class SimulatedPoses(Stream):
         return (gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation))
 
     def _filtered(self, poses: list[Measurement]) -> list[Measurement]:
-        filters = () if self._link.rig is None else self._link.rig.filters
+        filters = () if self._link.faults is None else self._link.faults.filters
         for change in filters:
             poses = [kept for pose in poses if (kept := change(pose)) is not None]
         return poses

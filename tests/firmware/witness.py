@@ -68,11 +68,11 @@ class Watched:
     def look(self, now: Time) -> None:
         self.now = now
         for message in self._port.take():
-            self.heard.hear(message, now)
-            self._requests.hear(message, now)
+            self.heard.handle(message, now)
+            self._requests.handle(message, now)
             if self.truth is not None:
                 on_ground = self.heard.landed is LandedState.GROUND
-                self.truth.hear(message, now, on_ground=on_ground)
+                self.truth.handle(message, now, on_ground=on_ground)
         if self.heard.heartbeat is not None and not self._asked:
             self._asked = True
             rates = RATES if self.truth is None else {**RATES, **STREAMS}

@@ -167,6 +167,6 @@ def test_a_link_without_a_simulator_has_no_rig_and_knows_no_touches():
         def send(self, command, now):
             pass
 
-    assert Wire().rig is None
+    assert Wire().faults is None
     assert not isinstance(Wire(), ReportsTouches)
     assert Driver.watchdog(None) is None

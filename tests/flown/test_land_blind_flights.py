@@ -191,7 +191,7 @@ class Biased(Sim):
     @classmethod
     def open(cls, seats, generator):
         session = super().open(seats, generator)
-        session.links["a"].rig.begin(Effect(accelerometer_bias=(0.0, 0.0, cls.error)), 0)
+        session.links["a"].faults.begin(Effect(accelerometer_bias=(0.0, 0.0, cls.error)), 0)
         return session
 
 

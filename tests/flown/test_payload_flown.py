@@ -49,7 +49,7 @@ class Awkward(Link):
     `refuses`, `breaks`, or is `slow` and acknowledges a second late. `asked` counts how often."""
 
     def __init__(self, link: Link, way: str) -> None:
-        self.link, self.way, self.rig = link, way, link.rig
+        self.link, self.way, self.faults = link, way, link.faults
         self.asked = 0
         self._late: list[tuple[int, Payload]] = []
 

@@ -16,7 +16,7 @@ class Shown(Link):
     """A simulated vehicle whose driver has no motion capture."""
 
     def __init__(self, link: Link) -> None:
-        self.link, self.rig = link, link.rig
+        self.link, self.faults = link, link.faults
 
     def read(self, now: int) -> list[Any]:
         return [m for m in self.link.read(now) if not isinstance(m, Pose)]

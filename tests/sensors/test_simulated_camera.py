@@ -44,7 +44,7 @@ class Passing(Link):
 
     def __init__(self) -> None:
         self.now = 0
-        self.rig = ActiveFaults("nano")
+        self.faults = ActiveFaults("nano")
         self.swapped = False
 
     def read(self, now: int) -> tuple[()]:
@@ -148,7 +148,7 @@ def test_what_is_wrong_with_a_camera_counts_when_the_frame_is_taken() -> None:
     link = Passing()
     stream = opened(link, DOWN)
     fly(stream, link, 302_000_000)
-    link.rig.begin(Effect(camera=Weakness(dark=True)), 0)
+    link.faults.begin(Effect(camera=Weakness(dark=True)), 0)
     later = fly(stream, link, 424_000_000, 304_000_000)
     bright = {frame.time: frame.image.max() > 0 for _, frame in later}
     assert len(bright) == 4
@@ -164,8 +164,8 @@ def seen_at(at: Truth, weakness: Weakness = SOUND) -> Any:
 def broken(effect: Effect) -> list[Frame]:
     """The frames of a flight past the tag, the effect at work from the first one on."""
     link = Passing()
-    link.rig.begin(effect, 0)
-    link.swapped = link.rig.view != "nano"
+    link.faults.begin(effect, 0)
+    link.swapped = link.faults.view != "nano"
     return [frame for _, frame in fly(opened(link, DOWN), link, NS // 2)]
 
 

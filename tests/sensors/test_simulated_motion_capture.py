@@ -28,7 +28,7 @@ class Passing(Link):
 
     def __init__(self, step: int = TICK, since: int = 0, until: int = 1 << 60) -> None:
         self.now, self.step, self.since, self.until = 0, step, since, until
-        self.rig = ActiveFaults("nano")
+        self.faults = ActiveFaults("nano")
 
     def read(self, now: int) -> tuple[()]:
         return ()
@@ -132,10 +132,12 @@ def test_its_noise_is_as_it_says_and_comes_with_the_seed() -> None:
 
 def test_poses_pass_the_filters_of_the_rig() -> None:
     link = Passing()
-    link.rig.begin(Effect(filter=lambda pose: None), 0)
+    link.faults.begin(Effect(filter=lambda pose: None), 0)
     assert poses(link) == []
     moved = Passing()
-    moved.rig.begin(Effect(filter=lambda p: p._replace(position=add(p.position, (0, 0.3, 0)))), 0)
+    moved.faults.begin(
+        Effect(filter=lambda p: p._replace(position=add(p.position, (0, 0.3, 0)))), 0
+    )
     assert {round(pose.position[1], 6) for _, pose in poses(moved)} == {0.3}
 
 

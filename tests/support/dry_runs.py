@@ -126,7 +126,7 @@ class DryRun:
     @property
     def pilot(self):
         """The emulated autopilot."""
-        return self.link.autopilot
+        return self.link.onboard
 
     @property
     def mode(self) -> str:

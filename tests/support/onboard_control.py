@@ -34,7 +34,7 @@ class Follows(Link):
     attitudes as they are."""
 
     def __init__(self, name: str, link: Link) -> None:
-        self.link, self.rig = link, link.rig
+        self.link, self.faults = link, link.faults
         self.kinds: set[CommandKind] = set()
         context = VehicleContext(name, NANO, (0.0, 0.0, 0.0), 0.0, None, 0.004)
         self._tracker = Cascade(CascadeParams(), context)

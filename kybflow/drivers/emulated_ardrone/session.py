@@ -47,16 +47,16 @@ class EmulatedDroneLink(ArdroneLink):
     ) -> None:
         super().__init__(seat, wire, session)
         self._emulated = emulated
-        self.rig, self.is_calm = emulated.vehicle.rig, emulated.vehicle.is_calm
+        self.faults, self.is_calm = emulated.vehicle.faults, emulated.vehicle.is_calm
 
     @property
     def drone(self) -> OnboardDrone:
         return self._emulated.onboard.drone
 
     def update(self, now: Time) -> None:
-        rig = self._emulated.vehicle.rig
-        self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
-        self._emulated.onboard.set_delay(round(rig.late * NS))
+        faults = self._emulated.vehicle.faults
+        self.wire.deaf, self.wire.mute = faults.deaf, faults.mute
+        self._emulated.onboard.set_delay(round(faults.late * NS))
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:

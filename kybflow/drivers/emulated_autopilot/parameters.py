@@ -39,7 +39,7 @@ class EmulatedParameters:
     def get(self, name: str, default: float = 0.0) -> float:
         return self._values.get(name, default)
 
-    def hear(self, message: Any) -> list[Any]:
+    def handle(self, message: Any) -> list[Any]:
         """The answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; none to a name that
         it doesn't have."""
         kind = message.get_type()

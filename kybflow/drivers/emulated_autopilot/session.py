@@ -12,7 +12,7 @@ from kybflow.drivers.emulated_autopilot.firmware import SetupPlan, emulated_firm
 from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
-from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency, profile_of
+from kybflow.drivers.mavlink.firmware import Latency, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.drivers.mavlink.transport.router import Port, Router
@@ -49,7 +49,7 @@ def open_fleet(
 
 class EmulatedLink(AutopilotLink):
     """A link as to a real autopilot, with the poses of simulated motion capture beside it. `wire`:
-    our end. `autopilot`: what is at the other end."""
+    our end. `onboard`: the emulated autopilot at the other end."""
 
     def __init__(
         self, seat: Seat, port: Port, wire: MemoryWire, emulated: EmulatedVehicle[MavlinkEndpoint]
@@ -59,22 +59,19 @@ class EmulatedLink(AutopilotLink):
         }
         params = MavlinkParams(**shared, simulator=True)
         profile = replace(profile_of(params.autopilot), latency=LATENCY)
-        super().__init__(Seat(seat.context, params), profile, port)
+        super().__init__(Seat(seat.context, params), profile, port, None)
         self.wire = wire
         self._emulated = emulated
-        self.rig, self.is_calm = emulated.vehicle.rig, emulated.vehicle.is_calm
+        self.faults, self.is_calm = emulated.vehicle.faults, emulated.vehicle.is_calm
 
     @property
-    def autopilot(self) -> OnboardAutopilot:
+    def onboard(self) -> OnboardAutopilot:
         return self._emulated.onboard.autopilot
 
-    def _ground_truth(self, seat: Seat, profile: FirmwareProfile) -> None:
-        """Its world tells the truth, not the autopilot."""
-
     def update(self, now: Time) -> None:
-        rig = self._emulated.vehicle.rig
-        self.wire.deaf, self.wire.mute = rig.deaf, rig.mute
-        self.wire.other.late = round(rig.late * NS)
+        faults = self._emulated.vehicle.faults
+        self.wire.deaf, self.wire.mute = faults.deaf, faults.mute
+        self.wire.other.late = round(faults.late * NS)
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:

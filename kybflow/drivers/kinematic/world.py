@@ -47,7 +47,7 @@ class IdealVehicle(Link):
         self.context = context = seat.context
         self.state = KinematicState(context.start, attitude=from_heading(context.heading))
         self.is_down, self._has_lifted = True, False
-        self.rig = ActiveFaults(context.vehicle, _refuse)
+        self.faults = ActiveFaults(context.vehicle, _refuse)
         self.on_touch: Callable[[Touch], None] = lambda _: None
         self._command: Command | None = None
         self._charge = BatteryCharge(context.airframe, seat.params.battery)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.protocol.framing import Message
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
@@ -50,7 +49,9 @@ class Discovery:
             self._ports[system] = self._router.port(self._wire.address, system)
         for system, port in self._ports.items():
             for message in port.take():
-                self._hear(system, message)
+                self.statuses.setdefault(system, ReceivedStatus()).handle(message, now)
+                if system in self.parameters:
+                    self.parameters[system].handle(message, now)
         if self._beat is None or now - self._beat >= NS:
             self._beat = now
             for port in self._ports.values():
@@ -127,11 +128,6 @@ class Discovery:
                     f"system {system} at {self._wire.address} fell silent: is it still powered and"
                     " in reach?"
                 )
-
-    def _hear(self, system: int, message: Message) -> None:
-        self.statuses.setdefault(system, ReceivedStatus()).hear(message, self.now)
-        if system in self.parameters:
-            self.parameters[system].hear(message, self.now)
 
     def _silence(self) -> str:
         if others := self.there():

@@ -1,7 +1,7 @@
-"""One autopilot as the engine sees it.
+"""The link to one autopilot: its messages in, setpoints out.
 
-`control.offboard` decides what is asked of it, `preflight.checks` what is checked before take-off,
-and `contact` keeps what it reported."""
+`update` handles what arrived (`AutopilotState`), decides (`control.offboard`), and sends what is
+due: setpoints, and the keep-alive of the link."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.mavlink.autopilot_state import AutopilotState, StreamRequests
+from kybflow.drivers.mavlink.autopilot_state import AutopilotState, KeepAlive
 from kybflow.drivers.mavlink.control import payload, setpoints
 from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
 from kybflow.drivers.mavlink.control.payload import PayloadGrip
@@ -40,7 +40,7 @@ from kybflow.parts import ActiveFaults, Check, ForeignCommand, Link, Seat, Statu
 SILENCE_TIMEOUT: Time = 10 * NS
 """How long the autopilot may be silent after opening."""
 OFTEN: Time = NS // 50
-"""How often the upkeep of the link runs; it need not in every tick."""
+"""How often the keep-alive runs; it need not in every tick."""
 REREAD: Time = NS // 2
 """How often one of the preflight's parameters is read again in flight."""
 FORGOTTEN: Time = NS // 2
@@ -49,19 +49,20 @@ MS: Time = NS // 1000
 
 
 class AutopilotLink(Link):
-    """The link to one vehicle. The session calls `update` once a tick, after polling the router."""
+    """The link to one vehicle. The session calls `update` once a tick, after polling the router.
+    truth: the ground truth of the firmware's own simulator, None where there is none."""
 
-    def __init__(self, seat: Seat, profile: FirmwareProfile, port: Port) -> None:
+    def __init__(
+        self, seat: Seat, profile: FirmwareProfile, port: Port, truth: GroundTruth | None
+    ) -> None:
         context, params = seat.context, seat.params
-        contact = self.contact = AutopilotState(
-            seat, profile, port, self._ground_truth(seat, profile)
-        )
+        autopilot = self.autopilot = AutopilotState(seat, profile, port, truth)
         resumes = params.after_failsafe == "resume"
         self.offboard = OffboardControl(
-            profile, contact.status, contact.requests, params.arming_time, params.rate, resumes,
+            profile, autopilot.status, autopilot.requests, params.arming_time, params.rate, resumes,
             self._holding,
         )  # fmt: skip
-        self._checks = PreflightChecks(contact, self.offboard.modes, params)
+        self._checks = PreflightChecks(autopilot, self.offboard.modes, params)
         self._drift = FrameDrift()
         self._latency = (
             profile.latency if params.lead is None else Latency(params.lead, params.lead)
@@ -69,22 +70,22 @@ class AutopilotLink(Link):
         self._hover = HoverThrottle(
             profile.hover_parameter, context.airframe.hover_thrust, profile.raises
         )
-        contact.port.want(setpoints.STREAMS)
-        self._vision = ExternalVision(params.vision_rate, contact.target)
+        autopilot.port.want(setpoints.STREAMS)
+        self._vision = ExternalVision(params.vision_rate, autopilot.target)
         self._watched, self._shared = self._checks.names(), params.shared
         names = [*self._checks.names(), profile.hover_parameter]
         self._grip: PayloadGrip | None = None
         if context.payload is not None:
             output = profile.output(context.payload.channel, params.simulator)
             names.append(output.parameter)
-            contact.port.want(payload.STREAMS)
+            autopilot.port.want(payload.STREAMS)
             self._grip = PayloadGrip(
-                profile, contact.status, contact.requests, contact.parameters, output
+                profile, autopilot.status, autopilot.requests, autopilot.parameters, output
             )
         if params.simulator:
-            self.rig = ActiveFaults(context.vehicle, self._rigged)
+            self.faults = ActiveFaults(context.vehicle, self._apply_faults)
         self._capacity = LineCapacity(params)
-        self._stream_requests = StreamRequests(contact, self._streams(frozenset()), names)
+        self._keep_alive = KeepAlive(autopilot, self._streams(frozenset()), names)
         self._now: Time = 0
         self._due: Time = 0
         self._reread: Time = 0
@@ -95,27 +96,27 @@ class AutopilotLink(Link):
     def update(self, now: Time) -> None:
         """Take in messages, decide, and send what is due. Raises DriverError."""
         self._now = now
-        if self.contact.listen(now):
-            self._stream_requests.begin_anew()
-        self.offboard.update(self.contact.age(now), self.contact.silence, now)
+        if self.autopilot.receive(now):
+            self._keep_alive.begin_anew()
+        self.offboard.update(self.autopilot.age(now), self.autopilot.silence, now)
         self._stream_setpoint(now)
         if now >= self._due:
             self._due = now + OFTEN
             self._learn_hover_throttle(now)
             self._watch_parameters(now)
-            self._stream_requests.step(now)
-            self.delay = self.contact.sync.round_trip
+            self._keep_alive.step(now)
+            self.delay = self.autopilot.sync.round_trip
         self._publish_state()
 
     def read(self, now: Time) -> Sequence[Measurement]:
         if self._opened is None:
             self._opened = now
-        port = self.contact.port
+        port = self.autopilot.port
         if port.last_heard is None and now - self._opened > SILENCE_TIMEOUT:
             why = port.trouble() or "no autopilot was heard"
             way_out = f"{port.to_ask} Start it, or set the driver's `address` and `system`"
             raise DriverError(f"system {port.system} was not heard for 10 s: {why}; {way_out}")
-        return self.contact.telemetry.take()
+        return self.autopilot.telemetry.take()
 
     def send(self, command: Command, now: Time) -> None:
         self._command = command
@@ -132,28 +133,29 @@ class AutopilotLink(Link):
 
     def cut(self, now: Time) -> None:
         self.offboard.cut(now)
-        self.offboard.update(self.contact.age(now), self.contact.silence, now)
-        self._stream_requests.step(now)
+        self.offboard.update(self.autopilot.age(now), self.autopilot.silence, now)
+        self._keep_alive.step(now)
         self._publish_state()
 
     def disarm_by_force(self, now: Time) -> None:
-        landed = self.contact.status.landed
+        landed = self.autopilot.status.landed
         if landed in (LandedState.AIR, LandedState.TAKING_OFF):
             raise Refused("it says that it is in the air")
         self.cut(now)
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
-        contact = self.contact
-        if not contact.is_outside:
+        autopilot = self.autopilot
+        if not autopilot.is_outside:
             return
-        self._drift.learn(estimate, contact.telemetry.odometry, now)
-        if not self._vision.is_due(now) or (stamp := contact.clock.to_boot(estimate.time)) is None:
+        self._drift.learn(estimate, autopilot.telemetry.odometry, now)
+        stamp = autopilot.clock.to_boot(estimate.time) if self._vision.is_due(now) else None
+        if stamp is None:
             return
-        status = contact.status
+        status = autopilot.status
         placed = status.armed or "GPS_GLOBAL_ORIGIN" in status.at
-        is_lost = contact.profile.needs_origin and not placed
+        is_lost = autopilot.profile.needs_origin and not placed
         for message in self._vision.of(estimate, stamp // 1000, is_lost, now):
-            contact.port.send(message)
+            autopilot.port.send(message)
 
     def checks(self, now: Time) -> Sequence[Check]:
         misses = self.offboard.prepare(now)
@@ -161,15 +163,15 @@ class AutopilotLink(Link):
         return [*self._checks.checks(misses, self._vision.told, now), *self._capacity.check()]
 
     def status_texts(self) -> Sequence[StatusText]:
-        return self.contact.said(is_disarming=self.offboard.is_disarming)
+        return self.autopilot.new_texts(is_disarming=self.offboard.is_disarming)
 
     def foreign_commands(self) -> Sequence[ForeignCommand]:
-        noticed = self.contact.others.take()
+        noticed = self.autopilot.others.take()
         return [ForeignCommand(words, self._shared) for words in noticed] if noticed else ()
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         for name, rate in self._streams(kinds).items():
-            self._stream_requests.stream(name, rate, self._now)
+            self._keep_alive.stream(name, rate, self._now)
 
     def reclaim(self, now: Time) -> None:
         self.offboard.reclaim(now)
@@ -189,46 +191,42 @@ class AutopilotLink(Link):
         done = self._grip.ask(is_open, now)
         if done is None:
             return
-        self.contact.telemetry.add(done)
-        truth = self.contact.truth
+        self.autopilot.telemetry.add(done)
+        truth = self.autopilot.truth
         if truth is not None and is_open:
             truth.release(now)
         elif truth is not None:
             truth.load()
 
     def truth(self) -> Truth | None:
-        truth = self.contact.truth
+        truth = self.autopilot.truth
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
         """Put the streams back to what they were before us, and the mode of a disarmed vehicle,
         unless somebody else has it."""
-        self._stream_requests.close()
-        contact, before = self.contact, self.offboard.modes.before
-        is_ours = self.override is None and not contact.status.armed
-        if not is_ours or before is None or before == contact.status.mode:
+        self._keep_alive.close()
+        autopilot, before = self.autopilot, self.offboard.modes.before
+        is_ours = self.override is None and not autopilot.status.armed
+        if not is_ours or before is None or before == autopilot.status.mode:
             return
-        params = (*contact.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
+        params = (*autopilot.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
         command = mavlink.MAV_CMD_DO_SET_MODE
-        contact.port.send(
-            mavlink.MAVLink_command_long_message(*contact.target, command, 0, *params)
+        autopilot.port.send(
+            mavlink.MAVLink_command_long_message(*autopilot.target, command, 0, *params)
         )
 
-    def _ground_truth(self, seat: Seat, profile: FirmwareProfile) -> GroundTruth | None:
-        """What tells the ground truth; None on hardware."""
-        return GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
-
-    def _rigged(self) -> None:
-        """Obey the rig, whose faults act on this side of the link alone."""
-        if self.rig is not None:
-            self.contact.port.deaf, self.contact.port.mute = self.rig.deaf, self.rig.mute
+    def _apply_faults(self) -> None:
+        """Apply the faults on this side of the link."""
+        if self.faults is not None:
+            self.autopilot.port.deaf, self.autopilot.port.mute = self.faults.deaf, self.faults.mute
 
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """The messages to request, Hz. kinds: what the vehicle is flown by."""
-        rates = {**self.contact.streams(kinds), **setpoints.STREAMS}
+        rates = {**self.autopilot.streams(kinds), **setpoints.STREAMS}
         if self._grip is not None:
             rates |= payload.STREAMS
-        sent = self.contact.profile.streams
+        sent = self.autopilot.profile.streams
         return self._capacity.fitting({name: rates[name] for name in rates if name in sent})
 
     def _stream_setpoint(self, now: Time) -> None:
@@ -236,30 +234,30 @@ class AutopilotLink(Link):
         command = self.offboard.stream.due(now)
         if command is None or (anchor := self._anchor) is None:
             return
-        contact = self.contact
-        boot = contact.clock.to_boot(now) or now
+        autopilot = self.autopilot
+        boot = autopilot.clock.to_boot(now) or now
         message = codec.encode(
-            compensated(command, self._latency), target=contact.target, boot_ms=boot // MS,
+            compensated(command, self._latency), target=autopilot.target, boot_ms=boot // MS,
             anchor=anchor,
-            throttle=self._hover.throttle(contact.parameters.values),
-            own_heading=contact.telemetry.heading if command.heading is None else None,
+            throttle=self._hover.throttle(autopilot.parameters.values),
+            own_heading=autopilot.telemetry.heading if command.heading is None else None,
         )  # fmt: skip
-        contact.port.send(message)
-        contact.others.sent(message, now)
+        autopilot.port.send(message)
+        autopilot.others.sent(message, now)
 
     @property
     def _anchor(self) -> Anchor | None:
         """Where its frame lies."""
-        own = self.contact.telemetry.anchor
-        return self._drift.anchor if self.contact.is_outside else own
+        own = self.autopilot.telemetry.anchor
+        return self._drift.anchor if self.autopilot.is_outside else own
 
     def _watch_parameters(self, now: Time) -> None:
         """Read the parameters of the preflight again in flight, one at a time."""
-        parameters = self.contact.parameters
+        parameters = self.autopilot.parameters
         for name, before, value in parameters.take_changed():
             if name in self._watched:
-                self.contact.others.changed(parameters.called(name), before, value, now)
-        if now >= self._reread and self.contact.status.armed:
+                self.autopilot.others.changed(parameters.called(name), before, value, now)
+        if now >= self._reread and self.autopilot.status.armed:
             self._reread = now + REREAD
             self._turn = (self._turn + 1) % len(self._watched)
             name = self._watched[self._turn]
@@ -268,26 +266,26 @@ class AutopilotLink(Link):
 
     def _learn_hover_throttle(self, now: Time) -> None:
         """How much throttle holds it in the air."""
-        status, contact = self.contact.status, self.contact
+        status, autopilot = self.autopilot.status, self.autopilot
         flies = self.offboard.goal is OffboardGoal.FOLLOW and status.landed is LandedState.AIR
         if self._command is not None:
             asked = status.throttle if flies else None
-            values, own = contact.parameters.values, contact.telemetry.odometry
+            values, own = autopilot.parameters.values, autopilot.telemetry.odometry
             self._hover.learn(asked, self._command, own, values, now)
 
     def _holding(self) -> Command | None:
         """What makes it hold still where it is, None where that is not known any more."""
-        own = self.contact.telemetry.odometry
+        own = self.autopilot.telemetry.odometry
         if own is None or self._now - own.time > FORGOTTEN:
             return None
         heading = heading_of(own.attitude)
         here = own.position
-        if self.contact.is_outside:
+        if self.autopilot.is_outside:
             here = self._drift.anchor.to_world(here)
         setpoint = Setpoint(SetpointKind.POSITION, here, ZERO, heading=heading)
         return Command(LEVEL, 0.0, ZERO, heading, True, CommandKind.POSITION, setpoint)
 
     def _publish_state(self) -> None:
-        status = self.contact.status
+        status = self.autopilot.status
         self.override = self.offboard.override
         self.armed = None if status.heartbeat is None else status.armed

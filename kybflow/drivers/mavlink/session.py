@@ -9,6 +9,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import Time
 from kybflow.drivers.mavlink.firmware import FirmwareProfile, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
+from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.router import Router
 from kybflow.drivers.mavlink.transport.wire import Wire
@@ -43,7 +44,8 @@ def open_session(
         session.routers = tuple(routers.values())
         for (profile, address, system), seat in zip(places, seats, strict=True):
             port = routers[owners[address]].port(address, system)
-            session.links[seat.context.vehicle] = AutopilotLink(seat, profile, port)
+            truth = GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
+            session.links[seat.context.vehicle] = AutopilotLink(seat, profile, port, truth)
     except BaseException:
         session.close()
         raise

@@ -130,9 +130,9 @@ class RotorpyWorld(Session):
         return list(self.links).index(name)
 
     def apply_faults(self, index: int) -> None:
-        """Obey a vehicle's rig."""
+        """Apply a vehicle's active faults."""
         vehicle = self._vehicles[index]
-        self._plants[index].load(vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload)
+        self._plants[index].load(vehicle.body.mass * vehicle.faults.mass + vehicle.faults.payload)
         self._errors.bias(index, vehicle.imu_bias)
         self.onboard.winds[index], self.onboard.pushes[index] = ZERO, NOTHING
 

@@ -5,7 +5,8 @@ contacts act on the body. Mass, inertia and thrust differ from the airframe's, a
 The on-board controller reads a noisy, biased IMU. Motion capture delivers noisy poses at its own
 rate and with a delay; so does GPS with positions, if an estimator needs them. When commands stop,
 the vehicle lands by itself. A payload adds to the mass and, once released, falls as a box. Faults
-act on the vehicle through its link's `rig`. The same generator gives the same flight, bit for bit.
+act on the vehicle through its link's `faults`. The same generator gives the same flight, bit for
+bit.
 """
 
 from __future__ import annotations

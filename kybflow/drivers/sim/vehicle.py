@@ -72,7 +72,7 @@ class SimulatedVehicle(Link):
     """A vehicle and the link to it. index: its index in the world. `is_wired`: whether its user is
     on board (an emulated autopilot), so that faults of the link don't apply."""
 
-    rig: ActiveFaults
+    faults: ActiveFaults
     is_wired = False
 
     def __init__(
@@ -109,9 +109,9 @@ class SimulatedVehicle(Link):
         self.battery = SimulatedBattery(context.airframe, p.battery, p.battery_rate)
         self.wind = GustyWind(p.wind, p.gust, draw(streams[3], [0.0] * 3, [1.0] * 3))
         self.due: Time = 0
-        self.rig = ActiveFaults(context.vehicle, self._apply_faults)
+        self.faults = ActiveFaults(context.vehicle, self._apply_faults)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
-        self._filters = self.rig.filters
+        self._filters = self.faults.filters
         self._push = ZERO
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
@@ -154,7 +154,7 @@ class SimulatedVehicle(Link):
     @property
     def is_disturbed(self) -> bool:
         """Whether wind, forces or vibration act on the vehicle."""
-        return self.wind.blows or self.rig.blows or self._push != ZERO or self._lab.disturbs
+        return self.wind.blows or self.faults.blows or self._push != ZERO or self._lab.disturbs
 
     @property
     def thrust(self) -> float:
@@ -170,7 +170,7 @@ class SimulatedVehicle(Link):
     def wind_at(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
         """Return the wind at the vehicle, m/s, world frame, `elapsed` seconds after the last call:
         the world's, plus all vehicles' jets, whose momenta add up."""
-        x, y, z = add(self.wind.after(elapsed), self.rig.wind(now))
+        x, y, z = add(self.wind.after(elapsed), self.faults.wind(now))
         if jets:
             place = self.truth().position
             z -= hypot(*(jet.sinks(place) for jet in jets))
@@ -202,7 +202,7 @@ class SimulatedVehicle(Link):
 
     def _thrusts(self) -> Numbers:
         """Return each rotor's largest thrust at the battery's current charge."""
-        sag, weak = self.battery.charge.level**2, self.rig.rotors
+        sag, weak = self.battery.charge.level**2, self.faults.rotors
         return tuple(sag * f * left for f, left in zip(self.body.thrust, weak, strict=True))
 
     @property
@@ -281,15 +281,15 @@ class SimulatedVehicle(Link):
         self._arriving.append((now, Payload(now, is_open, on_board)))
 
     def _apply_faults(self) -> None:
-        rig = self.rig
-        self._filters = rig.filters
-        self._push = scale(rig.push, self.body.mass)
-        self._deaf, self._mute = (not self.is_wired and cut for cut in (rig.deaf, rig.mute))
-        self._receiver.set_delay(0 if self.is_wired else round(rig.late * NS))
-        self._seen_as = self._world.index(rig.body)
-        self._sees_as = self._world.index(rig.view)
-        self.battery.charge.sag = rig.sag
-        self.imu_bias = (*rig.gyro_bias, *rig.accelerometer_bias)
+        faults = self.faults
+        self._filters = faults.filters
+        self._push = scale(faults.push, self.body.mass)
+        self._deaf, self._mute = (not self.is_wired and cut for cut in (faults.deaf, faults.mute))
+        self._receiver.set_delay(0 if self.is_wired else round(faults.late * NS))
+        self._seen_as = self._world.index(faults.body)
+        self._sees_as = self._world.index(faults.view)
+        self.battery.charge.sag = faults.sag
+        self.imu_bias = (*faults.gyro_bias, *faults.accelerometer_bias)
         self._world.apply_faults(self._index)
 
     def truth(self) -> Truth:

@@ -169,7 +169,7 @@ class SimulatedWorld(Session):
         """Apply a vehicle's faults and parcel: mass, inertia, IMU bias and disturbances. Its
         rotors' thrust changes with the next battery report."""
         vehicle, model, parcel = self._vehicles[index], self.model, self._parcels.get(index)
-        mass = vehicle.body.mass * vehicle.rig.mass + vehicle.rig.payload
+        mass = vehicle.body.mass * vehicle.faults.mass + vehicle.faults.payload
         place = FIRST_BODY + index
         jx, jy, jz = (j * mass / vehicle.body.mass for j in vehicle.body.inertia)
         if parcel is not None:

@@ -81,7 +81,7 @@ class Knowledge:
         self.estimation = Estimation(plan, context, events, score, report, self._known)
         self.sensing = Sensing(plan, sensors, events)
         self._name, self._observer, self._score = plan.name, observer, score
-        self._rig = link.rig
+        self._faults = link.faults
         self._listen, self._accept = link.listen, self._accepted
         self._fleet = fleet or EstimateHistory()
         self._body = BodyMonitor(plan, bodies or Bodies(), events, lambda: self.estimate)
@@ -102,8 +102,8 @@ class Knowledge:
             measurements = self._body.measured(measurements, now, in_air)
         if self.cameras.is_asked:
             measurements = self.cameras.measured(measurements, now, in_air)
-        if self._rig is not None and self._rig.estimators:
-            self.estimation.kill(self._rig.estimators)
+        if self._faults is not None and self._faults.estimators:
+            self.estimation.kill(self._faults.estimators)
         self.estimate = estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
             self.cameras.judge(self.estimation.candidates, in_air)

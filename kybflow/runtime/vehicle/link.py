@@ -93,7 +93,7 @@ class LinkIn:
     """Receives measurements. truth: a simulator's ground truth, None on hardware. heard: when
     measurements arrived last, None before the first read. age: seconds since the vehicle's last
     message, or since the link was first read. delay: seconds of a round trip to the vehicle, zero
-    while unknown. rig: takes the effects of faults, None on
+    while unknown. faults: those that act on the vehicle, None on
     hardware."""
 
     def __init__(
@@ -111,7 +111,7 @@ class LinkIn:
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
         self._link, self._health = link, health
         self._read, self._truth = link.read, truth_source(link)
-        self.rig = link.rig
+        self.faults = link.faults
         self._texts = link.status_texts if isinstance(link, SendsStatusTexts) else None
         self._others = link.foreign_commands if isinstance(link, NoticesOthers) else None
         self._score = score

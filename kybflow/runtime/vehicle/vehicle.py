@@ -233,8 +233,8 @@ class Vehicle:
     def publish(self) -> None:
         """Publish what neighbours may hear from the next tick on, and record what the behavior
         says."""
-        broadcasts, rig = self._broadcasts, self.knowledge.link_in.rig
-        if broadcasts is None or (rig is not None and rig.silent):
+        broadcasts, faults = self._broadcasts, self.knowledge.link_in.faults
+        if broadcasts is None or (faults is not None and faults.silent):
             return
         said = self.runner.behavior.says if self.runner.begun else None
         if said is not None and said.time == self.now:

@@ -44,7 +44,7 @@ def taken(session):
         wanted = Path("take")
         if wanted.exists():
             wanted.unlink()
-            session.links["a"].autopilot.give_to_pilot(mode)
+            session.links["a"].onboard.give_to_pilot(mode)
         inner(now)
     session.advance = advance
     return session

@@ -37,7 +37,7 @@ def test_a_person_starts_pauses_takes_back_and_lands_it(autopilot, tmp_path):
 
     def pilots(engine):
         if engine.seconds() >= TAKEN and not given:
-            given.append(opened[0].links["a"].autopilot.give_to_pilot(PILOT[autopilot][0]))
+            given.append(opened[0].links["a"].onboard.give_to_pilot(PILOT[autopilot][0]))
 
     given, told = [], []
     request = RunRequest(out=tmp_path / "run")

@@ -69,6 +69,6 @@ def test_motion_capture_comes_beside_what_the_autopilot_tells(autopilot):
         measured += link.read(tick * NS // 250)
     session.close()
     assert {Pose, Odometry} <= {type(m) for m in measured}
-    assert link.rig is not None
+    assert link.faults is not None
     assert link.truth() == link.view()
-    assert isinstance(link.autopilot, OnboardAutopilot)
+    assert isinstance(link.onboard, OnboardAutopilot)

@@ -127,7 +127,7 @@ def answers(sync: TimeSync, *delays: Time, since: Time = 0) -> list[Time]:
     for now in range(since, last + max(delays) + 1, TICK):
         for due, reply in [one for one in coming if one[0] <= now]:
             coming.remove((due, reply))
-            assert sync.hear(reply, now) == []
+            assert sync.handle(reply, now) == []
         for request in sync.due(now) if now < last else ():
             assert request.tc1 == 0
             due = now + delays[len(asked)]
@@ -156,7 +156,7 @@ def test_messages_that_were_held_back_and_come_at_once_are_no_slow_link(held: in
     sync = TimeSync(BootClock())
     asked = [request for time in range(0, held + 1, 4) for request in sync.due(time * MS)]
     for request in asked:
-        sync.hear(mavlink.MAVLink_timesync_message(5, request.ts1), held * MS)
+        sync.handle(mavlink.MAVLink_timesync_message(5, request.ts1), held * MS)
     assert sync.round_trip <= INTERVAL / NS
 
 
@@ -164,7 +164,7 @@ def test_answers_to_others_and_second_answers_are_not_ours() -> None:
     sync = TimeSync(BootClock())
     (request,) = sync.due(0)
     for stamp in (request.ts1 + 77, request.ts1 + 77, request.ts1, request.ts1):
-        sync.hear(mavlink.MAVLink_timesync_message(5, stamp), TICK)
+        sync.handle(mavlink.MAVLink_timesync_message(5, stamp), TICK)
     assert sync.round_trip == 0.0, "only one of them was an answer"
 
 
@@ -172,12 +172,12 @@ def test_a_request_is_answered_in_its_own_time_once_that_is_known() -> None:
     clock = BootClock()
     sync = TimeSync(clock)
     request = mavlink.MAVLink_timesync_message(0, 77)
-    assert sync.hear(request, 0) == []
+    assert sync.handle(request, 0) == []
     known(clock)
-    (reply,) = sync.hear(request, NS)
+    (reply,) = sync.handle(request, NS)
     assert (reply.tc1, reply.ts1) == (NS - BOOTED, 77)
 
 
 def test_other_messages_are_nothing_to_it() -> None:
     heartbeat = mavlink.MAVLink_heartbeat_message(2, 12, 81, 0, 4, 3)
-    assert TimeSync(BootClock()).hear(heartbeat, 0) == []
+    assert TimeSync(BootClock()).handle(heartbeat, 0) == []

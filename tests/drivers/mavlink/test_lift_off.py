@@ -13,8 +13,7 @@ from scripted_autopilot import ARM, RESTING, Bench, at, pushed
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.mavlink.control.arming import LIFTED
-from kybflow.drivers.mavlink.control.lift_off import raised
+from kybflow.drivers.mavlink.control.arming import LIFTED, raised
 
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 MOVING = Setpoint(

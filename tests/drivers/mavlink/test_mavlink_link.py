@@ -575,7 +575,7 @@ def test_what_was_forgotten_after_a_start_is_asked_for_again():
 def test_on_a_firmwares_simulator_faults_cut_the_link_on_our_side_and_on_hardware_nothing_does():
     bench = Bench(simulator=True)
     bench.run(2.0)
-    rig, cut = bench.link.rig, Effect(deaf=True, mute=True)
+    rig, cut = bench.link.faults, Effect(deaf=True, mute=True)
     assert rig is not None
     rig.begin(cut, bench.now)
     sent, heard = len(bench.fake.sent), len(bench.measured)
@@ -585,4 +585,4 @@ def test_on_a_firmwares_simulator_faults_cut_the_link_on_our_side_and_on_hardwar
     bench.run(1.0, at(ZERO))
     assert len(bench.fake.sent) > sent
     assert len(bench.measured) > heard
-    assert Bench().link.rig is None
+    assert Bench().link.faults is None

@@ -29,7 +29,7 @@ class Talk:
 
     def report(self, mode):
         maker, number = 3, self.profile.modes[mode]
-        self.heard.hear(mavlink.MAVLink_heartbeat_message(2, maker, 0, number, 3, 3), self.now)
+        self.heard.handle(mavlink.MAVLink_heartbeat_message(2, maker, 0, number, 3, 3), self.now)
 
     def run(self, seconds):
         """What is sent meanwhile; every command is answered with `result`."""
@@ -40,7 +40,7 @@ class Talk:
             for message in self.requests.due(self.now):
                 sent.append((message.command, message.param2))
                 ack = mavlink.MAVLink_command_ack_message(message.command, self.result)
-                self.requests.hear(ack, self.now)
+                self.requests.handle(ack, self.now)
         return sent
 
 
@@ -66,7 +66,7 @@ def test_why_not_is_in_its_own_words():
     talk.report("STABILIZE")
     talk.modes.want("offboard")
     talk.result = 4
-    talk.heard.hear(mavlink.MAVLink_statustext_message(3, b"Mode change failed"), TICK)
+    talk.heard.handle(mavlink.MAVLink_statustext_message(3, b"Mode change failed"), TICK)
     talk.run(1.0)
     assert "from STABILIZE to GUIDED" in talk.modes.trouble
     assert "FAILED" in talk.modes.trouble

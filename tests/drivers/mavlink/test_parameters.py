@@ -46,7 +46,7 @@ def test_a_name_is_asked_for_and_told(plain: AutopilotParameters) -> None:
     plain.read(["VISO_TYPE"], 0)
     assert not plain.is_complete(["VISO_TYPE"])
     assert sent(plain, 0) == [("PARAM_REQUEST_READ", "VISO_TYPE")]
-    plain.hear(told("VISO_TYPE", 1.0, INT32), 1)
+    plain.handle(told("VISO_TYPE", 1.0, INT32), 1)
     assert plain.is_complete(["VISO_TYPE"])
     assert plain.values == {"VISO_TYPE": 1.0}
     assert sent(plain, NS) == []
@@ -56,14 +56,14 @@ def test_a_name_is_asked_for_and_told(plain: AutopilotParameters) -> None:
 def test_whole_numbers_travel_bytewise_on_px4(px4: AutopilotParameters, number: int) -> None:
     px4.read(["EKF2_EV_CTRL"], 0)
     px4.due(0)
-    px4.hear(told("EKF2_EV_CTRL", bits(number), INT32), 1)
+    px4.handle(told("EKF2_EV_CTRL", bits(number), INT32), 1)
     assert px4.values == {"EKF2_EV_CTRL": number}
 
 
 def test_what_is_known_is_read_again_only_when_that_is_asked(plain: AutopilotParameters) -> None:
     plain.read(["A"], 0)
     plain.due(0)
-    plain.hear(told("A", 1.5), 0)
+    plain.handle(told("A", 1.5), 0)
     plain.read(["A"], 1)
     assert plain.is_complete(["A"])
     plain.read(["A"], 1, again=True)
@@ -85,7 +85,7 @@ def test_an_autopilot_that_says_what_does_not_exist_is_believed_at_once(
 ) -> None:
     plain.read(["NONE"], 0)
     plain.due(0)
-    plain.hear(mavlink.MAVLink_param_error_message(245, 191, b"NONE", -1, 1), 1)
+    plain.handle(mavlink.MAVLink_param_error_message(245, 191, b"NONE", -1, 1), 1)
     assert (plain.missing, plain.due(NS)) == ({"NONE"}, [])
 
 
@@ -94,7 +94,7 @@ def test_few_are_under_way_at_a_time(plain: AutopilotParameters) -> None:
     plain.read(names, 0)
     assert len(plain.due(0)) == AT_ONCE
     assert plain.due(1) == []
-    plain.hear(told("P3", 0.0), 2)
+    plain.handle(told("P3", 0.0), 2)
     assert sent(plain, 2) == [("PARAM_REQUEST_READ", "P5")]
 
 
@@ -103,13 +103,13 @@ def test_a_parameter_is_written_once_its_type_is_known_and_told_back(
 ) -> None:
     px4.write("COM_OBL_RC_ACT", 4, 0)
     assert sent(px4, 0) == [("PARAM_REQUEST_READ", "COM_OBL_RC_ACT")]
-    px4.hear(told("COM_OBL_RC_ACT", bits(0), INT32), 1)
+    px4.handle(told("COM_OBL_RC_ACT", bits(0), INT32), 1)
     (message,) = px4.due(2)
     assert (message.get_type(), message.param_type) == ("PARAM_SET", INT32)
     assert message.param_value == bits(4)
-    px4.hear(told("COM_OBL_RC_ACT", bits(0), INT32), 3)  # an answer to the first question, late
+    px4.handle(told("COM_OBL_RC_ACT", bits(0), INT32), 3)  # an answer to the first question, late
     assert not px4.is_complete(["COM_OBL_RC_ACT"])
-    px4.hear(told("COM_OBL_RC_ACT", bits(4), INT32), 4)
+    px4.handle(told("COM_OBL_RC_ACT", bits(4), INT32), 4)
     assert px4.is_complete(["COM_OBL_RC_ACT"])
     assert (px4.values, px4.refused) == ({"COM_OBL_RC_ACT": 4.0}, {})
 
@@ -117,9 +117,9 @@ def test_a_parameter_is_written_once_its_type_is_known_and_told_back(
 def test_a_float_is_compared_as_it_is_on_the_wire(plain: AutopilotParameters) -> None:
     plain.write("GUID_TIMEOUT", 0.1, 0)
     plain.due(0)
-    plain.hear(told("GUID_TIMEOUT", 3.0), 0)
+    plain.handle(told("GUID_TIMEOUT", 3.0), 0)
     (message,) = plain.due(1)
-    plain.hear(told("GUID_TIMEOUT", message.param_value), 2)
+    plain.handle(told("GUID_TIMEOUT", message.param_value), 2)
     assert plain.is_complete(["GUID_TIMEOUT"])
     assert plain.values["GUID_TIMEOUT"] == rounded(0.1) != 0.1
 
@@ -127,7 +127,7 @@ def test_a_float_is_compared_as_it_is_on_the_wire(plain: AutopilotParameters) ->
 def test_what_it_has_already_is_not_written(plain: AutopilotParameters) -> None:
     plain.write("A", 2.0, 0)
     plain.due(0)
-    plain.hear(told("A", 2.0), 1)
+    plain.handle(told("A", 2.0), 1)
     assert (plain.is_complete(["A"]), plain.due(NS)) == (True, [])
 
 
@@ -135,7 +135,7 @@ def test_an_autopilot_that_keeps_its_value_has_refused(plain: AutopilotParameter
     plain.write("A", 2.0, 0)
     plain.due(0)
     for now in range(0, 9 * NS, NS // 10):
-        plain.hear(told("A", 1.0), now)
+        plain.handle(told("A", 1.0), now)
         plain.due(now)
     assert plain.refused == {"A": "it stays at 1"}
     assert plain.values == {"A": 1.0}
@@ -144,9 +144,9 @@ def test_an_autopilot_that_keeps_its_value_has_refused(plain: AutopilotParameter
 def test_an_error_says_why_it_was_not_written(plain: AutopilotParameters) -> None:
     plain.write("A", 2.0, 0)
     plain.due(0)
-    plain.hear(told("A", 1.0), 1)
+    plain.handle(told("A", 1.0), 1)
     plain.due(1)
-    plain.hear(mavlink.MAVLink_param_error_message(245, 191, b"A", -1, 5), 2)
+    plain.handle(mavlink.MAVLink_param_error_message(245, 191, b"A", -1, 5), 2)
     assert plain.refused == {"A": "read-only"}
 
 
@@ -158,5 +158,5 @@ def test_writing_what_does_not_exist_makes_it_missing(plain: AutopilotParameters
 
 
 def test_what_nobody_asked_for_is_not_kept(plain: AutopilotParameters) -> None:
-    plain.hear(told("STAT_RUNTIME", 5.0), 0)
+    plain.handle(told("STAT_RUNTIME", 5.0), 0)
     assert plain.values == {}

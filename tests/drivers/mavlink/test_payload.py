@@ -53,7 +53,7 @@ def test_an_acknowledgement_that_moves_nothing_is_refused_with_what_to_look_at()
 
 def test_where_nobody_knows_what_the_output_is_for_the_next_way_is_tried():
     made = bench()
-    made.link.contact.parameters.values.clear()
+    made.link.autopilot.parameters.values.clear()
     made.fake.refuses[SERVO] = (UNSUPPORTED, "")
     made.fake.refuses[GRIPPER] = (FAILED, "No gripper")
     with pytest.raises(Refused, match=r"DO_SET_SERVO.*UNSUPPORTED.*; DO_GRIPPER.*No gripper"):

@@ -38,61 +38,61 @@ def test_before_anything_was_heard_nothing_is_known() -> None:
 
 def test_a_heartbeat_tells_mode_and_arming() -> None:
     heard = ReceivedStatus()
-    heard.hear(heartbeat(4, armed=True), 7)
+    heard.handle(heartbeat(4, armed=True), 7)
     assert (heard.heartbeat, heard.mode, heard.armed, heard.status) == (7, 4, True, 3)
-    heard.hear(mavlink.MAVLink_current_mode_message(0, 9, 9), 8)
+    heard.handle(mavlink.MAVLink_current_mode_message(0, 9, 9), 8)
     assert (heard.heartbeat, heard.mode) == (7, 9)
 
 
 def test_the_heartbeat_of_a_camera_of_the_same_system_does_not_count() -> None:
     heard = ReceivedStatus()
-    heard.hear(heartbeat(4, armed=True), 1)
-    heard.hear(heartbeat(0, autopilot=8), 2)
+    heard.handle(heartbeat(4, armed=True), 1)
+    heard.handle(heartbeat(0, autopilot=8), 2)
     assert (heard.heartbeat, heard.mode, heard.armed) == (1, 4, True)
 
 
 def test_readiness_and_ill_sensors() -> None:
     heard = ReceivedStatus()
     status = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    heard.hear(mavlink.MAVLink_sys_status_message(7 | 1 << 28, 5, 1, *status), 0)
+    heard.handle(mavlink.MAVLink_sys_status_message(7 | 1 << 28, 5, 1, *status), 0)
     assert heard.ready is False
     assert heard.sensors is not None
     assert heard.sensors.ill == 4
-    heard.hear(mavlink.MAVLink_sys_status_message(0, 0, 1 << 28, *status), 1)
+    heard.handle(mavlink.MAVLink_sys_status_message(0, 0, 1 << 28, *status), 1)
     assert heard.ready is True
 
 
 def test_flags_outputs_throttle_and_ground() -> None:
     heard = ReceivedStatus()
-    heard.hear(mavlink.MAVLink_ekf_status_report_message(831, 0, 0, 0, 0, 0), 0)
-    heard.hear(mavlink.MAVLink_servo_output_raw_message(0, 0, *range(1000, 1008)), 0)
-    heard.hear(mavlink.MAVLink_servo_output_raw_message(0, 1, *range(8)), 0)
-    heard.hear(mavlink.MAVLink_attitude_target_message(0, 0, [1, 0, 0, 0], 0, 0, 0, 0.5), 0)
-    heard.hear(mavlink.MAVLink_extended_sys_state_message(0, 3), 5)
+    heard.handle(mavlink.MAVLink_ekf_status_report_message(831, 0, 0, 0, 0, 0), 0)
+    heard.handle(mavlink.MAVLink_servo_output_raw_message(0, 0, *range(1000, 1008)), 0)
+    heard.handle(mavlink.MAVLink_servo_output_raw_message(0, 1, *range(8)), 0)
+    heard.handle(mavlink.MAVLink_attitude_target_message(0, 0, [1, 0, 0, 0], 0, 0, 0, 0.5), 0)
+    heard.handle(mavlink.MAVLink_extended_sys_state_message(0, 3), 5)
     assert (heard.ekf, heard.servos[:2], heard.throttle) == (831, (1000, 1001), 0.5)
     assert (heard.landed, heard.at["EXTENDED_SYS_STATE"]) == (LandedState.TAKING_OFF, 5)
 
 
 def test_what_no_autopilot_should_say_is_unknown() -> None:
     heard = ReceivedStatus()
-    heard.hear(mavlink.MAVLink_extended_sys_state_message(0, 77), 0)
+    heard.handle(mavlink.MAVLink_extended_sys_state_message(0, 77), 0)
     nan = float("nan")
-    heard.hear(mavlink.MAVLink_attitude_target_message(0, 0, [1, 0, 0, 0], 0, 0, 0, nan), 0)
+    heard.handle(mavlink.MAVLink_attitude_target_message(0, 0, [1, 0, 0, 0], 0, 0, 0, nan), 0)
     assert (heard.landed, heard.throttle) == (LandedState.UNKNOWN, None)
 
 
 def test_a_text_loses_its_tab_and_what_a_terminal_would_obey() -> None:
     heard = ReceivedStatus()
-    heard.hear(text("Arming denied:\x1b[2J no GPS\t"), 3)
+    heard.handle(text("Arming denied:\x1b[2J no GPS\t"), 3)
     assert list(heard.texts) == [ReceivedText(3, 2, "Arming denied: [2J no GPS")]
 
 
 def test_a_long_text_is_joined_in_whatever_order_it_comes() -> None:
     heard = ReceivedStatus()
-    heard.hear(text(LONG[50:], number=9, chunk=1), 1)
-    heard.hear(text("between", number=10), 2)
+    heard.handle(text(LONG[50:], number=9, chunk=1), 1)
+    heard.handle(text("between", number=10), 2)
     assert texts(heard) == ["between"]
-    heard.hear(text(LONG[:50], number=9), 3)
+    heard.handle(text(LONG[:50], number=9), 3)
     assert texts(heard) == ["between", LONG]
 
 
@@ -102,17 +102,17 @@ def test_a_long_text_is_joined_in_whatever_order_it_comes() -> None:
 def test_a_lost_chunk_does_not_hold_the_rest_for_ever(lost: int, rest: str) -> None:
     heard = ReceivedStatus()
     for chunk in {0, 1} - {lost}:
-        heard.hear(text(LONG[50 * chunk :][:50], number=9, chunk=chunk), 0)
-    heard.hear(heartbeat(0), CHUNK_PATIENCE)
+        heard.handle(text(LONG[50 * chunk :][:50], number=9, chunk=chunk), 0)
+    heard.handle(heartbeat(0), CHUNK_PATIENCE)
     assert texts(heard) == []
-    heard.hear(heartbeat(0), CHUNK_PATIENCE + 1)
+    heard.handle(heartbeat(0), CHUNK_PATIENCE + 1)
     assert list(heard.texts) == [ReceivedText(0, 2, rest)]
 
 
 def test_many_unfinished_texts_do_not_pile_up() -> None:
     heard = ReceivedStatus()
     for number in range(1, 1000):
-        heard.hear(text(LONG[:50], number=number), 0)
+        heard.handle(text(LONG[:50], number=number), 0)
     assert len(heard.texts) == 100
 
 
@@ -120,6 +120,6 @@ def test_words_are_the_warnings_since_then_each_once_newest_last() -> None:
     heard = ReceivedStatus()
     said = [("Arm: old", 2), ("Arm: level", 2), ("EKF3 is using GPS", 6), ("Bad compass", 4)]
     for second, (words, severity) in enumerate([*said, ("Arm: level", 2)]):
-        heard.hear(text(words, severity), second * NS)
+        heard.handle(text(words, severity), second * NS)
     assert heard.words(NS) == "Bad compass; Arm: level"
     assert heard.words(5 * NS) == ""

@@ -35,10 +35,10 @@ class Peer:
 
     def answer(self, command: int, result: int, now: int, system: int = 0) -> None:
         ack = mavlink.MAVLink_command_ack_message(command, result, target_system=system)
-        self.requests.hear(ack, now * MS)
+        self.requests.handle(ack, now * MS)
 
     def say(self, words: str, now: int) -> None:
-        self.heard.hear(mavlink.MAVLink_statustext_message(2, words.encode()), now * MS)
+        self.heard.handle(mavlink.MAVLink_statustext_message(2, words.encode()), now * MS)
 
 
 def test_a_command_goes_to_its_target_with_its_parameters() -> None:

@@ -55,7 +55,7 @@ def hil_state(place=ZERO, heading=0.0, velocity=ZERO, earth=EARTH):
 
 def standing(where, sphere=RADIUS, **facts):
     truth = GroundTruth(where, sphere)
-    truth.hear(sim_state(**facts), 0, on_ground=True)
+    truth.handle(sim_state(**facts), 0, on_ground=True)
     return truth
 
 
@@ -70,7 +70,7 @@ def test_it_begins_where_the_mission_says():
 def test_from_then_on_its_world_is_the_missions_moved_and_turned():
     truth = standing(context((1.0, 2.0, 0.0), pi / 2))
     there = sim_state((3.0, 1.0, 2.0), 0.2, velocity=(0.5, 0.0, -0.1), rates=(0.1, 0.2, 0.3))
-    truth.hear(there, NS, on_ground=False)
+    truth.handle(there, NS, on_ground=False)
     known = truth.truth(NS)
     assert pytest.approx((0.0, 5.0, 2.0), abs=0.012) == known.position
     assert pytest.approx((0.0, 0.5, -0.1)) == known.velocity
@@ -81,8 +81,9 @@ def test_from_then_on_its_world_is_the_missions_moved_and_turned():
 def test_that_of_px4_is_in_whole_centimetres_and_on_the_ellipsoid():
     earth = Tangent.on_ellipsoid(47.3977419, 8.5455939, 488.0)
     truth = GroundTruth(context(), None)
-    truth.hear(hil_state(earth=earth), 0, on_ground=True)
-    truth.hear(hil_state((2.0, -3.0, 1.5), velocity=(0.5, 0, 0), earth=earth), NS, on_ground=False)
+    truth.handle(hil_state(earth=earth), 0, on_ground=True)
+    moving = hil_state((2.0, -3.0, 1.5), velocity=(0.5, 0, 0), earth=earth)
+    truth.handle(moving, NS, on_ground=False)
     known = truth.truth(NS)
     assert pytest.approx((2.0, -3.0, 1.5), abs=0.012) == known.position
     assert pytest.approx((0.5, 0.0, 0.0)) == known.velocity
@@ -105,7 +106,7 @@ def test_a_place_in_steps_of_a_centimetre_is_followed_within_seven_millimetres(a
     for number in range(1, 3 * rate):
         place, velocity = swinging(axes, number / rate)
         now = number * NS // rate
-        truth.hear(sim_state(place, velocity=velocity), now, on_ground=False)
+        truth.handle(sim_state(place, velocity=velocity), now, on_ground=False)
         assert truth.truth(now).position == pytest.approx(place, abs=0.007)
 
 
@@ -114,7 +115,7 @@ def test_what_is_followed_moves_as_smoothly_as_the_vehicle():
     for number in range(1, 500):
         now = number * NS // 50
         moved = sim_state((0.1 * now / NS, 0.0, 0.0), velocity=(0.1, 0.0, 0.0))
-        truth.hear(moved, now, on_ground=False)
+        truth.handle(moved, now, on_ground=False)
         places.append(truth.truth(now).position[0])
     steps = [50 * (after - before) for before, after in pairwise(places)]
     assert steps == pytest.approx([0.1] * len(steps), abs=0.025)
@@ -125,21 +126,21 @@ def test_a_jump_is_followed_at_once():
     for number in range(1, 20):
         place = ZERO if number < 10 else (1.0, -1.0, 1.0)
         now = number * NS // 50
-        truth.hear(sim_state(place), now, on_ground=False)
+        truth.handle(sim_state(place), now, on_ground=False)
         assert truth.truth(now).position == pytest.approx(place, abs=STEP + 0.006)
 
 
 def test_after_silence_it_is_where_it_says():
     truth = standing(context())
     now = round((LONGEST + 0.1) * NS)
-    truth.hear(sim_state((0.02, 0.0, 0.0)), now, on_ground=False)
+    truth.handle(sim_state((0.02, 0.0, 0.0)), now, on_ground=False)
     assert truth.truth(now).position == pytest.approx((0.02, 0.0, 0.0), abs=0.006)
 
 
 def test_there_is_no_truth_before_it_was_seen_on_the_ground():
     truth = GroundTruth(context(), RADIUS)
-    truth.hear(mavlink.MAVLink_system_time_message(0, 0), 0, on_ground=True)
-    truth.hear(sim_state(), 0, on_ground=False)
+    truth.handle(mavlink.MAVLink_system_time_message(0, 0), 0, on_ground=True)
+    truth.handle(sim_state(), 0, on_ground=False)
     assert truth.truth(0) is None
     truth.release(0)
     truth.load()
@@ -148,13 +149,13 @@ def test_there_is_no_truth_before_it_was_seen_on_the_ground():
 
 def test_between_messages_it_goes_on_as_it_moved_and_after_them_there_is_none():
     truth = standing(context())
-    truth.hear(sim_state(velocity=(1.0, 0.0, 0.0), rates=(0.0, 0.0, 1.0)), NS, on_ground=False)
+    truth.handle(sim_state(velocity=(1.0, 0.0, 0.0), rates=(0.0, 0.0, 1.0)), NS, on_ground=False)
     known = truth.truth(NS + NS // 20)
     assert pytest.approx((0.05, 0.0, 0.0)) == known.position
     assert pytest.approx(0.05, abs=1e-4) == g.heading_of(known.attitude)
     assert pytest.approx((0.2, 0.0, 0.0)) == truth.truth(NS + NS // 5).position
     assert truth.truth(NS + NS // 5 + 1) is None
-    truth.hear(sim_state((3.0, 0.0, 0.0)), 9 * NS, on_ground=False)
+    truth.handle(sim_state((3.0, 0.0, 0.0)), 9 * NS, on_ground=False)
     assert pytest.approx((3.0, 0.0, 0.0), abs=0.012) == truth.truth(9 * NS).position
 
 
@@ -166,34 +167,34 @@ def test_on_board_the_parcel_hangs_level_with_the_legs():
 
 def test_released_it_falls_with_the_velocity_it_had_and_rests_on_the_floor():
     truth = standing(context(payload=PARCEL))
-    truth.hear(sim_state((0.0, 0.0, 2.0), velocity=(0.5, 0.0, 0.1)), NS, on_ground=False)
+    truth.handle(sim_state((0.0, 0.0, 2.0), velocity=(0.5, 0.0, 0.1)), NS, on_ground=False)
     truth.release(NS)
     x, y, z = truth.truth(NS + NS // 5).payload
     height = EARTH.local(*EARTH.place((0.0, 0.0, 2.0)))[2]
     assert pytest.approx((0.1, 0.0), abs=0.012) == (x, y)
     assert pytest.approx(height - 0.02 + 0.1 * 0.2 - 0.5 * 9.81 * 0.2**2, abs=1e-6) == z
-    truth.hear(sim_state((0.0, 0.0, 2.0)), 9 * NS, on_ground=False)
+    truth.handle(sim_state((0.0, 0.0, 2.0)), 9 * NS, on_ground=False)
     falls = (0.1 + sqrt(0.01 + 2 * 9.81 * height)) / 9.81
     assert pytest.approx((0.5 * falls, 0.0, -0.02), abs=0.012) == truth.truth(9 * NS).payload
     rests = truth.truth(9 * NS).payload
-    truth.hear(sim_state((1.0, 0.0, 2.0)), 11 * NS, on_ground=False)
+    truth.handle(sim_state((1.0, 0.0, 2.0)), 11 * NS, on_ground=False)
     assert truth.truth(11 * NS).payload == rests
 
 
 def test_a_turning_vehicle_lends_its_parcel_the_speed_of_its_place():
     truth = standing(context(payload=PARCEL))
-    truth.hear(sim_state((0, 0, 2.0), rates=(0.0, 2.0, 0.0)), NS, on_ground=False)
+    truth.handle(sim_state((0, 0, 2.0), rates=(0.0, 2.0, 0.0)), NS, on_ground=False)
     truth.release(NS)
-    truth.hear(sim_state((0, 0, 2.0)), NS + NS // 2, on_ground=False)
+    truth.handle(sim_state((0, 0, 2.0)), NS + NS // 2, on_ground=False)
     assert pytest.approx(-0.02 * 2.0 * 0.5, abs=0.012) == truth.truth(NS + NS // 2).payload[0]
 
 
 def test_it_is_let_go_once_and_may_be_put_on_board_again():
     truth = standing(context(payload=PARCEL))
-    truth.hear(sim_state((0, 0, 2.0)), NS, on_ground=False)
+    truth.handle(sim_state((0, 0, 2.0)), NS, on_ground=False)
     truth.release(NS)
     truth.release(2 * NS)
-    truth.hear(sim_state((0, 0, 2.0)), 2 * NS, on_ground=False)
+    truth.handle(sim_state((0, 0, 2.0)), 2 * NS, on_ground=False)
     assert pytest.approx(-0.02) == truth.truth(2 * NS).payload[2]
     truth.load()
     assert pytest.approx(1.98, abs=1e-3) == truth.truth(2 * NS).payload[2]
@@ -203,6 +204,6 @@ def test_a_parcel_that_was_never_on_board_lies_where_the_vehicle_stood():
     left = Parcel(mass=0.2, size=0.06, aboard=False)
     truth = standing(context(payload=left))
     assert pytest.approx((0.0, 0.0, -0.02)) == truth.truth(0).payload
-    truth.hear(sim_state((3.0, 0, 2.0)), NS, on_ground=False)
+    truth.handle(sim_state((3.0, 0, 2.0)), NS, on_ground=False)
     truth.release(NS)
     assert pytest.approx((0.0, 0.0, -0.02)) == truth.truth(NS).payload

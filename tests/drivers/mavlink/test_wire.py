@@ -15,8 +15,8 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.sockets import MOST_AT_ONCE, TcpServer, UdpIn
-from kybflow.drivers.mavlink.transport.wire import Pipe, Wire, memory_wires
+from kybflow.drivers.mavlink.transport.sockets import MOST_AT_ONCE, Pipe, TcpServer, UdpIn
+from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
 
 HOST = "127.0.0.1"
 

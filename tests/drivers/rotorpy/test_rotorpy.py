@@ -77,17 +77,17 @@ def test_wind_a_push_and_mass_of_the_rig_act() -> None:
     session = world()
     link = session.links["a"]
     _, now = push(session, link, 1.0, thrust(1.1 * HOVER))
-    link.rig.begin(Effect(wind=lambda seconds: (2.0, 0.0, 0.0)), now)
+    link.faults.begin(Effect(wind=lambda seconds: (2.0, 0.0, 0.0)), now)
     _, now = push(session, link, 1.0, thrust(1.1 * HOVER), now)
     assert session.truth(0).velocity[0] > 0.2
     before = session.truth(0).velocity[1]
     pull = Effect(push=(0.0, 0.5, 0.0))
-    link.rig.begin(pull, now)
+    link.faults.begin(pull, now)
     _, now = push(session, link, 0.4, thrust(1.1 * HOVER), now)
     assert session.truth(0).velocity[1] - before == pytest.approx(0.2, rel=0.1)
-    link.rig.end(pull)
+    link.faults.end(pull)
     before = session.truth(0).velocity[2]
-    link.rig.begin(Effect(mass=1.5), now)
+    link.faults.begin(Effect(mass=1.5), now)
     push(session, link, 0.2, thrust(1.1 * HOVER), now)
     assert session.truth(0).velocity[2] < before - 0.3
 

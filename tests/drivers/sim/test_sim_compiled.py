@@ -38,13 +38,13 @@ def flight(build):
     a, b, c = session.links.values()
     a.subscribe(frozenset({Imu}))
     measured, now = push(session, a, 0.3, STOPPED)
-    c.rig.begin(Effect(late=0.013, rotors=(0.9, 1.0, 1.0, 1.0)), now)
+    c.faults.begin(Effect(late=0.013, rotors=(0.9, 1.0, 1.0, 1.0)), now)
     biased = Effect(gyro_bias=(0.01, 0.0, 0.0), accelerometer_bias=(0.0, 0.0, 0.2))
     for tick in range(500):
         if tick == 100:
-            a.rig.begin(biased, now)
+            a.faults.begin(biased, now)
         if tick == 200:
-            a.rig.end(biased)
+            a.faults.end(biased)
         for link in (a, b, c) if tick < 250 else (a, c):
             link.send(thrust(12.0), now)
         now += PERIOD

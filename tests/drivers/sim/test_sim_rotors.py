@@ -63,7 +63,7 @@ def test_they_are_mujocos_own(parcel):
     now, farthest = 0, 0.0
     for step in range(1500):
         if step == 700:
-            link.rig.begin(Effect(rotors=(0.9, 1.0, 1.0, 1.0)), now)
+            link.faults.begin(Effect(rotors=(0.9, 1.0, 1.0, 1.0)), now)
         turn = from_euler(0.4 * sin(0.01 * step), 0.3 * sin(0.02 * step), 0.0)
         link.send(STOPPED if step > 1300 else thrust(12.0 + 8.0 * sin(0.03 * step), turn, 1.0), now)
         controls, thrusts = session.onboard.controls[0], session.onboard.thrusts[0]

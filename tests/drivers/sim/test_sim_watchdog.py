@@ -33,7 +33,7 @@ def cut_after(seconds, seed, height=1.0, bias=0.0, since=4.0, calm=False):
     link = session.links["a"]
     _, now = push(session, link, 0.04, STOPPED)
     now = lift(session, link, height, seconds - since, now)
-    link.rig.begin(Effect(accelerometer_bias=(0.0, 0.0, bias)), now)
+    link.faults.begin(Effect(accelerometer_bias=(0.0, 0.0, bias)), now)
     now = lift(session, link, height, since, now)
     last = top = link.truth().position[2]
     fastest = 0.0
@@ -115,7 +115,7 @@ def test_the_watchdog_knows_how_fast_it_climbs(climb):
 def test_it_takes_an_error_of_its_accelerometer_at_rest_for_no_motion(error):
     session = world(seat(params=SimParams()))
     link = session.links["a"]
-    link.rig.begin(Effect(accelerometer_bias=(0.0, 0.0, error)), 0)
+    link.faults.begin(Effect(accelerometer_bias=(0.0, 0.0, error)), 0)
     _, now = push(session, link, 0.5, STOPPED)
     now = lift(session, link, 1.5, 4.0, now)
     fastest, _ = left_alone(session, link, now, 8.0)

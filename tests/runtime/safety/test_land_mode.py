@@ -29,7 +29,7 @@ class Autopilot(Link):
 
     def __init__(self, link: Link, way: str) -> None:
         self.link, self.way = link, way
-        self.rig = link.rig
+        self.faults = link.faults
         self.calls: list[tuple[float, str]] = []
 
     def read(self, now):

@@ -32,7 +32,7 @@ class Autopilot(Link):
 
     def __init__(self, link: Link, way: str) -> None:
         self.link, self.way = link, way
-        self.rig = link.rig
+        self.faults = link.faults
         self.armed = False
         self.asked: float | None = None
         self.calls: list[tuple[float, str]] = []

@@ -45,7 +45,7 @@ class MavlinkEndpoint:
         self.autopilot.now = now
         for channel, handlers in self._channels:
             for message in channel.receive(now):
-                handlers.hear(message)
+                handlers.handle(message)
                 if message.get_type() == "HEARTBEAT" and len(self._channels) > 1:
                     self._forward(message, channel)
         self.autopilot.step(now)

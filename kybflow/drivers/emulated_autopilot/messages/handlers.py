@@ -75,7 +75,7 @@ class MessageHandlers:
             "MANUAL_CONTROL": self._manual,
         }
 
-    def hear(self, message: Any) -> None:
+    def handle(self, message: Any) -> None:
         """Handle a message, unless it is addressed to another vehicle."""
         target = getattr(message, "target_system", 0)
         if target not in (0, self._a.system) or message.get_srcSystem() == self._a.system:
@@ -107,7 +107,7 @@ class MessageHandlers:
 
     def _parameter(self, m: Any) -> None:
         a = self._a
-        for answer in a.state.parameters.hear(m):
+        for answer in a.state.parameters.handle(m):
             self._channel.send(answer)
 
     def _follow(self, wanted: setpoints.AttitudeTarget | PositionTarget | None) -> None:

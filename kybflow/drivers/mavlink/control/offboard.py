@@ -13,8 +13,15 @@ from enum import Enum
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.mavlink.control.arming import LEAD, Arming, Disarming, MotorStop, PreflightMode
-from kybflow.drivers.mavlink.control.lift_off import LiftOff, raised
+from kybflow.drivers.mavlink.control.arming import (
+    LEAD,
+    Arming,
+    Disarming,
+    LiftOff,
+    MotorStop,
+    PreflightMode,
+    raised,
+)
 from kybflow.drivers.mavlink.control.modes import Modes
 from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDetector
 from kybflow.drivers.mavlink.control.requests import CommandRequests

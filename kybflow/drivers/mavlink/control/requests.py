@@ -112,7 +112,7 @@ class CommandRequests:
         self._tidy()
         return request
 
-    def hear(self, message: Message, now: Time) -> None:
+    def handle(self, message: Message, now: Time) -> None:
         """Take in a message; all but COMMAND_ACK are ignored."""
         if message.get_type() != "COMMAND_ACK":
             return

@@ -46,12 +46,12 @@ APART = 0.5
 class PreflightChecks:
     """The preflight's checks of one autopilot. params: the driver's, as the mission sets them."""
 
-    def __init__(self, contact: AutopilotState, modes: Modes, params: MavlinkParams) -> None:
-        self._profile, self._status, self._modes = contact.profile, contact.status, modes
-        self._contact = contact
-        self._telemetry, self._requests = contact.telemetry, contact.requests
-        self._is_outside = contact.is_outside
-        self._required = RequiredParameters(contact, params)
+    def __init__(self, autopilot: AutopilotState, modes: Modes, params: MavlinkParams) -> None:
+        self._profile, self._status, self._modes = autopilot.profile, autopilot.status, modes
+        self._state = autopilot
+        self._telemetry, self._requests = autopilot.telemetry, autopilot.requests
+        self._is_outside = autopilot.is_outside
+        self._required = RequiredParameters(autopilot, params)
         self._asks: Time | None = None
 
     def names(self) -> list[str]:
@@ -68,7 +68,7 @@ class PreflightChecks:
         lines = [heartbeat, self._required.watchdog()]
         if self._is_outside:
             lines.append(self._required.set_up())
-        misses = misses and misses + self._contact.ignored_because
+        misses = misses and misses + self._state.ignored_because
         lines.append(Check("command mode", not misses, misses or self._modes.reported))
         return [*lines, self._position(told, now), self._autopilot(now)]
 

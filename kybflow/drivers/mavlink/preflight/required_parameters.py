@@ -24,12 +24,12 @@ class RequiredParameters:
     """The preflight's lines about the parameters of one autopilot. params: the driver's, as the
     mission sets them."""
 
-    def __init__(self, contact: AutopilotState, params: MavlinkParams) -> None:
-        self._profile, self._parameters = contact.profile, contact.parameters
-        self._contact = contact
-        self._is_outside, self._system = contact.is_outside, contact.port.system
+    def __init__(self, autopilot: AutopilotState, params: MavlinkParams) -> None:
+        self._profile, self._parameters = autopilot.profile, autopilot.parameters
+        self._autopilot = autopilot
+        self._is_outside, self._system = autopilot.is_outside, autopilot.port.system
         self._params, self._own = params, params.own_system
-        feeds = contact.profile.feeds if self._is_outside else contact.profile.feeds_own
+        feeds = autopilot.profile.feeds if self._is_outside else autopilot.profile.feeds_own
         self._feeds = feeds
 
     def names(self) -> list[str]:
@@ -48,7 +48,7 @@ class RequiredParameters:
             return Check("watchdog", False, detailed(said, dangers.values()), waits=False)
         if (reaction := self._profile.reaction) not in self._parameters.values:
             reason = f"it does not tell {reaction}, what it does once this program is dead"
-            reason += self._contact.ignored_because or ": does it hear us?"
+            reason += self._autopilot.ignored_because or ": does it hear us?"
             return Check("watchdog", False, reason, waits=False)
         return Check("watchdog", True, self._reaction() + self._missing(names))
 

@@ -106,7 +106,7 @@ class TimeSync:
         self._asked.append(now)
         return [_message(0, now)]
 
-    def hear(self, message: Message, now: Time) -> list[Message]:
+    def handle(self, message: Message, now: Time) -> list[Message]:
         """The answer to a request of the autopilot; nothing while its clock is unknown."""
         if message.get_type() != "TIMESYNC":
             return []

@@ -10,10 +10,13 @@ vehicle that has flown.
 from __future__ import annotations
 
 from collections.abc import Callable, Set
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from kybflow.core.signals import (
     NS,
+    Battery,
+    BatteryWarning,
     Imu,
     Measurement,
     MeasurementKind,
@@ -22,10 +25,14 @@ from kybflow.core.signals import (
     Time,
 )
 from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
-from kybflow.drivers.mavlink.telemetry.battery import BatteryReports
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
-from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
+from kybflow.drivers.mavlink.telemetry.received_status import (
+    LandedState,
+    ReceivedStatus,
+    ReceivedText,
+)
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -77,12 +84,12 @@ class Telemetry:
         self._imu: Time | None = None
         self._origin: Tangent | None = None
         self._taken: list[Measurement] = []
-        self._hear: dict[str, Callable[[Message, Time], Measurement | None]] = {
+        self._handlers: dict[str, Callable[[Message, Time], Measurement | None]] = {
             "ATTITUDE_QUATERNION": self._turned,
             "LOCAL_POSITION_NED": self._moved,
             **dict.fromkeys(STATUS & streams, self._estimator_status),
-            "BATTERY_STATUS": battery.hear,
-            "SYS_STATUS": battery.hear,
+            "BATTERY_STATUS": battery.handle,
+            "SYS_STATUS": battery.handle,
             "GPS_GLOBAL_ORIGIN": self._placed,
             **({} if is_outside else {"GPS_RAW_INT": self._gps}),
             "RC_CHANNELS": codec.sticks,
@@ -100,7 +107,7 @@ class Telemetry:
     @property
     def reads(self) -> Set[str]:
         """The messages that it reads."""
-        return self._hear.keys()
+        return self._handlers.keys()
 
     def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """The messages that must come steadily, Hz. kinds: what the vehicle is flown by."""
@@ -109,12 +116,12 @@ class Telemetry:
             **dict.fromkeys(INERTIAL, INERTIAL_RATE if Imu in kinds else IDLE),
             "BATTERY_STATUS": 2.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
         }  # fmt: skip
-        return {name: rate for name, rate in rates.items() if name in self._hear}
+        return {name: rate for name, rate in rates.items() if name in self._handlers}
 
-    def hear(self, message: Message, now: Time) -> None:
+    def handle(self, message: Message, now: Time) -> None:
         """Take in one message, after `ReceivedStatus` did."""
-        hear = self._hear.get(message.get_type())
-        measurement = None if hear is None else hear(message, now)
+        handle = self._handlers.get(message.get_type())
+        measurement = None if handle is None else handle(message, now)
         if measurement is not None:
             self._taken.append(measurement)
 
@@ -201,3 +208,81 @@ class Telemetry:
         if self._origin is None or self.anchor is None:
             return None
         return codec.gps(message, now, origin=self._origin, anchor=self.anchor)
+
+
+SILENT: Time = 5 * NS
+"""How long BATTERY_STATUS must be silent for SYS_STATUS to count."""
+LOW, CRITICAL, EMERGENCY, FAILED, UNHEALTHY = 2, 3, 4, 5, 6
+STATES = MappingProxyType(
+    {
+        LOW: "low", CRITICAL: "critical", EMERGENCY: "nearly empty", FAILED: "failed",
+        UNHEALTHY: "not well",
+    }
+)  # fmt: skip
+"""MAV_BATTERY_CHARGE_STATE, but for those that are no reason to worry."""
+WORDS = MappingProxyType(
+    {"emergency": EMERGENCY, "dangerous": EMERGENCY, "critical": CRITICAL, "low": LOW}
+)
+"""What of a text about a battery says which state, the worst first."""
+MONITOR = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+
+
+class BatteryReports:
+    """The reports of one autopilot about its batteries. acts_at: the state from which on its own
+    failsafe acts where it is set up to."""
+
+    def __init__(self, status: ReceivedStatus, acts_at: int) -> None:
+        self._status, self._acts_at = status, acts_at
+        self._newest: Battery | None = None
+        self._states: dict[int, int] = {}
+        self._text: ReceivedText | None = None
+        self._said: tuple[int, str] = (0, "")
+
+    def handle(self, message: Message, now: Time) -> Battery | None:
+        """The battery after this message, None where it told nothing new or is not known."""
+        is_general = message.get_type() == "SYS_STATUS"
+        if not is_general:
+            self._states[message.id] = message.charge_state
+        told = self._status.at.get("BATTERY_STATUS")
+        is_better_known = is_general and told is not None and now - told < SILENT
+        before = self._newest
+        newest = (None if is_better_known else codec.battery(message, now)) or before
+        if newest is None:
+            return None
+        self._newest = newest = newest._replace(warning=self._warning())
+        return None if newest == before else newest
+
+    def _warning(self) -> BatteryWarning | None:
+        """What it says of a battery that runs low, None while it says nothing."""
+        self._read_texts()
+        level, text = self._said
+        said = [f"it says '{text}'"] if text else []
+        states = self._states.values()
+        worst = max((state for state in states if LOW <= state <= FAILED), default=0)
+        sensors = self._status.sensors
+        if not worst and (UNHEALTHY in states or (sensors and sensors.ill & MONITOR)):
+            worst = UNHEALTHY
+        if worst:
+            said.append(f"it reports its battery as {STATES[worst]}")
+        if not said:
+            return None
+        acts = level >= self._acts_at or self._acts_at <= worst <= FAILED
+        return BatteryWarning("; ".join(said), acts)
+
+    def _read_texts(self) -> None:
+        """Take note of the newest words about the battery of an armed vehicle."""
+        if not self._status.armed:
+            self._said = (0, "")
+        for text in self._status.texts_after(self._text):
+            self._text = text
+            level = self._level(text.text.lower()) if self._status.armed else 0
+            if level >= max(self._said[0], LOW):
+                self._said = (level, text.text)
+
+    def _level(self, words: str) -> int:
+        """The state of the battery that a text tells, 0 where it tells none."""
+        if "battery" not in words:
+            return 0
+        if "failsafe" in words and "clear" not in words:
+            return self._acts_at
+        return next((state for word, state in WORDS.items() if word in words), 0)

@@ -96,7 +96,7 @@ class AutopilotParameters:
         """Whether no answer about these is awaited any more."""
         return not any(name in self._exchanges for name in names)
 
-    def hear(self, message: Message, now: Time) -> None:
+    def handle(self, message: Message, now: Time) -> None:
         """Take in a message; those that are not about parameters are ignored."""
         sort = message.get_type()
         if sort == "PARAM_VALUE":

@@ -115,7 +115,7 @@ class ReceivedStatus:
         self.at: dict[str, Time] = {}
         self.texts: deque[ReceivedText] = deque(maxlen=MOST_TEXTS)
         self._chunks: dict[tuple[int, int], _Chunks] = {}
-        self._hear: dict[str, Callable[[Message, Time], None]] = {
+        self._handlers: dict[str, Callable[[Message, Time], None]] = {
             "HEARTBEAT": self._heartbeat,
             "CURRENT_MODE": self._current_mode,
             "SYS_STATUS": self._sys_status,
@@ -127,13 +127,13 @@ class ReceivedStatus:
             "STATUSTEXT": self._statustext,
         }
 
-    def hear(self, message: Message, now: Time) -> None:
+    def handle(self, message: Message, now: Time) -> None:
         """Take in one message, in the order of arrival."""
-        sort = message.get_type()
-        hear = self._hear.get(sort)
-        if hear is not None:
-            hear(message, now)
-        self.at[sort] = now
+        kind = message.get_type()
+        handle = self._handlers.get(kind)
+        if handle is not None:
+            handle(message, now)
+        self.at[kind] = now
         if self._chunks:
             self._give_up(now)
 

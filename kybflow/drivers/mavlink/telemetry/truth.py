@@ -67,7 +67,7 @@ class GroundTruth:
         self._now: tuple[Time, Truth] | None = None  # `_newest` moved on, and until when
         self._parcel = None if context.payload is None else _Fall(context.payload)
 
-    def hear(self, message: Message, now: Time, *, on_ground: bool) -> None:
+    def handle(self, message: Message, now: Time, *, on_ground: bool) -> None:
         """Take in a SIM_STATE or HIL_STATE_QUATERNION; others are ignored. on_ground: whether the
         vehicle reports that it stands; there is no truth before that."""
         kind = message.get_type()

@@ -7,7 +7,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kybflow.drivers.mavlink.transport.address import Address, read_address
-from kybflow.drivers.mavlink.transport.sockets import TcpClient, TcpServer, UdpIn, UdpOut
+from kybflow.drivers.mavlink.transport.sockets import (
+    SerialLine,
+    TcpClient,
+    TcpServer,
+    UdpIn,
+    UdpOut,
+)
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 
@@ -15,14 +21,11 @@ def open_wire(address: str | Address) -> Wire:
     """The wire to an address. Raises DriverError where it cannot work: a port in use, an unknown
     host, no pyserial. What may still appear, such as a device or a simulator, is its `trouble`."""
     place = read_address(address) if isinstance(address, str) else address
-    if place.kind == "serial":
-        from kybflow.drivers.mavlink.transport.serial_line import SerialLine
-
-        return SerialLine(place)
     kinds: dict[str, Callable[[Address], Wire]] = {
         "tcp": TcpClient,
         "tcpin": TcpServer,
         "udpin": UdpIn,
         "udpout": UdpOut,
+        "serial": SerialLine,
     }
     return kinds[place.kind](place)

@@ -137,7 +137,7 @@ class Port:
             )
         return self._line.silence(self.system) if self.last_heard is None else None
 
-    def hear(self, message: Message, place: Any, now: Time) -> None:
+    def handle(self, message: Message, place: Any, now: Time) -> None:
         """Take in a message; called by the router."""
         if self.deaf:
             return
@@ -243,7 +243,7 @@ class _Line:
                     continue
                 self.autopilots.add(system)
                 if (port := self.ports.get(system)) is not None:
-                    port.hear(message, place, now)
+                    port.handle(message, place, now)
 
     def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
         """Send our time to an autopilot at that place. stale: who signed with an old one, by system

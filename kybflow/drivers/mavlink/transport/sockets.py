@@ -1,24 +1,19 @@
-"""MAVLink over UDP and TCP: datagrams from many or to one place, a TCP client that reconnects, and
-a TCP server for several clients."""
+"""MAVLink over sockets and serial lines: datagrams from many or to one place, a TCP client and a
+serial line that are opened again when they are lost, and a TCP server for several clients."""
 
 from __future__ import annotations
 
+import os
 import socket
-from errno import EINPROGRESS
+from abc import abstractmethod
+from collections.abc import Callable
+from errno import EACCES, EAGAIN, EBUSY, EINPROGRESS, ENOENT
 from typing import Any, ClassVar
 
-from kybflow.core.signals import Time
+from kybflow.core.errors import DriverError
+from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.wire import (
-    Pipe,
-    Received,
-    ReopeningWire,
-    Wire,
-    listener,
-    os_error,
-    resolved,
-    socket_pipe,
-)
+from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 MOST_AT_ONCE = 1000
 MOST_BYTES = 1 << 16
@@ -26,6 +21,39 @@ MOST_BYTES = 1 << 16
 LONGEST = 65536
 ROOM = 1 << 20
 """Bytes that the system keeps for us while a tick is late."""
+
+
+def os_error(error: OSError) -> str:
+    """A system error in a few words."""
+    return os.strerror(error.errno).lower() if error.errno else str(error).lower()
+
+
+def resolved(address: Address) -> tuple[str, int]:
+    """The address of a host. Raises DriverError."""
+    try:
+        found = socket.getaddrinfo(address.place, address.number, socket.AF_INET)
+    except OSError as error:
+        raise DriverError(f"`{address}`: no host `{address.place}`: {error.strerror}") from error
+    host, port = found[0][4][:2]
+    return str(host), int(port)
+
+
+def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
+    """A bound socket that does not block. Raises DriverError."""
+    place = resolved(address)
+    opened = socket.socket(socket.AF_INET, kind)
+    opened.setblocking(False)
+    if kind == socket.SOCK_STREAM:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        opened.bind(place)
+    except OSError as error:
+        opened.close()
+        raise DriverError(
+            f"can't listen at `{address}`: {os_error(error)}; is a ground station or another run"
+            " there? Close it, or take another port"
+        ) from error
+    return opened
 
 
 class _Udp(Wire):
@@ -119,6 +147,136 @@ class UdpOut(_Udp):
                 self._trouble = f"{self.address}: {os_error(error)}"
             else:
                 return
+
+
+SOON: Time = NS // 4
+LATE: Time = 2 * NS
+"""The first and the longest pause between two attempts to open; it doubles each time."""
+PATIENCE: Time = 3 * NS
+"""How long an attempt to open may last."""
+
+
+class Pipe:
+    """Bytes in and out of what does not wait. read(most): b"" where nothing has come; write: how
+    many bytes it took. Both raise OSError when it is lost.
+
+    A frame that went out in part is finished first; what is sent meanwhile is lost, since a
+    setpoint that comes late is worse than none.
+    """
+
+    def __init__(self, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
+        self._read, self._write = read, write
+        self._rest = b""
+
+    def read(self) -> bytes:
+        self._flush()
+        return self._read(MOST_BYTES)
+
+    def write(self, data: bytes) -> None:
+        self._flush()
+        if not self._rest:
+            taken = self._write(data)
+            self._rest = data[taken:] if taken else b""
+
+    def _flush(self) -> None:
+        if self._rest:
+            self._rest = self._rest[self._write(self._rest) :]
+
+
+def socket_pipe(opened: socket.socket) -> Pipe:
+    """A pipe over a connected socket."""
+
+    def read(most: int) -> bytes:
+        try:
+            data = opened.recv(most)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise ConnectionResetError("the other end closed it")
+        return data
+
+    def write(data: bytes) -> int:
+        try:
+            return opened.send(data)
+        except BlockingIOError:
+            return 0
+
+    return Pipe(read, write)
+
+
+class ReopeningWire(Wire):
+    """A wire to one other end that is opened again when it is lost, with growing pauses."""
+
+    def __init__(self, address: Address) -> None:
+        super().__init__(str(address))
+        self._pipe: Pipe | None = None
+        self._trouble: str | None = f"{address}: not open yet"
+        self._began: Time | None = None
+        self._next: Time | None = None
+        self._pause: Time = SOON
+        self._now: Time = 0
+
+    def trouble(self) -> str | None:
+        return self._trouble
+
+    def close(self) -> None:
+        self._pipe = None
+        self._end()
+
+    def _receive(self, now: Time) -> Received:
+        self._now = now
+        try:
+            pipe = self._pipe or self._open(now)
+            data = pipe.read() if pipe is not None else b""
+        except OSError as error:
+            self._lost(error)
+            return ()
+        if data:
+            self._pause = SOON
+        return ((data, None),) if data else ()
+
+    def _send(self, data: bytes, to: Any) -> None:
+        if self._pipe is None:
+            return
+        try:
+            self._pipe.write(data)
+        except OSError as error:
+            self._lost(error)
+
+    def _open(self, now: Time) -> Pipe | None:
+        if self._began is None:
+            if self._next is not None and now < self._next:
+                return None
+            self._began = now
+            self._begin()
+        self._pipe = self._opened()
+        if self._pipe is not None:
+            self._trouble = None
+        elif now > self._began + PATIENCE:
+            raise TimeoutError("nobody answers")
+        return self._pipe
+
+    def _lost(self, error: OSError) -> None:
+        self._trouble = f"{self.address}: {self._words(error)}"
+        self._pipe = self._began = None
+        self._next = self._now + self._pause
+        self._pause = min(2 * self._pause, LATE)
+        self._end()
+
+    def _words(self, error: OSError) -> str:
+        return os_error(error)
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Begin to open. Raises OSError."""
+
+    @abstractmethod
+    def _opened(self) -> Pipe | None:
+        """What was opened, None while opening is under way. Raises OSError."""
+
+    @abstractmethod
+    def _end(self) -> None:
+        """Close what is open, if anything is."""
 
 
 MOST_CLIENTS = 32
@@ -218,3 +376,50 @@ def _quick(opened: socket.socket) -> socket.socket:
     opened.setblocking(False)
     opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return opened
+
+
+_WAYS_OUT = {
+    ENOENT: "there is no such device: is it plugged in?",
+    EACCES: "no permission: join the group that owns it, as `dialout`, and log in again",
+    EAGAIN: "another program has it: close it",
+    EBUSY: "another program has it: close it",
+}
+
+
+class SerialLine(ReopeningWire):
+    """Opened again when it was unplugged."""
+
+    def __init__(self, address: Address) -> None:
+        """Raises DriverError where pyserial is missing."""
+        super().__init__(address)
+        try:
+            import serial
+        except ImportError as error:
+            raise DriverError(
+                f"`{address}` needs pyserial: pip install 'kybflow[mavlink]'"
+            ) from error
+        self._line: Any = serial.Serial(
+            baudrate=address.number, timeout=0, write_timeout=0, exclusive=True
+        )
+        self._line.port = address.place
+
+    def _begin(self) -> None:
+        try:
+            self._line.open()
+        except ValueError as error:  # a baud rate that the line can't have
+            raise OSError(str(error)) from error
+
+    def _opened(self) -> Pipe | None:
+        return Pipe(self._line.read, self._write)
+
+    def _write(self, data: bytes) -> int:
+        try:
+            return os.write(self._line.fileno(), data)
+        except BlockingIOError:
+            return 0
+
+    def _end(self) -> None:
+        self._line.close()
+
+    def _words(self, error: OSError) -> str:
+        return _WAYS_OUT.get(error.errno or 0, os_error(error))
