@@ -3,7 +3,7 @@
     python bench/harm.py [--half development] [--show] [--fly 0] [--only NAME ...]
                          [--missions NAME ...]
 
-The operators are in tests/support/harms/families; each is used on every shipped mission that has a
+The operators are in bench/harms/families; each is used on every shipped mission that has a
 place for it. `told` counts errors and warnings, `at line` those that name a line which the change
 explains, of all that are told. Half of the operators, by a hash of their names, are held out: of
 them only figures are shown, so that no check is made for one of them. `--show` gives an example of

@@ -1,4 +1,4 @@
-"""Makes the helpers in `support/` importable and hypothesis draw the same in every run.
+"""Makes `support/` and `bench/` importable, and hypothesis draw the same in every run.
 
 Programs that a test starts hear Ctrl-C, which a shell takes from what it runs in the background.
 OpenCV and BLAS take one thread, for every core has a worker already. What is collected stays until
@@ -22,7 +22,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-sys.path.insert(0, str(Path(__file__).parent / "support"))
+TESTS = Path(__file__).parent
+sys.path.insert(0, str(TESTS / "support"))
+sys.path.append(str(TESTS.parent / "bench"))
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # programs that a test starts inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
