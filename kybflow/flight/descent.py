@@ -62,7 +62,7 @@ CLIP, HARDEST_STOP = 3.0, 2.0
 """How much a sample may count: downward, in standard deviations; upward, where it may be the floor
 that stops the vehicle, the speed that it takes away, m/s."""
 LAG = 0.05
-"""Seconds by which rotors are taken to lag."""
+"""Assumed time constant of the rotors, seconds."""
 FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
 """The noise of a sample before it is known, and at least, m/s^2; seconds over which it is
 averaged."""
@@ -73,7 +73,7 @@ TRUSTED = (1.0, 1.2, 0.5)
 """Upward speed beyond w(t) that the IMU alone may ask for, m/s: at first, seconds for which it
 stays, and how much it falls each second then."""
 WRONG = 1.0
-"""How much less than it should an accelerometer may feel, m/s^2."""
+"""How much too little an accelerometer may measure, m/s^2."""
 LEAST = 0.25
 ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
@@ -125,7 +125,7 @@ class Descent:
         return min(self._hover * self._ask(), self._most)
 
     def _listen(self, lift: float, dt: float) -> None:
-        """Learn how noisy a sample is."""
+        """Update the noise of a sample."""
         last, self._last = self._last, lift
         if last is not None:
             change = min(abs(lift - last), IMPACT)
@@ -141,7 +141,7 @@ class Descent:
         self._unsure += WANDER * WANDER * dt
 
     def _correct(self, excess: float) -> None:
-        """Correct the speed and the lift. excess: what is felt beyond what was expected."""
+        """Correct the speed and the lift. excess: the measured force less the expected one."""
         share = self._given
         total = share * share * self._unsure + self._noise
         excess = max(excess, -CLIP * sqrt(total))
@@ -153,13 +153,13 @@ class Descent:
         self._unsure -= gain_lift * share * self._unsure
 
     def _is_carried(self, dt: float) -> bool:
-        """Whether the floor has carried the vehicle for long enough."""
+        """Return whether the floor has carried the vehicle for long enough."""
         carried = self._given < IDLE and self._lift * self._given > WEIGHT
         self._rested = self._rested + dt if carried else 0.0
         return self._rested >= RESTED
 
     def _ask(self) -> float:
-        """The next thrust over the hover thrust."""
+        """Return the next thrust over the hover thrust."""
         time = self._time
         wanted = -(SPEED + time * (GROWTH + time * BEND) + SURE * sqrt(max(self._slow, 0.0)))
         pull = STIFFNESS * (wanted - self._speed)
@@ -178,7 +178,7 @@ def _bound(bound: tuple[float, float, float], time: float) -> float:
 
 
 def _weakness(lift: float) -> float:
-    """The hover thrust over the one that was learnt, as far as no accelerometer can be so wrong:
-    not at all where it feels 1 m/s^2 too little, wholly where it feels 2."""
+    """Return the hover thrust over the learnt one, corrected as far as an accelerometer can't be
+    that wrong: not at all if it measures 1 m/s^2 too little, fully if it measures 2."""
     wrong = min(WRONG, max(2.0 * WRONG + lift - GRAVITY, 0.0))
     return max(GRAVITY / (lift + wrong), 1.0)

@@ -44,7 +44,7 @@ nothing is, m."""
 
 
 class AvoidanceBlocked(ProcessorEvent):
-    """What is near leaves the vehicle no way: it brakes."""
+    """The vehicle has no way left and brakes."""
 
     reason: str
 
@@ -75,8 +75,8 @@ class Avoidance:
         self._follower = Follower()
 
     def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
-        """Return what is followed of a setpoint, with an event when it begins to brake because what
-        is near leaves no way."""
+        """Return the setpoint to follow, with an event when the vehicle begins to brake because it
+        has no way left."""
         self._gets_stuck = False
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
@@ -85,7 +85,7 @@ class Avoidance:
         return Emitting(given, AvoidanceBlocked(reason=reason))
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
-        """Return what is followed of a setpoint."""
+        """Return the setpoint to follow."""
         follower, kind = self._follower, setpoint.kind
         follower.resume(setpoint, tick)
         known = tick.known()
@@ -112,7 +112,7 @@ class Avoidance:
     def _allowed(
         self, wanted: Vec3, velocity: Vec3, demands: list[Demand], strongest: float, tick: Tick
     ) -> Vec3:
-        """The acceleration that what is near leaves of the one that is wanted."""
+        """Return the acceleration nearest to the wanted one that the barriers allow."""
         if self._detour is None:
             given = stopped(wanted, velocity, demands, strongest, tick.dt)
         else:
@@ -143,7 +143,7 @@ class Avoidance:
         return follower.advance(scale(given, dt), dt).setpoint_like(setpoint)
 
     def _passes(self, setpoint: Setpoint, demands: list[Demand], dt: float) -> bool:
-        """Whether a setpoint goes on from the last one, and as everything near allows."""
+        """Return whether a setpoint continues the last one within the barriers."""
         before, velocity = self._follower, setpoint.velocity or ZERO
         mean = scale(add(velocity, before.velocity), 0.5 * dt)
         jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))

@@ -127,7 +127,7 @@ class FrameLimits(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What a frame is asked to do: a velocity in the world, and a rate of turning."""
+    """The requested motion of a frame: a velocity in the world and a rate of turning."""
 
     velocity: Vec3 = ZERO
     rate: float = 0.0
@@ -193,7 +193,7 @@ def _turning(
 
 
 def _drift(frame: MovingFrame, mean: MovingFrame) -> tuple[Vec3, float]:
-    """The velocity and the rate at which a frame comes to where all are on the mean."""
+    """Return the velocity and the rate at which a frame drifts to the mean of all."""
     away = scale(sub(mean.centre, frame.centre), AGREEING)
     return shortened(away, _FASTEST), AGREEING * wrap(mean.heading - frame.heading)
 

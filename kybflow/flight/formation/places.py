@@ -1,4 +1,4 @@
-"""Who takes which place of a formation, and where it is laid.
+"""Assigns vehicles to the places of a formation, and finds where it is formed.
 
 Among all assignments of vehicles to places that with the least sum of squared ways is taken: with
 ways of one duration, on straight lines, no two vehicles meet that are far enough apart before and
@@ -107,5 +107,5 @@ def _squared(a: Vec3, b: Vec3) -> float:
 
 
 def prepare() -> None:
-    """Load the solver."""
+    """Return the solver, loaded on first use."""
     assigned(((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))

@@ -56,8 +56,8 @@ class Control:
     """Runs the processors and the tracker of a vehicle.
 
     followed: the setpoint that the tracker followed last, None without one. clamps: the processors
-    that keep the vehicle from what its behavior asks for. set_option: asks for what a processor
-    retunes. Raises PartFailed for a part that can't be constructed.
+    that keep the vehicle from its behavior's setpoint. set_option: requests the options that a
+    processor retunes. Raises PartFailed for a part that can't be constructed.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Control:
         )
 
     def rest(self) -> None:
-        """Forget what the tracker followed: something else flies the vehicle, or nothing does."""
+        """Forget what the tracker followed: it doesn't fly the vehicle now."""
         self.followed = None
 
     def follow(
