@@ -181,7 +181,7 @@ _WHOLE = re.compile(r"[-+]?[0-9]{1,18}")
 _NAME = re.compile(r"\w+")
 _LIST = re.compile(r"\[\s*\]|\[\s*\w+(\s*,\s*\w+)*\s*\]|\w+(\s*,\s*\w+)*")
 _ITEM = re.compile(r"\[[^\]]*\]|[^,\[\]]+")
-"""One item of a list: a list of its own, or what stands between commas."""
+"""One item of a list: a nested list, or the text between commas."""
 
 
 def _decoded(name: str, value: Any, field: Field) -> Any:
@@ -218,7 +218,7 @@ def _array(name: str, value: Any, field: Field, size: tuple[int | None, ...]) ->
 
 
 def _many(value: Any, items: list[Any] | None, field: Field, depth: int) -> str:
-    """How many numbers are needed, and what there is."""
+    """Return in words how many numbers are needed and how many were found."""
     found = f"`{value}`" if items is None else f"{len(items)}"
     if field.shape != "matrix" or not isinstance(field.type, Numbers):
         return f"three numbers, not {found}"
@@ -229,7 +229,7 @@ def _many(value: Any, items: list[Any] | None, field: Field, depth: int) -> str:
 
 
 def _items(value: Any) -> list[Any] | None:
-    """What a list, or its text, is of; None for what is no list."""
+    """Return the items of a list or of its text; None for anything else."""
     if isinstance(value, str):
         text = value.strip().removeprefix("[").removesuffix("]")
         return [item.strip() for item in _ITEM.findall(text) if item.strip()]
@@ -261,7 +261,7 @@ def _names(name: str, value: str | Iterable[str]) -> tuple[str, ...]:
 
 
 _WORDS: dict[str, Callable[[str, Any], Any]] = {"boolean": _truth, "names": _names}
-"""How a value without numbers is read, by its shape, from an option's name and what was asked."""
+"""Readers of values without numbers, by their shape, from the option's name and the value."""
 
 
 def _check_bounds(name: str, numbers: tuple[float, ...], field: Field) -> None:

@@ -1,4 +1,4 @@
-"""Looks at a run and says what it does and what is legal now, by asking what refuses commands."""
+"""Reports what a run does and which commands it would accept now."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ NOT_FLYING = "the preflight is not over"
 
 
 class RunView(NamedTuple):
-    """What the situation of a run is read from."""
+    """The parts of a run from which its situation is read."""
 
     plan: Plan
     vehicles: Sequence[Vehicle]
     flows: Flows
 
     def awaited_now(self) -> set[str]:
-        """Return the events that something hears now."""
+        """Return the events that something waits for now."""
         begun = {v.name: v.state for v in self.vehicles if v.runner.begun}
         flows = (self.flows.running(flow.name) for flow in self.plan.flows)
         phases = {flow.plan.name: flow.phase.name for flow in flows if flow.active}
