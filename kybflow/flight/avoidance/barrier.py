@@ -22,7 +22,7 @@ not give way. World frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import inf, sqrt
 from typing import NamedTuple
 
@@ -96,10 +96,6 @@ def filtered(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 
         shifted = add(wanted, scale(normal, least - dot(normal, wanted)))
         if max(map(abs, shifted)) <= strongest and all(d.holds(shifted) for d in demands):
             return shifted
-    return _solved(wanted, demands, strongest)
-
-
-def _solved(wanted: Vec3, demands: Iterable[Demand], strongest: float) -> Vec3 | None:
     x = _minimised(wanted, [(*normal, least) for normal, least in demands], strongest)
     return None if x is None else (x[0], x[1], x[2])
 

@@ -10,7 +10,6 @@ World frame.
 
 from __future__ import annotations
 
-from functools import partial
 from math import tan
 from typing import NamedTuple
 
@@ -97,9 +96,10 @@ class Avoidance:
             place, velocity = known.position, known.velocity
         keep, strongest = keeping.keep + self._hull, self._strongest
         braking = min(keeping.braking, _PLANNED * strongest)
-        reach = partial(_reach, keep, braking, strongest)
         second = SecondPoint(known.position, keeping.slack) if kind is _POSITION else None
-        near = self._nearby.near(place, norm(velocity), tick, reach, second)
+        near = self._nearby.near(
+            place, norm(velocity), tick, lambda v: keep + reach_of(v, braking, strongest), second
+        )
         demands = [demand(h, keep, velocity, braking, strongest) for h in near]
         if kind is _POSITION:
             return self._followed(setpoint, demands, keeping, strongest, tick)
@@ -166,7 +166,3 @@ class Avoidance:
         velocity = add(before, scale(given, dt))
         self._follower.join(ZERO, velocity)
         return setpoint._replace(velocity=velocity, acceleration=given, jerk=None)
-
-
-def _reach(keep: float, braking: float, strongest: float, speed: float) -> float:
-    return keep + reach_of(speed, braking, strongest)

@@ -116,7 +116,9 @@ class Filter:
     def _fuse(self, fix: Fix, flown: Estimate | None) -> None:
         gate, state = self._gate, self._replay.state
         seen = None if flown is None else seen_from(flown, fix.time)
-        if seen is not None and not self._is_possible(fix, seen):
+        if seen is not None and not gate.passes(
+            _as_pose(fix, seen.attitude), seen, self._bounds(fix)
+        ):
             self._refuse(fix, seen, self._believed(fix.time), flown)
             return
         if fix.attitude is None:
@@ -156,9 +158,6 @@ class Filter:
         return (
             since is not None and last is not None and last.time - since > self._params.doubt * NS
         )
-
-    def _is_possible(self, fix: Fix, where: Reference) -> bool:
-        return self._gate.passes(_as_pose(fix, where.attitude), where, self._bounds(fix))
 
     def _bounds(self, fix: Fix) -> Bounds:
         p, beside = self._params, 4.0 * fix.deviation

@@ -41,10 +41,13 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
         self._newest: Odometry | None = None
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
-        for one in measurements:
-            if isinstance(one, Odometry) and self._is_newer(one) and _is_sound(one):
-                self._newest = one
         newest = self._newest
+        for one in measurements:
+            if not isinstance(one, Odometry) or not _is_sound(one):
+                continue
+            if newest is None or one.time > newest.time:
+                newest = one
+        self._newest = newest
         if newest is None:
             return None
         time, (px, py, pz), velocity, attitude, rates, spread = newest
@@ -53,9 +56,6 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
         position = (px + dt * vx, py + dt * vy, pz + dt * vz)
         attitude = integrate(attitude, rates, dt)
         return Estimate(now, position, velocity, attitude, rates, "autopilot", age, spread)
-
-    def _is_newer(self, one: Odometry) -> bool:
-        return self._newest is None or one.time > self._newest.time
 
 
 def _is_sound(one: Odometry) -> bool:

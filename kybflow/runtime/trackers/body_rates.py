@@ -72,7 +72,7 @@ class BodyRates(Tracker[BodyRatesParams]):
 
 
 def _turn(q: Quat) -> Vec3:
-    """The rotation vector of `q`, the shorter way."""
+    """Return the rotation vector of `q`, the shorter way."""
     w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
     size = norm((x, y, z))
     k = 2.0 * atan2(size, w) / size if size > 1e-9 else 2.0

@@ -31,7 +31,7 @@ class Drive(Protocol):
     corner: int
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
-        """Return what the frame is asked to do. Called once a tick."""
+        """Return the requested motion of the frame. Called once a tick."""
 
     def join(self, others: Iterable[tuple[int, int]]) -> None:
         """Go on where the others are, each of which moves along a `path` to a `corner`."""
@@ -48,7 +48,7 @@ class Still(Drive):
 
 
 class ByHand(Drive):
-    """Moves as the axes of an input say. axes: what they said last."""
+    """Moves by the axes of an input. axes: the last values."""
 
     ended, path, corner = False, 0, 0
 

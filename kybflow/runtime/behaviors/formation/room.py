@@ -1,5 +1,5 @@
-"""What a formation's places are kept away from: the fence, the ground, obstacles, and vehicles that
-are no members."""
+"""Keeps a formation's places away from the fence, the ground, obstacles, and vehicles that are no
+members."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
 _STEP = 0.1
-"""Metres between the points of a leg that are looked at."""
+"""Metres between the points of a leg that are checked."""
 
 
 @params
@@ -106,7 +106,7 @@ class FormationRoom:
         return (*self._solids, *(Sphere(seen.position, seen.radius) for seen in balls))
 
     def _heard(self, tick: Tick, delay: Time, left: Iterable[str]) -> Iterator[SeenObstacle]:
-        """Yield vehicles as they are heard."""
+        """Yield vehicles by what they publish."""
         for name in (*self._others, *left):
             news = tick.neighbours.heard(name, tick.now - delay)
             if name != self._context.vehicle and news is not None:
