@@ -4,9 +4,9 @@ The caller keeps the attitude level meanwhile: the behavior `land_blind`, or the
 simulated vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends
 the thrust that it returns, and stops the rotors when it returns None.
 
-The upward speed v is estimated, never measured: from the thrust and from what the IMU feels, each
+The upward speed v is estimated, never measured: from the thrust and from the IMU's samples, each
 as far as it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after
-the rotors' lag, l the specific force at s = 1, and f the one that is felt, less its error at rest:
+the rotors' lag, l the specific force at s = 1, and f the measured one, less its error at rest:
 
     v' = l s - g,   l' = 0 +- WANDER,   f = l s +- r
 
@@ -34,7 +34,7 @@ says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become we
 0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second; when nothing is
 left, after 26 s, the rotors stop.
 
-Nobody can tell an accelerometer that begins to feel too little from rotors that become weak: the
+An accelerometer that begins to measure too little looks like rotors that become weak: the
 bound decides between them. Where T0 was learnt in flight and `unsure` is 0, b = -0.5 m/s^2 makes
 the vehicle climb by 0.03 m and b = -1 by 0.54 m, while rotors that lose 5 or 10 % of their thrust
 at that moment touch down with 0.95 or 1.35 m/s from 1 m, 1.6 or 2.1 m/s from 1.8 m. Where it is

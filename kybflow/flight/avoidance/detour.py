@@ -1,4 +1,4 @@
-"""The way round what is in the way: to the right."""
+"""Turns a blocked vehicle to the right, around what is in its way."""
 
 from __future__ import annotations
 

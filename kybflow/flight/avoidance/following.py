@@ -1,11 +1,10 @@
-"""Keeps the setpoints of a vehicle away from what is near, by `kybflow.flight.avoidance.barrier`.
+"""Keeps the setpoints of a vehicle clear of hazards, by `kybflow.flight.avoidance.barrier`.
 
-Setpoints of position are followed by a reference of its own, a position q and a velocity u that
-pursue what is asked (`kybflow.flight.governor`) with the acceleration that the barriers allow; it
-looks from q, and from where the vehicle is estimated where that is nearer by more than a slack. Of
-a setpoint of velocity the change is bounded, from what the tracker followed, of one of acceleration
-itself; those look from the estimate. What no barrier has to change passes unchanged, bit for bit.
-World frame.
+Setpoints of position are followed by a reference, a position q and a velocity u that pursue them
+(`kybflow.flight.governor`) with the acceleration that the barriers allow. Distances count from q,
+and from the estimate if that is nearer by more than a slack. For a setpoint of velocity the
+barriers bound its change from what the tracker followed, for one of acceleration itself; distances
+count from the estimate there. A setpoint that no barrier changes passes bit for bit. World frame.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ Reach = Callable[[float], float]
 
 class Hazard(NamedTuple):
     """Something near a point. room: from the point to its surface, negative inside. outward: the
-    unit vector out of it. velocity: of its own. curvature: by how much `outward` turns for each
+    unit vector out of it. velocity: its own. curvature: by how much `outward` turns for each
     metre that is gone across it, 1/m, zero where that is unknown or has no end. is_vehicle: it may
     give way, too."""
 
@@ -94,8 +94,8 @@ class Nearby:
                 yield _ball(name, point, seen, 0.0, now, is_vehicle)
 
     def _moving(self, tick: Tick) -> Iterator[tuple[str, SeenObstacle, bool]]:
-        """Yield what moves and is to be looked at, and whether it may give way: a vehicle that
-        knows where it is."""
+        """Yield the moving obstacles to check, and whether each may give way: a vehicle that has
+        an estimate."""
         now, later = tick.now, self._later
         for name, seen in tick.moving.items() if self._moves else ():
             if now >= later.get(name, 0):

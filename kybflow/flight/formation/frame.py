@@ -9,7 +9,7 @@ the same rule, and lets it drift towards the mean of those that are published,
 
     c_i' = u + k (mean c_j - c_i),
 
-so that what one heard otherwise or later does not stay. World frame, metres, radians.
+so that differences of what members received do not last. World frame, metres, radians.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from kybflow.flight.formation.shapes import centroid
 _ANGLES, _ROUNDS = 12, 4
 _BETTER = 1e-9
 _FINE = 1e-6
-"""Metres to which ways are told apart, so that rounding does not choose among equal ones."""
+"""Resolution of ways in metres, so that rounding does not choose among equal ones."""
 
 
 class Laid(NamedTuple):

@@ -48,7 +48,7 @@ SHAPES: dict[str, tuple[Callable[[int], tuple[Vec3, ...]], Callable[[int], bool]
 
 
 def objection(shape: str, count: int) -> str | None:
-    """Return why a shape has no places for so many vehicles; None where it has."""
+    """Return why a shape has no places for so many vehicles; None if it has."""
     _, fits, numbers = SHAPES[shape]
     return None if fits(count) else f"a {shape} has places for {numbers} vehicles, not for {count}"
 

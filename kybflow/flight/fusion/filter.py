@@ -165,7 +165,7 @@ class Filter:
         return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
 
     def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
-        """At a measurement. velocity: where poses told it, and what the filter believed was
+        """Start at a measurement. velocity: given by poses if the filter's own state was
         wrong; the IMU's biases may be what was."""
         nominal, unknown = self._replay.nominal, self._unknown
         if velocity is not None:
@@ -266,8 +266,8 @@ class Standstill:
         return self._since is not None and self._since <= time and self._seconds >= REST
 
     def begun(self, fix: Fix, unknown: Unknown, noise: ImuNoise, heading: float) -> FilterState:
-        """At a position, at rest: tilt and biases by one correction with what was felt, f = R' g +
-        b and w = c, so that the tilt's error goes with the bias's; the heading is the declared
+        """Start at a position, at rest: tilt and biases by one correction with the sample, f = R' g
+        + b and w = c, so that the tilt's error goes with the bias's; the heading is the declared
         one."""
         fx, fy, fz = self._force
         attitude = from_euler(atan2(fy, fz), atan2(-fx, hypot(fy, fz)), heading)

@@ -10,7 +10,7 @@ start.
 Down at `speed`; from the height `slow_below` above the expected ground, at `slow_speed`. The speed
 of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), slewed with the
 acceleration a. It has no lowest height: the ground is where the vehicle stops although the setpoint
-runs on below it. That is noticed when the height stays within 1.5 cm of one for `dwell` with the
+runs on below it. That is detected when the height stays within 1.5 cm of one for `dwell` with the
 setpoint at least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the
 height is less noisy, and the setpoint's depth is a second witness against gusts). Where the
 estimate is too noisy for that, the height averaged over a second stays within 5 cm for four times

@@ -1,6 +1,5 @@
 """The lease: who commands a run. The first who gives a command holds it until they release it or
-another takes it; `land`, `pause` and `stop` are heard from anyone, and so is the run's own
-schedule."""
+another takes it. `land`, `pause` and `stop` need no lease, nor does the run's own schedule."""
 
 from __future__ import annotations
 

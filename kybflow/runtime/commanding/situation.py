@@ -40,7 +40,7 @@ class VehicleSituation:
     it: `pause`, `brake`, `pilot`. latched: the failsafe's reaction that only a reset undoes.
     braking: the alarms that brake it. override: why somebody else has control. retired: why it
     lands for the rest of the run. driver: the flow that drives it. enter: each state that can be
-    asked for. waits_for: the events that a transition of its state waits for."""
+    requested. waits_for: the events that a transition of its state waits for."""
 
     name: str
     state: str

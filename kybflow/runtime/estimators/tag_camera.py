@@ -4,7 +4,7 @@ Each frame gives the pose of the body (`kybflow.vision.locating.locator`), searc
 last ones predict it, the first where the vehicle starts; the poses give the motion
 (`kybflow.flight.tracked_pose`), whose acceleration changes with the attitude until now. How fast
 the body turns while a rolling shutter reads a frame is solved for with its pose, because the poses
-tell it too late. Frames of several cameras with the same stamp give one pose together. A frame that
+show it too late. Frames of several cameras with the same stamp give one pose together. A frame that
 is not newer than the last one with a pose is dropped.
 
 If a pose is not where the motion predicts it, within

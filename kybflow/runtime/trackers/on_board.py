@@ -157,7 +157,7 @@ class OnBoard(Tracker[OnBoardParams]):
         return add(asked, shortened(scale(gap, p.proportional), p.correction))
 
     def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[Vec3, bool]:
-        """What is asked for, and whether it is within the airframe's limits without being cut."""
+        """Return the acceleration, and whether the airframe's limits leave it uncut."""
         p, drag = self.params, self._airframe.drag
         _, goal, velocity, acceleration, _, _, _ = setpoint
         position = px, py, pz = estimate.position

@@ -174,7 +174,7 @@ class BehaviorRunner:
         return dataclasses.replace(params, **dict(values)) if values else params
 
     def switch(self, goal: str, at: str, values: Values = ()) -> None:
-        """Enter the state `goal` with `values` in place of its own, which the mission asks for at
+        """Enter the state `goal` with `values` in place of its own, which the mission requests at
         the line `at`, or a person where that is empty. Raises Refused when its behavior refuses to
         start and PartFailed when that raises anything else; nothing has changed then."""
         self._values = values

@@ -49,7 +49,7 @@ class ProcessorReports(Protocol):
         """React to an alarm of the part `label`; return whether that changed the state."""
 
     def clamped(self, reason: str) -> None:
-        """Note that the setpoint of this tick is not what the behavior asked for."""
+        """Note that the setpoint of this tick is not that of the behavior."""
 
 
 class Control:

@@ -193,7 +193,7 @@ class LinkOut:
 
     @property
     def armed(self) -> bool | None:
-        """Whether the vehicle reports itself armed; None where it reports nothing."""
+        """Whether the vehicle reports itself armed; None if it reports nothing."""
         try:
             return self._link.armed
         except Exception as error:  # a driver may raise anything

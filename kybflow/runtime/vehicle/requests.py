@@ -85,7 +85,7 @@ class EntryJudge(Protocol):
 
 
 class NoJudge:
-    """Stands in where nobody can judge values: no state is entered with any."""
+    """The judge of a run that can't judge values: no state is entered with any."""
 
     def read(self, vehicle: str, state: str, written: Values) -> Values:
         raise Refused(_NOT_HERE)
@@ -224,7 +224,7 @@ class Requests:
 
     @property
     def paused(self) -> bool:
-        """Whether somebody paused the vehicle."""
+        """Whether the vehicle is paused."""
         hold = self._runner.hold
         return hold is not None and "pause" in hold.holders
 
@@ -306,7 +306,7 @@ class Requests:
         self.waiting = True
 
     def _switch(self, request: SwitchRequest) -> str | None:
-        """Enter the state that is asked for; return why that is refused, None if it started."""
+        """Enter the requested state; return why that is refused, None if it started."""
         reason = self.objection(request.state, request.by, request.values) or None
         if reason is None:
             try:

@@ -61,9 +61,9 @@ _STALE = 10.0
 class Vehicle:
     """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle.
 
-    wanted: the setpoint that its behavior asked for in the last tick, before processors; None
-    without one, and while the ground carries the vehicle. set_option: asks for another value of an
-    option. judge: judges the values that states are asked for with. moving: the moving obstacles.
+    wanted: the setpoint of its behavior in the last tick, before processors; None
+    without one, and while the ground carries the vehicle. set_option: requests another value of an
+    option. judge: judges the values with which states are requested. moving: the moving obstacles.
     """
 
     def __init__(

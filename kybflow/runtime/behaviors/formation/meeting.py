@@ -90,7 +90,7 @@ class Meeting:
     ) -> Assigned | None:
         """Return the place that the member takes which is at `rest`; None while not all have come
         whom that needs, or none is free. leader: where the leader has the frame, None while it is
-        not heard. heard: when the newest news were published that can be heard."""
+        not received. heard: the time of the newest news that can have arrived."""
         sound = [m for m in others if not m.trouble]
         formed = [m for m in sound if m.said.place != WAITING]
         waiting = [m for m in sound if m.said.place == WAITING]

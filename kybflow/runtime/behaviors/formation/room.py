@@ -123,8 +123,8 @@ class FormationRoom:
         p: FormationRoomParams,
     ) -> list[tuple[Vec3, Surface]]:
         """Return what some place must slow down for at `speed` (m/s), each with where that place is
-        from the centre. What is far from all places is told apart at once. Of the ground and the
-        ceiling, which no turn brings nearer, the nearest place tells."""
+        from the centre. Obstacles far from all places are excluded at once. Of the ground and the
+        ceiling, which no turn brings nearer, the nearest place counts."""
         centre, box, keep = frame.centre, self.box(p), self._context.airframe.arm + p.clearance
         reach, far = reach_of(speed), taken.radius
         solids = [o for o in obstacles if o.distance(centre) - keep - far < reach]
