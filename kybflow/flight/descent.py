@@ -4,9 +4,9 @@ The caller keeps the attitude level meanwhile: the behavior `land_blind`, or the
 simulated vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends
 the thrust that it returns, and stops the rotors when it returns None.
 
-The upward speed v is estimated, never measured: from the thrust and from what the IMU feels, each
+The upward speed v is estimated, never measured: from the thrust and from the IMU's samples, each
 as far as it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after
-the rotors' lag, l the specific force at s = 1, and f the one that is felt, less its error at rest:
+the rotors' lag, l the specific force at s = 1, and f the measured one, less its error at rest:
 
     v' = l s - g,   l' = 0 +- WANDER,   f = l s +- r
 
@@ -34,7 +34,7 @@ says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become we
 0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second; when nothing is
 left, after 26 s, the rotors stop.
 
-Nobody can tell an accelerometer that begins to feel too little from rotors that become weak: the
+An accelerometer that begins to measure too little looks like rotors that become weak: the
 bound decides between them. Where T0 was learnt in flight and `unsure` is 0, b = -0.5 m/s^2 makes
 the vehicle climb by 0.03 m and b = -1 by 0.54 m, while rotors that lose 5 or 10 % of their thrust
 at that moment touch down with 0.95 or 1.35 m/s from 1 m, 1.6 or 2.1 m/s from 1.8 m. Where it is
@@ -62,7 +62,7 @@ CLIP, HARDEST_STOP = 3.0, 2.0
 """How much a sample may count: downward, in standard deviations; upward, where it may be the floor
 that stops the vehicle, the speed that it takes away, m/s."""
 LAG = 0.05
-"""Seconds by which rotors are taken to lag."""
+"""Assumed time constant of the rotors, seconds."""
 FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
 """The noise of a sample before it is known, and at least, m/s^2; seconds over which it is
 averaged."""
@@ -73,7 +73,7 @@ TRUSTED = (1.0, 1.2, 0.5)
 """Upward speed beyond w(t) that the IMU alone may ask for, m/s: at first, seconds for which it
 stays, and how much it falls each second then."""
 WRONG = 1.0
-"""How much less than it should an accelerometer may feel, m/s^2."""
+"""How much too little an accelerometer may measure, m/s^2."""
 LEAST = 0.25
 ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
@@ -125,7 +125,7 @@ class Descent:
         return min(self._hover * self._ask(), self._most)
 
     def _listen(self, lift: float, dt: float) -> None:
-        """Learn how noisy a sample is."""
+        """Update the noise of a sample."""
         last, self._last = self._last, lift
         if last is not None:
             change = min(abs(lift - last), IMPACT)
@@ -141,7 +141,7 @@ class Descent:
         self._unsure += WANDER * WANDER * dt
 
     def _correct(self, excess: float) -> None:
-        """Correct the speed and the lift. excess: what is felt beyond what was expected."""
+        """Correct the speed and the lift. excess: the measured force less the expected one."""
         share = self._given
         total = share * share * self._unsure + self._noise
         excess = max(excess, -CLIP * sqrt(total))
@@ -153,13 +153,13 @@ class Descent:
         self._unsure -= gain_lift * share * self._unsure
 
     def _is_carried(self, dt: float) -> bool:
-        """Whether the floor has carried the vehicle for long enough."""
+        """Return whether the floor has carried the vehicle for long enough."""
         carried = self._given < IDLE and self._lift * self._given > WEIGHT
         self._rested = self._rested + dt if carried else 0.0
         return self._rested >= RESTED
 
     def _ask(self) -> float:
-        """The next thrust over the hover thrust."""
+        """Return the next thrust over the hover thrust."""
         time = self._time
         wanted = -(SPEED + time * (GROWTH + time * BEND) + SURE * sqrt(max(self._slow, 0.0)))
         pull = STIFFNESS * (wanted - self._speed)
@@ -178,7 +178,7 @@ def _bound(bound: tuple[float, float, float], time: float) -> float:
 
 
 def _weakness(lift: float) -> float:
-    """The hover thrust over the one that was learnt, as far as no accelerometer can be so wrong:
-    not at all where it feels 1 m/s^2 too little, wholly where it feels 2."""
+    """Return the hover thrust over the learnt one, corrected as far as an accelerometer can't be
+    that wrong: not at all if it measures 1 m/s^2 too little, fully if it measures 2."""
     wrong = min(WRONG, max(2.0 * WRONG + lift - GRAVITY, 0.0))
     return max(GRAVITY / (lift + wrong), 1.0)

@@ -1,6 +1,6 @@
-"""What pushes a vehicle beside its rotors and the drag that is known of, from its accelerometer.
+"""Estimates the disturbance of a vehicle, such as wind, from its accelerometer.
 
-An accelerometer feels all forces but gravity. What the rotors give acts along body z, and drag in
+An accelerometer measures all forces but gravity. The rotors' thrust acts along body z, and drag in
 their plane (`kybflow.drivers.sim.steps.rotors` has the same model); the rest is the disturbance:
 
     d = R (f + c (v - (v . z) z)) - F z,      F' = (u - F) / T
@@ -27,18 +27,18 @@ from kybflow.core.signals import IMU_TIMEOUT, Estimate, Imu
 from kybflow.world.vehicle_context import Airframe
 
 WASHOUT = 3.0
-"""Seconds in which what lasts upwards is left to the estimated mass. What lasts along x and y stays
-in the estimate, the bias of an accelerometer too, which the law's integral takes off again."""
+"""Seconds in which a steady upward disturbance passes to the estimated mass. Along x and y it
+stays in the estimate, with the accelerometer's bias, for which the law's integral compensates."""
 SHAKEN = 1.0
-"""rad/s at which half of the bandwidth is left: while body z turns fast, what is felt is the
-vehicle's own swinging, seen late, and taking that for a push keeps it up."""
+"""rad/s at which half of the bandwidth is left: while body z turns fast, the measured force is the
+vehicle's own swinging, delayed, and compensating for that would keep it up."""
 LARGEST = 2.0
 """The largest estimate along each axis, m/s^2: a wind of 8 m/s on an airframe with drag 0.25."""
 
 
 class DisturbanceObserver:
-    """acceleration: the estimate, m/s^2, world; zero while the vehicle stands, and where no IMU is
-    heard."""
+    """acceleration: the estimate, m/s^2, world; zero while the vehicle stands and without an
+    IMU."""
 
     __slots__ = ("_drag", "_given", "_lasting", "_rotor_time", "acceleration")
 
@@ -50,8 +50,8 @@ class DisturbanceObserver:
     def update(
         self, imu: Imu | None, estimate: Estimate, given: float, bandwidth: float, dt: float
     ) -> Vec3:
-        """Take what was felt in the last `dt` seconds; the new estimate. given: the specific force
-        that the last command asks for along body z, m/s^2. bandwidth: hertz."""
+        """Process the specific force of the last `dt` seconds; return the new estimate. given: the
+        specific force of the last command along body z, m/s^2. bandwidth: hertz."""
         felt, now = self._given, estimate.time
         self._given = felt + dt / (self._rotor_time + dt) * (given - felt)
         if imu is None or now - imu.time > IMU_TIMEOUT:
@@ -70,7 +70,7 @@ class DisturbanceObserver:
         return self.acceleration
 
     def rest(self) -> None:
-        """Forget it: the ground carries the vehicle."""
+        """Reset the estimate: the ground carries the vehicle."""
         self._given = GRAVITY
         self._lasting, self.acceleration = 0.0, ZERO
 

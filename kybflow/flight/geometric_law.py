@@ -18,13 +18,13 @@ from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRESH = 0.03
-"""Age at which an estimate is not late, seconds, where the driver declares no poses."""
+"""Age (s) of an estimate without delay, if the driver declares no poses."""
 ON_BOARD = 0.07
-"""The delay of the loop on board and of a command's way to it, for which the gains are right."""
+"""The delay of the on-board loop and of the command link for which the gains are right."""
 STALEST = 0.1
-"""The most by which an estimate counts as later than that."""
+"""Largest additional delay of an estimate that counts."""
 NOISE = 0.5
-"""The spread over this speed, m/s, counts as a delay: what is uncertain is filtered for longer."""
+"""The spread over this speed, m/s, counts as a delay: uncertain poses are filtered for longer."""
 AGEING = 1.0
 """Seconds over which that is averaged."""
 
@@ -38,7 +38,7 @@ class GeometricParams(DesignedGains, SteeringParams):
 
 
 def used_by(params: GeometricParams) -> frozenset[MeasurementKind]:
-    """Return the kinds of measurement that the law follows better with."""
+    """Return the kinds of measurement that improve the law."""
     return frozenset({Imu}) if params.observer else frozenset()
 
 
@@ -75,11 +75,11 @@ class GeometricLaw:
 
     @property
     def hover_thrust(self) -> float:
-        """Newtons that are believed to hold the vehicle."""
+        """The estimated hover thrust, N."""
         return self._steering.hover_thrust
 
     def command(self, params: GeometricParams, setpoint: Setpoint, tick: Tick) -> Command:
-        """Attitude, body rates and thrust by which the vehicle follows the setpoint."""
+        """Return the attitude, body rates and thrust that follow the setpoint."""
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, params
         if p is not self._tuned:
             self._tune(p)
@@ -108,7 +108,7 @@ class GeometricLaw:
         self._late += dt / (AGEING + dt) * (late - self._late)
 
     def _disturbance(self, bandwidth: float, tick: Tick) -> Vec3:
-        """What pushes the vehicle, m/s^2, world."""
+        """Return the disturbance, m/s^2, world."""
         steering = self._steering
         if bandwidth == 0.0 or not steering.flies:
             self._observer.rest()
@@ -119,7 +119,7 @@ class GeometricLaw:
     def _wanted(
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float
     ) -> tuple[Vec3, Vec3]:
-        """(f, f'): the specific force that the law asks for and how it changes, world."""
+        """Return (f, f'): the desired specific force and its derivative, world."""
         c, (k, d, i), slower = self._drag, self._gains, ON_BOARD / (ON_BOARD + self._late)
         k, d, i = k * slower * slower, d * slower, i * slower * slower
         (ux, uy, uz), (vx, vy, vz) = up, estimate.velocity

@@ -1,4 +1,4 @@
-"""Where a vehicle can come down without landing on another. World frame, metres.
+"""Finds where a vehicle can come down without landing on another. World frame, metres.
 
 A vehicle is under another when it is lower and their centres are horizontally closer than half of
 both diameters and 15 cm. A place beside it is searched on circles around the vehicle, the nearest
@@ -19,16 +19,16 @@ _MARGIN = 0.15
 _CLEARANCE = 0.2
 """Distance of the vehicle's rim to the fence and to obstacles."""
 _STEP, _CIRCLES = 0.25, 12
-"""Between the radii of two circles, and their number."""
+"""The step of the circles' radii, and their number."""
 _DIRECTIONS = 16
 _SAMPLES = 8
-"""Points of a way that are looked at."""
+"""Points of a way that are checked."""
 
 Fleet = Mapping[str, Estimate | None]
 
 
 def vehicle_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> str | None:
-    """The name of the nearest vehicle under `here`, None when there is none."""
+    """Return the name of the nearest vehicle under `here`, None if there is none."""
     found = [
         (apart, name)
         for name, other, apart in _others(context, here, fleet)
@@ -38,8 +38,8 @@ def vehicle_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> str | No
 
 
 def place_beside(context: VehicleContext, here: Vec3, fleet: Fleet, below: str) -> Vec3 | None:
-    """The nearest place at the height of `here` from which the vehicle can come down, None when
-    there is none. below: the vehicle that is in the way."""
+    """Return the nearest place at the height of `here` from which the vehicle can come down, None
+    if there is none. below: the vehicle that is in the way."""
     other = fleet[below]
     x, y, z = here
     away = 0.0 if other is None else atan2(y - other.position[1], x - other.position[0])
@@ -58,7 +58,7 @@ def _is_free(context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet) -> 
     way = [*_between(here, place)]
     for name, other, apart in _others(context, place, fleet):
         needed = _needed(context, name)
-        near = min(needed, distance(here, other))  # what is near already must not come nearer
+        near = min(needed, distance(here, other))  # one that is near already may stay as near
         if apart < needed or any(distance(p, other) < near for p in way):
             return False
     keep = 0.5 * context.airframe.diameter + _CLEARANCE
@@ -73,7 +73,7 @@ def _is_free(context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet) -> 
 
 
 def _others(context: VehicleContext, here: Vec3, fleet: Fleet) -> Iterator[tuple[str, Vec3, float]]:
-    """The name, position and horizontal distance of each other vehicle that is known."""
+    """Yield the name, position and horizontal distance of each other vehicle with an estimate."""
     for name, other in fleet.items():
         if other is not None and name != context.vehicle:
             x, y, _ = other.position

@@ -1,37 +1,36 @@
-"""Which poses a vehicle can have: the one gate of all estimators that are told poses or positions.
+"""Refuses poses that a vehicle can't have: the gate of all estimators that use poses or positions.
 
-Reference: the estimate that the vehicle flies on where that is another's (not older than 0.1 s),
-else the last pose that passed, gone on for at most 0.25 s. With s the reference's spread and t the
-seconds since its newest measurement, a pose passes within
+The reference is the estimate that the vehicle flies on if that is another estimator's and at most
+0.1 s old, else the last pose that passed, extrapolated for at most 0.25 s. With the reference's
+spread s and the t seconds since its newest measurement, a pose passes within
 
     gate + 4 s + a t^2 / 2,   a = 5 m/s^2,   but at most `widest`
 
-of it, and within 45 degrees of its attitude; within 4 m/s t more while the own velocity is not
-known yet. So a reflection is left out, and a body that was exchanged with one further away than
-`widest`.
+of it, and within 45 degrees of its attitude; 4 m/s t more are allowed while the estimator's own
+velocity is not known yet. This refuses reflections, and a body that was exchanged with one further
+away than `widest`.
 
-The reference may be what is wrong: dead reckoning drifts. So the gate opens for refused poses once
+The reference itself may be wrong: dead reckoning drifts. So the gate opens for refused poses once
 
-    they have gone on from one another (`kybflow.flight.pose_track`) for `AGREED` seconds, without
+    they have followed from one another (`kybflow.flight.pose_track`) for `AGREED` seconds, without
     a gap of `BREAK`, and
     the first of them was within the formula above, without `widest`, of the last pose that passed:
     the vehicle can have got there,
 
-and no longer asks the estimate that is flown on, until that is the gate's own. Poses that pass by
-the formula, and are refused for what their filter believes of its own spread, need agree for
-`AGREED_NEARBY` only: an IMU that has just gone wrong takes no position away. Where the poses have
-jumped to where they are now they must agree for `AGREED_ANEW`. Poses that jumped to where the
-vehicle can't have got stay out, and so do those after a gap that are nearer to them than to the
-reference. This is how a track is confirmed in radar, by measurements that fit one another rather
-than the old track (S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems",
-1999), and what EKF2 of PX4 and EKF3 of ArduPilot do when they reset to a position that they refused
-for too long.
+and no longer compares with the estimate that is flown on, until that is the estimator's own. Poses
+that pass by the formula, but are refused by the filter's own belief in its spread, must agree for
+`AGREED_NEARBY` only, so that an IMU that has just failed doesn't cost the position. Poses that have
+jumped to where they are now must agree for `AGREED_ANEW`. Poses that jumped to where the vehicle
+can't be stay out, and so do those after a gap that are nearer to them than to the reference. This
+is how a track is confirmed in radar, by measurements that fit one another rather than the old track
+(S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems", 1999), and what EKF2
+of PX4 and EKF3 of ArduPilot do when they reset to a position that they refused for too long.
 
 The first pose passes, and so does every later one that lies elsewhere, until `samples` poses have
-come that passed one after another: a wrong pose at the start keeps nobody out. On the ground the
-vehicle may be carried away unseen. Any poses pass again once they have agreed for `settled` seconds
-in which no other estimate was flown on. In the air that can't happen: without an estimate a vehicle
-is on the ground long before.
+passed one after another: a wrong pose at the start locks nothing out. On the ground the vehicle may
+be carried away unseen, so any poses pass again once they have agreed for `settled` seconds in which
+no other estimate was flown on. In the air that can't happen: without an estimate a vehicle is on
+the ground long before.
 """
 
 from __future__ import annotations
@@ -53,8 +52,8 @@ AGREED_NEARBY = 0.1
 
 
 class Reference(NamedTuple):
-    """Where the vehicle is believed to be at the time of a pose. time: when the newest measurement
-    in it was true. pace: by how much its velocity may be wrong, m/s."""
+    """The expected pose of the vehicle at the time of a measured one. time: of the newest
+    measurement in it. pace: the largest error of its velocity, m/s."""
 
     time: Time
     position: Vec3
@@ -64,7 +63,7 @@ class Reference(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Of a gate, metres and seconds."""
+    """Parameters of a gate, metres and seconds."""
 
     gate: float
     widest: float
@@ -73,16 +72,15 @@ class Bounds(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Poses are refused. since: when the first of them was true. reason: what is wrong with them,
-    in words."""
+    """Poses are refused. since: the time of the first of them. reason: in words."""
 
     since: Time
     reason: str
 
 
 class PoseGate:
-    """`flown` is the newest estimate of another that the vehicle flew on. refusal: None while none
-    is refused; fewer than `CONFIRMED` in a row don't count."""
+    """flown: the newest estimate of another estimator that the vehicle flew on. refusal: None while
+    poses pass; fewer than `CONFIRMED` refused ones in a row don't count."""
 
     __slots__ = (
         "_barred", "_count", "_is_open", "_is_possible", "_newest", "_track", "_wait", "flown",
@@ -101,8 +99,8 @@ class PoseGate:
         self._barred: Pose | None = None
 
     def current(self, time: Time) -> Estimate | None:
-        """The other's estimate where the vehicle flies on it at `time`, and it isn't what is
-        wrong."""
+        """Return the other estimator's estimate if the vehicle flies on it at `time` and the gate
+        has not opened against it."""
         flown = self.flown
         if flown is None or abs(time - flown.time) > CURRENT:
             self._is_open = False
@@ -110,22 +108,22 @@ class PoseGate:
         return None if self._is_open else flown
 
     def passes(self, pose: Pose, reference: Reference, bounds: Bounds) -> bool:
-        """Whether the vehicle can be where `pose` is; else `opened` must be asked."""
+        """Return whether the vehicle can be where `pose` is; if not, call `opened`."""
         most = min(_reachable(pose, reference, bounds), bounds.widest)
         if distance(pose.position, reference.position) > most:
             return False
         return is_same(pose.attitude, reference.attitude)
 
     def passed(self, time: Time) -> None:
-        """Take note of a pose that passes; to be told while there is a `refusal`."""
+        """Note a pose that passes. Must be called while there is a `refusal`."""
         if time - self._newest >= AGREED * NS:
             self.refusal = None
 
     def opened(
         self, pose: Pose, reference: Reference, own: Reference | None, bounds: Bounds
     ) -> Vec3 | None:
-        """Take note of a pose that does not pass; where the gate opens for it and those before it,
-        the velocity at which they moved. own: as the reference, but always gone on from the last
+        """Note a pose that does not pass. If the gate opens for it and those before it, return the
+        velocity at which they moved. own: like the reference, but always extrapolated from the last
         pose that passed; None before the first one."""
         self._note(pose, reference, own, bounds)
         first, last = self._track.first, self._track.last
@@ -147,7 +145,7 @@ class PoseGate:
     def _note(
         self, pose: Pose, reference: Reference, own: Reference | None, bounds: Bounds
     ) -> None:
-        """Go on with the track of refused poses, or begin one."""
+        """Continue the track of refused poses, or begin one."""
         last, newest, self._newest = self._track.last, self._newest, pose.time
         has_passed = own is not None and own.time > newest
         if last is None or has_passed or pose.time - newest > BREAK * NS:
@@ -172,25 +170,25 @@ class PoseGate:
 
 
 def seen_from(flown: Estimate, time: Time) -> Reference:
-    """Another's estimate as the reference at `time`; its spread holds all that its age costs."""
+    """Return another estimator's estimate as the reference at `time`; its spread covers its age."""
     position = add(flown.position, scale(flown.velocity, (time - flown.time) / NS))
     return Reference(time, position, flown.attitude, flown.spread, 0.0)
 
 
 def is_same(a: Quat, b: Quat) -> bool:
-    """Whether two attitudes are within 45 degrees of each other."""
+    """Return whether two attitudes are within 45 degrees of each other."""
     (aw, ax, ay, az), (bw, bx, by, bz) = a, b
     return abs(aw * bw + ax * bx + ay * by + az * bz) >= SAME_ATTITUDE
 
 
 def _reachable(pose: Pose, reference: Reference, bounds: Bounds) -> float:
-    """How far from the reference a flight can have brought the vehicle, metres."""
+    """Return how far a flight can have brought the vehicle from the reference, metres."""
     t = (pose.time - reference.time) / NS
     return bounds.gate + 4.0 * reference.spread + t * (reference.pace + 0.5 * ACCELERATION * t)
 
 
 def _may_begin(pose: Pose, own: Reference | None, bounds: Bounds) -> bool:
-    """Whether a flight explains how the vehicle came to the first of refused poses."""
+    """Return whether a flight can have brought the vehicle to the first of the refused poses."""
     if own is None or distance(pose.position, own.position) > _reachable(pose, own, bounds):
         return False
     return pose.time - own.time > LOOK_AHEAD * NS or is_same(pose.attitude, own.attitude)

@@ -1,4 +1,4 @@
-"""Poses of a body that go on from one another, whatever anything else believes of the body.
+"""Tracks a body by its poses alone: which of them a flight explains, and where it jumped.
 
 A flight explains how a body came from one pose to a later one, t seconds after it, within
 
@@ -20,7 +20,7 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Pose
 
 CONFIRMED = 3
-"""So many observations in a row are no coincidence."""
+"""Observations in a row that rule out a coincidence."""
 STEP, SPEED = 0.15, 4.0
 TURN, RATE = 0.8, 12.0
 _ALIGNED = 2.0 * sin(0.25 * TURN)
@@ -29,8 +29,8 @@ _ALIGNED = 2.0 * sin(0.25 * TURN)
 T = TypeVar("T")
 
 
-class Streak(Generic[T]):
-    """Observations in a row, each of which could follow the one before."""
+class Consistent(Generic[T]):
+    """Observations in a row, each of which can follow the one before."""
 
     __slots__ = ("seen",)
 
@@ -38,7 +38,7 @@ class Streak(Generic[T]):
         self.seen: list[T] = []
 
     def confirmed(self, observation: T) -> T | None:
-        """Take note of one more; the first of them once they are enough, and the streak is over."""
+        """Add one; return the first of them once there are `CONFIRMED`, and begin anew."""
         self.seen.append(observation)
         if len(self.seen) < CONFIRMED:
             return None
@@ -48,13 +48,13 @@ class Streak(Generic[T]):
 
 
 def reach(seconds: float) -> float:
-    """How far a vehicle can get in that time, metres."""
+    """Return how far a vehicle can get in that time, metres."""
     return STEP + SPEED * seconds
 
 
 def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
-    """By how much `pose` is off `last`, and how much can be, in metres or else in radians; None
-    where a flight explains it."""
+    """Return how far `pose` is from `last` and how far it may be, in metres or else in radians;
+    None if a flight explains it."""
     off = distance(pose.position, last.position)
     if off <= STEP and dist(pose.attitude, last.attitude) <= _ALIGNED:
         return None  # as nearly always
@@ -69,17 +69,17 @@ def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
 
 
 class PoseTrack:
-    """The track of one body. first, last: where it begins, and how far it has come."""
+    """The track of one body. first, last: its poses at the beginning and at the end."""
 
     __slots__ = ("_elsewhere", "first", "last")
 
     def __init__(self) -> None:
         self.first: Pose | None = None
         self.last: Pose | None = None
-        self._elsewhere: Streak[Pose] = Streak()
+        self._elsewhere: Consistent[Pose] = Consistent()
 
     def follow(self, pose: Pose) -> Pose | None:
-        """Take a later pose; where the body jumped, return the first one after the jump."""
+        """Add a later pose; if the body jumped, return the first pose after the jump."""
         last, elsewhere = self.last, self._elsewhere
         if last is None or unexplained(last, pose) is None:
             self.last = pose

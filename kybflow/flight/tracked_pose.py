@@ -1,15 +1,14 @@
-"""A body's motion from poses that come one by one, late: velocities by a filtered derivative.
+"""Estimates a body's motion from late poses: velocities by a filtered derivative.
 
 The derivative is TeleKyb's second-order filter H(s) = wn^2 s / (s^2 + 2 wn s + wn^2), but by the
 poses' own time stamps: an alpha-beta filter whose poles stay at exp(-wn dt) for whatever dt
 (critically damped: alpha = 1 - theta^2, beta = (1 - theta)^2, theta = exp(-wn dt); Brookner,
-"Tracking and Kalman Filtering Made Easy", 1998, sec. 1.3). The lag 2/wn of H is filled in by the
-acceleration that the attitude and the airframe's rotor drag tell: g times the slope of body z, less
-drag times velocity, horizontally, and what else is known to push. Noisy poses are filtered harder,
-because a tracker makes thrust and tilt of the velocity's noise: from the 60th pose on the bandwidth
-is divided by 1 + (spread / 8 mm)^4, horizontally by 4 at most, vertically by 2. Tilt that shakes
-takes its torque from the rotors' thrust where they give nearly all they can, and the lag is filled
-in; vertically it is not.
+"Tracking and Kalman Filtering Made Easy", 1998, sec. 1.3). Horizontally, the lag 2/wn of H is
+compensated by the acceleration that follows from the attitude and the rotor drag: g times the slope
+of body z, less drag times velocity, plus any known disturbance. Noisy poses are filtered harder,
+because a tracker turns the velocity's noise into thrust and tilt: from the 60th pose on the
+bandwidth is divided by 1 + (spread / 8 mm)^4, horizontally by 4 at most, vertically, where nothing
+compensates the lag, by 2.
 
 Attitude and body rates go through the same filter on the rotation, which has no sign to flip. The
 estimate is predicted over the latency to `now`.
@@ -25,7 +24,7 @@ from kybflow.core.signals import NS, Estimate, Pose, Time, made
 from kybflow.core.units import Duration, Frequency
 
 STEEPEST = 0.5
-"""Body z at least this far up for its slope to tell an acceleration."""
+"""Least vertical part of body z with which its slope gives an acceleration."""
 NOISY, CALMEST, CALMEST_UP, WARM = 0.008, 4.0, 2.0, 60
 
 
@@ -49,8 +48,8 @@ class TrackedParams:
 class TrackedPose:
     """The filter. stamp: the last pose's. count: poses since it began. position, velocity in the
     world, attitude, rates in the body: at `stamp`. spread: running standard deviation of the
-    innovation along an axis, metres. slope: the acceleration along x and y that the attitude tells;
-    pushed: what is to be added to it, m/s^2, world."""
+    innovation along an axis, metres. slope: the acceleration along x and y that follows from the
+    attitude; pushed: the known disturbance beside it, m/s^2, world."""
 
     def __init__(self, params: TrackedParams, drag: float) -> None:
         self.stamp: Time = 0
@@ -64,7 +63,7 @@ class TrackedPose:
         self.slope = self.pushed = self._pull = (0.0, 0.0)
 
     def take(self, pose: Pose, velocity: Vec3 = ZERO) -> None:
-        """Go on to a newer pose; where the filter begins, with this velocity."""
+        """Process a newer pose; the first one begins with this velocity."""
         time, position, attitude = pose
         dt = (time - self.stamp) / NS
         self.stamp = time
@@ -97,8 +96,8 @@ class TrackedPose:
         return made(Estimate, (now, position, velocity, attitude, rates, source, age, self.spread))
 
     def bent(self, motion: Estimate) -> Estimate:
-        """A predicted motion with the acceleration's change until then, taken as linear, which the
-        attitude told meanwhile. Over 50 ms and more a tracker sways without it."""
+        """Return a predicted motion with the change of the acceleration until then, taken as
+        linear, which the attitude shows. Without it, a tracker sways over 50 ms and more."""
         if self.count < 2:
             return motion
         now, (px, py, pz), (vx, vy, vz), attitude, rates, source, age, spread = motion
@@ -138,7 +137,7 @@ class TrackedPose:
         self.rates = (rx + b * ix, ry + b * iy, rz + b * iz)
 
     def _slope(self, attitude: Quat, velocity: Vec3) -> tuple[float, float]:
-        """The horizontal acceleration that an attitude tells, thrust holding the weight."""
+        """Return the horizontal acceleration at an attitude if the thrust carries the weight."""
         (w, x, y, z), (vx, vy, _), drag = attitude, velocity, self._drag
         up = 1.0 - 2.0 * (x * x + y * y)
         if up < STEEPEST:

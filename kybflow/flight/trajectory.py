@@ -69,7 +69,7 @@ _LIKE = "t, x, y, z"
 
 
 class TrajectoryPoint(NamedTuple):
-    """One moment, SI, and the line where it stands."""
+    """One row in SI units, and its line."""
 
     time: float
     position: Vec3
@@ -80,7 +80,7 @@ class TrajectoryPoint(NamedTuple):
 
 
 def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
-    """The rows of `text`, at least two."""
+    """Return the rows of `text`, at least two."""
     table = read_columns(text, COLUMNS, "a trajectory", _LIKE)
     _check(table, header_line(text))
     rows: list[TrajectoryPoint] = []
@@ -123,7 +123,7 @@ class Knot(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """One piece; its coefficients from s^0 to s^5."""
+    """One quintic piece: its coefficients from s^0 to s^5."""
 
     c0: float
     c1: float
@@ -243,7 +243,7 @@ class Trajectory:
 
     @functools.cached_property
     def figures(self) -> Figures:
-        """How fast and how sharp it is, and where it goes."""
+        """Return its extremes and the points along it."""
         speed, fastest, sharp, sharpest = 0.0, self._lines[0], 0.0, self._lines[0]
         samples: list[tuple[float, Vec3, int]] = []
         step = max(_FINEST, self.duration / _MOST_SAMPLES)
@@ -264,8 +264,8 @@ class Trajectory:
 
 @functools.lru_cache(maxsize=32)
 def read_trajectory(file: File) -> Trajectory:
-    """The trajectory in `file`. Raises FileError, with the line, for one that can't be flown by
-    anything."""
+    """Return the trajectory in `file`. Raises FileError, with the line, for one that no vehicle can
+    fly."""
     rows = read_table(file.text)
     for row, end in ((rows[0], "begins"), (rows[-1], "ends")):
         if row.velocity is not None and norm(row.velocity) > REST:
@@ -303,7 +303,7 @@ def _pieces(
 
 
 def _unwrapped(angles: Sequence[float]) -> list[float]:
-    """The angles without jumps of whole turns."""
+    """Return the angles without jumps of whole turns."""
     found: list[float] = []
     for angle in angles:
         turn = 2.0 * pi

@@ -52,8 +52,8 @@ class SimulatedClock(Clock):
 class WallClock(Clock):
     """Real time. A late tick is counted, and the ones it missed are skipped, never caught up.
 
-    The time is read anew after waiting: a process that was stopped while it slept hears what
-    arrived meanwhile in this tick, not dated back to when the tick was due.
+    The time is read again after waiting: a process that was stopped while it slept dates what
+    arrived meanwhile in this tick, and not back to when the tick was due.
     """
 
     def __init__(
@@ -79,5 +79,5 @@ class WallClock(Clock):
         return self.now
 
     def _behind(self) -> Time:
-        """How long the tick has been due; negative before it is."""
+        """Return how long the tick has been due, negative before it is."""
         return self._read() - self._began - self.now

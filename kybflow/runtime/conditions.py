@@ -77,7 +77,8 @@ def value_of(
         case tree.MissionTime():
             return now
         case tree.Distance(a, b):
-            return _distance(_point_of(a, views, own), _point_of(b, views, own))
+            here, there = _point_of(a, views, own), _point_of(b, views, own)
+            return lambda: distance(here(), there())
         case tree.Separation(vehicles):
             return _separation([views[vehicle] for vehicle in vehicles])
     raise TypeError(f"{type(value).__name__} is not a value of one tick")
@@ -147,10 +148,6 @@ def _point_of(
     if place.payload:
         return lambda: view.payload_place
     return lambda: view.state.position
-
-
-def _distance(a: Callable[[], Vec3], b: Callable[[], Vec3]) -> Callable[[], float]:
-    return lambda: distance(a(), b())
 
 
 def _separation(views: list[View]) -> Callable[[], float]:

@@ -82,7 +82,8 @@ class Engine:
         self._believed = _views(BelievedView, vehicles)
         self.judge = Judge(plan.expectations, _views(TrueView, vehicles), self.seconds)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
-        controls = self._run_controls()
+        requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
+        controls = RunControls(requests, options, events, self.flows.enter, self.stop)
         self.commander = Commander(
             RunView(plan, self.vehicles, self.flows),
             controls,
@@ -118,11 +119,14 @@ class Engine:
             return f"{self._stopped}, before the preflight was over"
         if red:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
-        self._begin()
+        for vehicle in self.vehicles:
+            vehicle.begin(self._condition(vehicle.name))
+        self.flying = True
         limit = self.plan.time_limit
-        landed_by = limit + self._landing_timeout()
+        height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
+        landed_by = limit + max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
         while not self._over():
-            seconds = self.seconds()
+            seconds = self.clock.now / NS
             if self.interrupts > 1:
                 return "interrupted twice: commands were stopped"
             if self.interrupts:
@@ -133,10 +137,6 @@ class Engine:
                 break
             self.tick()
         return self._landing or self.injection.failure or self.impacts.first
-
-    def _landing_timeout(self) -> float:
-        height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
-        return max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
 
     def _over(self) -> bool:
         """Return whether every vehicle rests and no flow or callback will move it again."""
@@ -230,15 +230,6 @@ class Engine:
         for vehicle, check, _, reason, at, _ in red:
             self.events.emit(PreflightFailed(check=check, reason=reason), vehicle, at)
         return red
-
-    def _begin(self) -> None:
-        for vehicle in self.vehicles:
-            vehicle.begin(self._condition(vehicle.name))
-        self.flying = True
-
-    def _run_controls(self) -> RunControls:
-        requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
-        return RunControls(requests, self.options, self.events, self.flows.enter, self.stop)
 
     def _condition(self, own: str | None) -> Callable[[Expression], Callable[[], bool]]:
         return lambda expression: bind(

@@ -41,7 +41,7 @@ class Events:
         return taken
 
     def turn(self, now: Time) -> None:
-        """Begin a tick, in which transitions hear the events of the last one."""
+        """Begin a tick, in which transitions receive the events of the last one."""
         self.now = now
         if self._fresh or self._heard:
             everybody = {f"{e.vehicle}.{e.name}" if e.vehicle else e.name for e in self._fresh}
@@ -52,7 +52,7 @@ class Events:
             self._fresh = []
 
     def heard(self, vehicle: str) -> set[str] | frozenset[str]:
-        """Return the names that `vehicle` hears in this tick: `NAME` for its own events,
+        """Return the event names that `vehicle` receives in this tick: `NAME` for its own events,
         `VEHICLE.NAME` and `any.NAME` for those of every vehicle."""
         if not self._heard:
             return _SILENCE

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, Protocol
 
-DEAF = 1.0
+DEBOUNCE = 1.0
 """Seconds in which further signals belong to one interrupt: a closed terminal sends several."""
 
 
@@ -45,7 +45,7 @@ class Interrupts:
 
     def _count(self, number: int, frame: FrameType | None) -> None:
         now = self._read()
-        if self._last is None or now - self._last >= DEAF:
+        if self._last is None or now - self._last >= DEBOUNCE:
             self._last = now
             self._engine.interrupts += 1
             if self._engine.interrupts > 2:

@@ -79,8 +79,8 @@ class Options:
         self, name: str, value: Any, by: str, at: str = "", answered: Answered = unheard
     ) -> None:
         """Request a change. `value` is SI, or text with a unit; `by` is the requester and `at` its
-        mission line. `answered` hears whether it was applied. Raises OptionRefused with the reason
-        when it is refused at once."""
+        mission line. `answered` is called once it was applied or refused. Raises OptionRefused with
+        the reason when it is refused at once."""
         try:
             holder, label, field = self._find(name)
             if field.read_only:

@@ -42,7 +42,7 @@ SEND = """'''Send a signal to this process.'''
 import os, time
 
 from kybflow.parts import Action, param, params
-from kybflow.runtime.interrupts import DEAF
+from kybflow.runtime.interrupts import DEBOUNCE
 
 @params
 class SendParams:
@@ -54,7 +54,7 @@ class Send(Action[SendParams]):
 
     def __call__(self, event, context):
         if self.params.again:
-            time.sleep(DEAF)
+            time.sleep(DEBOUNCE)
         os.kill(os.getpid(), self.params.signal)
 """
 PHASES = {"up": 1.5, "hold": 4.0, "go": 7.5, "down": 11.3}

@@ -1,5 +1,4 @@
-"""Keeping away from what stands or flies in the way: what is near (`surroundings`); the rules that
-bend a velocity (`clearance`, `potential`) or an acceleration (`barrier`) so that nothing is hit;
-the way round (`detour`); and setpoints that keep off (`following`). Behaviors and processors call
-it.
+"""Obstacle avoidance: obstacles and vehicles nearby (`obstacles`, `surroundings`); rules that bend
+a velocity (`clearance`, `potential`) or an acceleration (`barrier`) so that nothing is hit; the way
+around (`detour`); and setpoints that keep clear (`following`). Behaviors and processors call it.
 """

@@ -1,4 +1,4 @@
-"""Control barriers: the least change of an acceleration that keeps a vehicle from what is near.
+"""Control barriers: the least change of an acceleration that keeps a vehicle clear of hazards.
 
 With d the room that is left to something, n the unit vector out of it, v the velocity relative to
 it, and s(d) the speed from which a deceleration of a comes to rest in d,
@@ -16,13 +16,13 @@ leads out of it again, with at most 0.3 m/s. Of all u that hold for everything n
 program (DAQP). Where there is none, the largest demand that is missed is made as small as possible.
 
 Two vehicles share what r allows, as in the paper by their a, half each. What it demands (r < 0) the
-paper shares too, and here each does the whole of it: who lands, waits or is flown by a person does
-not give way. World frame, metres.
+paper shares too, but here each vehicle does the whole of it: one that lands, waits or is flown by a
+person does not give way. World frame, metres.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import inf, sqrt
 from typing import NamedTuple
 
@@ -32,13 +32,13 @@ from kybflow.flight.avoidance.surroundings import Hazard
 _GAIN, _RATE = 3.0, 10.0
 """k and c, 1/s."""
 _BACK = 0.3
-"""The largest speed back out of what is too near, m/s."""
+"""The largest speed away from a hazard that is too near, m/s."""
 _SHARE = 0.9
 """Of `strongest`, the most that is demanded, so that no demand alone is beyond it."""
 _EXACT = 1e-9
 """m/s^2 by which an acceleration may miss a demand that it fulfils."""
 _MISSED, _UNBOUNDED = 1e3, 1e30
-"""What missing a demand costs beside changing as much, and what stands for infinity."""
+"""The cost of missing a demand relative to a change as large, and a number for infinity."""
 _STEEP = 0.3
 """The least part of a heading along -n that is one for it."""
 
@@ -86,8 +86,8 @@ def demand(hazard: Hazard, keep: float, velocity: Vec3, braking: float, stronges
 
 def filtered(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 | None:
     """Return the acceleration nearest to `wanted` that fulfils every demand within `strongest`
-    along each axis, `wanted` itself where it does whatever its size; None where there is none.
-    Raises ValueError for what is not finite."""
+    along each axis; `wanted` itself, of any size, if it does; None if there is none. Raises
+    ValueError for numbers that are not finite."""
     broken = [d for d in demands if not d.holds(wanted)]
     if not broken:
         return wanted
@@ -96,10 +96,6 @@ def filtered(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 
         shifted = add(wanted, scale(normal, least - dot(normal, wanted)))
         if max(map(abs, shifted)) <= strongest and all(d.holds(shifted) for d in demands):
             return shifted
-    return _solved(wanted, demands, strongest)
-
-
-def _solved(wanted: Vec3, demands: Iterable[Demand], strongest: float) -> Vec3 | None:
     x = _minimised(wanted, [(*normal, least) for normal, least in demands], strongest)
     return None if x is None else (x[0], x[1], x[2])
 
@@ -131,7 +127,7 @@ def _minimised(
 
 def least_bad(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 | None:
     """Return the acceleration within `strongest` that misses the demands by as little as possible;
-    None if there is no telling."""
+    None if the solver finds none."""
     x = _minimised((*wanted, 0.0), [(*normal, 1.0, least) for normal, least in demands], strongest)
     return None if x is None else (x[0], x[1], x[2])
 
@@ -156,7 +152,7 @@ def stopped(
 
 
 def _share(broken: Demand, wanted: Vec3, change: Vec3) -> float:
-    """How much of a change fulfils a demand, infinite where none does."""
+    """Return the share of a change that fulfils a demand, infinite if none does."""
     gain = dot(broken.normal, change)
     return (broken.least - dot(broken.normal, wanted)) / gain if gain > _EXACT else inf
 

@@ -29,7 +29,7 @@ _INWARD: tuple[Vec3, ...] = (
 
 
 class Surface(NamedTuple):
-    """Something to stay away from: the room that is left to it, and the way out of it."""
+    """A surface to stay away from: the room that is left, and its outward normal."""
 
     room: float
     normal: Vec3
@@ -43,7 +43,7 @@ def stopping_speed(room: float) -> float:
 
 
 def reach_of(speed: float) -> float:
-    """Return from how far away a surface bounds no velocity of `speed`."""
+    """Return the distance from which on a surface bounds no velocity of `speed`."""
     return speed * speed / (2.0 * _STOPPING) + _LINEAR
 
 

@@ -1,4 +1,4 @@
-"""The way round what is in the way: to the right."""
+"""Turns a blocked vehicle to the right, around what is in its way."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _TURNING, _RETURNING, _FARTHEST = 1.5, 0.5, 1.9
 _SLOW = 0.05
 """The least wanted speed that can be blocked, m/s."""
 _INSIDE = 0.3
-"""How far from the fence it leads, m."""
+"""Distance that a detour keeps from the fence, m."""
 _IMMINENT = 1.0
-"""What allows no more acceleration towards it than this blocks the way, m/s^2."""
+"""Largest allowed acceleration towards something that blocks the way, m/s^2."""
 
 
 class Detour:

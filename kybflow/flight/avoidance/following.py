@@ -1,16 +1,14 @@
-"""Keeps the setpoints of a vehicle away from what is near, by `kybflow.flight.avoidance.barrier`.
+"""Keeps the setpoints of a vehicle clear of hazards, by `kybflow.flight.avoidance.barrier`.
 
-Setpoints of position are followed by a reference of its own, a position q and a velocity u that
-pursue what is asked (`kybflow.flight.governor`) with the acceleration that the barriers allow; it
-looks from q, and from where the vehicle is estimated where that is nearer by more than a slack. Of
-a setpoint of velocity the change is bounded, from what the tracker followed, of one of acceleration
-itself; those look from the estimate. What no barrier has to change passes unchanged, bit for bit.
-World frame.
+Setpoints of position are followed by a reference, a position q and a velocity u that pursue them
+(`kybflow.flight.governor`) with the acceleration that the barriers allow. Distances count from q,
+and from the estimate if that is nearer by more than a slack. For a setpoint of velocity the
+barriers bound its change from what the tracker followed, for one of acceleration itself; distances
+count from the estimate there. A setpoint that no barrier changes passes bit for bit. World frame.
 """
 
 from __future__ import annotations
 
-from functools import partial
 from math import tan
 from typing import NamedTuple
 
@@ -44,7 +42,7 @@ nothing is, m."""
 
 
 class AvoidanceBlocked(ProcessorEvent):
-    """What is near leaves the vehicle no way: it brakes."""
+    """The vehicle has no way left and brakes."""
 
     reason: str
 
@@ -75,8 +73,8 @@ class Avoidance:
         self._follower = Follower()
 
     def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
-        """Return what is followed of a setpoint, with an event when it begins to brake because what
-        is near leaves no way."""
+        """Return the setpoint to follow, with an event when the vehicle begins to brake because it
+        has no way left."""
         self._gets_stuck = False
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
@@ -85,7 +83,7 @@ class Avoidance:
         return Emitting(given, AvoidanceBlocked(reason=reason))
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
-        """Return what is followed of a setpoint."""
+        """Return the setpoint to follow."""
         follower, kind = self._follower, setpoint.kind
         follower.resume(setpoint, tick)
         known = tick.known()
@@ -97,9 +95,10 @@ class Avoidance:
             place, velocity = known.position, known.velocity
         keep, strongest = keeping.keep + self._hull, self._strongest
         braking = min(keeping.braking, _PLANNED * strongest)
-        reach = partial(_reach, keep, braking, strongest)
         second = SecondPoint(known.position, keeping.slack) if kind is _POSITION else None
-        near = self._nearby.near(place, norm(velocity), tick, reach, second)
+        near = self._nearby.near(
+            place, norm(velocity), tick, lambda v: keep + reach_of(v, braking, strongest), second
+        )
         demands = [demand(h, keep, velocity, braking, strongest) for h in near]
         if kind is _POSITION:
             return self._followed(setpoint, demands, keeping, strongest, tick)
@@ -112,7 +111,7 @@ class Avoidance:
     def _allowed(
         self, wanted: Vec3, velocity: Vec3, demands: list[Demand], strongest: float, tick: Tick
     ) -> Vec3:
-        """The acceleration that what is near leaves of the one that is wanted."""
+        """Return the acceleration nearest to the wanted one that the barriers allow."""
         if self._detour is None:
             given = stopped(wanted, velocity, demands, strongest, tick.dt)
         else:
@@ -143,7 +142,7 @@ class Avoidance:
         return follower.advance(scale(given, dt), dt).setpoint_like(setpoint)
 
     def _passes(self, setpoint: Setpoint, demands: list[Demand], dt: float) -> bool:
-        """Whether a setpoint goes on from the last one, and as everything near allows."""
+        """Return whether a setpoint continues the last one within the barriers."""
         before, velocity = self._follower, setpoint.velocity or ZERO
         mean = scale(add(velocity, before.velocity), 0.5 * dt)
         jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))
@@ -166,7 +165,3 @@ class Avoidance:
         velocity = add(before, scale(given, dt))
         self._follower.join(ZERO, velocity)
         return setpoint._replace(velocity=velocity, acceleration=given, jerk=None)
-
-
-def _reach(keep: float, braking: float, strongest: float, speed: float) -> float:
-    return keep + reach_of(speed, braking, strongest)

@@ -1,9 +1,9 @@
-"""The obstacles of a vehicle: what it keeps away from, whoever looks for it.
+"""The obstacles that a vehicle keeps away from.
 
-The world's obstacles count but for those that are there to be touched. Moving obstacles and other
-vehicles count as balls; a vehicle's reaches to the tips of its rotors. What was seen some time ago
-is still where it was seen, and larger by how far it can have gone, for a second; then it counts as
-lost, and stays as large. A vehicle that says that it has no estimate lands somewhere there, and is
+All obstacles of the world count, except for those that may be touched. Moving obstacles and other
+vehicles count as balls; a vehicle's reaches to the tips of its rotors. One that is no longer seen
+stays where it was seen and grows by how far it can have gone, for a second; then it counts as lost
+and keeps its size. A vehicle that reports that it has no estimate lands somewhere there, and is
 forgotten after 20 s. Metres, world frame.
 """
 
@@ -15,10 +15,10 @@ from kybflow.world.shapes import Shape
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 LOST = 1.0
-"""Seconds after which what is not seen grows no more."""
+"""Seconds after which an unseen obstacle stops growing."""
 _FORGOTTEN = 20 * NS
 _DRIFT = 0.3
-"""The least speed of a vehicle of which it isn't known where it is now, m/s."""
+"""Least assumed speed of a vehicle whose position is unknown, m/s."""
 
 
 class Obstacles:
@@ -36,8 +36,8 @@ class Obstacles:
         self._last: dict[str, Estimate] = {}
 
     def vehicle(self, name: str, known: Estimate | None, now: Time) -> SeenObstacle | None:
-        """Return another vehicle, of which this is `known` now, as large as it is taken to be; None
-        where it was never seen, or is forgotten."""
+        """Return another vehicle, whose estimate is `known`, with its assumed size; None if it was
+        never seen or is forgotten."""
         last = known or self._last.get(name)
         if last is None:
             return None
@@ -53,5 +53,5 @@ class Obstacles:
 
 
 def grown(seen: SeenObstacle, now: Time) -> SeenObstacle:
-    """Return what moves as large as it is taken to be."""
+    """Return a moving obstacle with its assumed size."""
     return seen._replace(radius=seen.radius + seen.speed * min((now - seen.time) / NS, LOST))

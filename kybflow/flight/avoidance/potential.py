@@ -33,12 +33,12 @@ class Potential(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """From which distance on nothing repels, whatever its direction."""
+        """Distance from which on nothing repels in any direction."""
         return self.farthest + max(self.level, self.above)
 
 
 def repulsion(distance: float, potential: Potential) -> float:
-    """Return the speed away from what is so far from the ellipsoid."""
+    """Return the speed away from something at this distance from the ellipsoid."""
     if distance >= potential.farthest:
         return 0.0
     if distance <= potential.nearest:
@@ -49,7 +49,7 @@ def repulsion(distance: float, potential: Potential) -> float:
 
 
 def push(hazards: Iterable[Hazard], potential: Potential) -> Vec3:
-    """Return the velocity away from everything near; ZERO itself where nothing is."""
+    """Return the velocity away from everything near; ZERO itself without anything."""
     whole = ZERO
     for hazard in hazards:
         x, y, z = hazard.outward

@@ -1,10 +1,10 @@
 """What is near a vehicle: its obstacles (`kybflow.flight.avoidance.obstacles`), each with its
 distance and the way out of it.
 
-Whoever keeps away from it (`steer`, the processors) says how near is near; a formation looks for
-itself, at what vehicles publish. What is far away is looked at again when it could have come near,
-nothing closing in faster than 20 m/s, and after 0.1 s at the latest. That what is not seen goes
-away is believed for 0.2 s. Metres, world frame.
+The caller (`steer`, the processors) says how near is near; a formation uses what vehicles publish.
+A distant obstacle is checked again when it could have come near, at 20 m/s, and after 0.1 s at the
+latest. One that moved away when it was last seen counts as moving away for 0.2 s. Metres, world
+frame.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from kybflow.world.vehicle_context import VehicleContext
 _CLOSING, _LATEST = 20.0, 0.1
 """m/s, s."""
 _BELIEVED = NS // 5
-"""How long what is not seen counts as going away."""
+"""How long an unseen obstacle counts as moving away."""
 
 
 class SecondPoint(NamedTuple):
-    """Another point to look from, and by how much less than from the first may be left from it."""
+    """A second point, and by how much less room may be left from it than from the first."""
 
     point: Vec3
     slack: float
@@ -36,7 +36,7 @@ Reach = Callable[[float], float]
 
 class Hazard(NamedTuple):
     """Something near a point. room: from the point to its surface, negative inside. outward: the
-    unit vector out of it. velocity: of its own. curvature: by how much `outward` turns for each
+    unit vector out of it. velocity: its own. curvature: by how much `outward` turns for each
     metre that is gone across it, 1/m, zero where that is unknown or has no end. is_vehicle: it may
     give way, too."""
 
@@ -49,7 +49,7 @@ class Hazard(NamedTuple):
 
 
 class Nearby:
-    """What is near one vehicle. others: the other vehicles that count, all where it is None."""
+    """What is near one vehicle. others: the other vehicles that count, None for all."""
 
     def __init__(self, context: VehicleContext, others: Iterable[str] | None = None) -> None:
         self._obstacles = Obstacles(context)
@@ -58,7 +58,7 @@ class Nearby:
         self.count(others)
 
     def count(self, others: Iterable[str] | None) -> None:
-        """Let these other vehicles count from now on, all where it is None."""
+        """Let these other vehicles count from now on, None for all."""
         self.others = others
         known = self._obstacles.hulls
         self._vehicles = tuple(known if others is None else (n for n in others if n in known))
@@ -94,8 +94,8 @@ class Nearby:
                 yield _ball(name, point, seen, 0.0, now, is_vehicle)
 
     def _moving(self, tick: Tick) -> Iterator[tuple[str, SeenObstacle, bool]]:
-        """Yield what moves and is to be looked at, and whether it may give way: a vehicle that
-        knows where it is."""
+        """Yield the moving obstacles to check, and whether each may give way: a vehicle that has
+        an estimate."""
         now, later = tick.now, self._later
         for name, seen in tick.moving.items() if self._moves else ():
             if now >= later.get(name, 0):
@@ -140,5 +140,5 @@ def _ball(
 
 
 def _until(gap: float) -> Time:
-    """How long nothing can cross `gap`, ns."""
+    """Return how long nothing can cross `gap`, ns."""
     return round(min(gap / _CLOSING, _LATEST) * NS)

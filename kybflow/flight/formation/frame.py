@@ -9,7 +9,7 @@ the same rule, and lets it drift towards the mean of those that are published,
 
     c_i' = u + k (mean c_j - c_i),
 
-so that what one heard otherwise or later does not stay. World frame, metres, radians.
+so that differences of what members received do not last. World frame, metres, radians.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class FrameLimits(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What a frame is asked to do: a velocity in the world, and a rate of turning."""
+    """The requested motion of a frame: a velocity in the world and a rate of turning."""
 
     velocity: Vec3 = ZERO
     rate: float = 0.0
@@ -193,7 +193,7 @@ def _turning(
 
 
 def _drift(frame: MovingFrame, mean: MovingFrame) -> tuple[Vec3, float]:
-    """The velocity and the rate at which a frame comes to where all are on the mean."""
+    """Return the velocity and the rate at which a frame drifts to the mean of all."""
     away = scale(sub(mean.centre, frame.centre), AGREEING)
     return shortened(away, _FASTEST), AGREEING * wrap(mean.heading - frame.heading)
 

@@ -1,4 +1,4 @@
-"""Who takes which place of a formation, and where it is laid.
+"""Assigns vehicles to the places of a formation, and finds where it is formed.
 
 Among all assignments of vehicles to places that with the least sum of squared ways is taken: with
 ways of one duration, on straight lines, no two vehicles meet that are far enough apart before and
@@ -21,7 +21,7 @@ from kybflow.flight.formation.shapes import centroid
 _ANGLES, _ROUNDS = 12, 4
 _BETTER = 1e-9
 _FINE = 1e-6
-"""Metres to which ways are told apart, so that rounding does not choose among equal ones."""
+"""Resolution of ways in metres, so that rounding does not choose among equal ones."""
 
 
 class Laid(NamedTuple):
@@ -107,5 +107,5 @@ def _squared(a: Vec3, b: Vec3) -> float:
 
 
 def prepare() -> None:
-    """Load the solver."""
+    """Return the solver, loaded on first use."""
     assigned(((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))

@@ -21,10 +21,6 @@ _ROW = sqrt(3.0) / 2.0
 """Distance between two rows of an equilateral triangle, as a share of its side."""
 
 
-def _line(count: int) -> tuple[Vec3, ...]:
-    return tuple((0.0, -float(i), 0.0) for i in range(count))
-
-
 def _square(count: int) -> tuple[Vec3, ...]:
     rows = isqrt(count)
     return tuple((-float(i // rows), -float(i % rows), 0.0) for i in range(count))
@@ -40,26 +36,19 @@ def _tetrahedron(count: int) -> tuple[Vec3, ...]:
     return (*base, (0.0, 0.0, sqrt(2.0 / 3.0)))[:count]
 
 
-def _fits_square(count: int) -> bool:
-    return isqrt(count) ** 2 == count
-
-
-def _fits_triangle(count: int) -> bool:
-    return isqrt(8 * count + 1) ** 2 == 8 * count + 1
-
-
 SHAPES: dict[str, tuple[Callable[[int], tuple[Vec3, ...]], Callable[[int], bool], str]] = {
-    "line": (_line, lambda count: count > 0, "any number of"),
-    "square": (_square, _fits_square, "4, 9, 16, ..."),
-    "triangle": (_triangle, _fits_triangle, "3, 6, 10, ..."),
-    "tetrahedron": (_tetrahedron, lambda count: count == 4, "4"),
-}
-"""How the places of each shape are made for a number of vehicles, which numbers it takes, and those
-in words."""
+    "line": (
+        lambda n: tuple((0.0, -float(i), 0.0) for i in range(n)), lambda n: n > 0, "any number of",
+    ),
+    "square": (_square, lambda n: isqrt(n) ** 2 == n, "4, 9, 16, ..."),
+    "triangle": (_triangle, lambda n: isqrt(8 * n + 1) ** 2 == 8 * n + 1, "3, 6, 10, ..."),
+    "tetrahedron": (_tetrahedron, lambda n: n == 4, "4"),
+}  # fmt: skip
+"""For each shape: its places for n vehicles, whether n fits, and the fitting numbers in words."""
 
 
 def objection(shape: str, count: int) -> str | None:
-    """Return why a shape has no places for so many vehicles; None where it has."""
+    """Return why a shape has no places for so many vehicles; None if it has."""
     _, fits, numbers = SHAPES[shape]
     return None if fits(count) else f"a {shape} has places for {numbers} vehicles, not for {count}"
 

@@ -1,5 +1,5 @@
 """The places of a formation that are taken, as the member in one of them needs them each tick: how
-far they go, so that what is far from all of them is told apart at once, and which are near its own.
+far they go, which excludes distant obstacles at once, and which are near its own.
 
 A member judges its distances to its nearest eight: with more, the cost of a tick would grow with
 the square of the members, and little be gained, for those keep theirs to the next. Metres, in the

@@ -5,12 +5,12 @@ errors, true minus nominal, in the order of its sec. 5.1: position and velocity 
 (rotation vector in the body, q_true = q Exp(error), sec. 5.3), biases of accelerometer and
 gyroscope (body).
 
-Behind them may stand what makes measurements err systematically, m numbers of prior variance 1: the
-state is augmented by them, so that what measurements have in common is neither averaged away nor
-taken for motion (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and
-Navigation", 2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERING` of them are
-first-order Markov processes, x' = a x + w with the variance 1 - a^2 of w; the rest are constants.
-SI units; a covariance is a (15 + m) x (15 + m) array that nobody changes in place.
+The state may be augmented by the causes of systematic measurement errors, m numbers of prior
+variance 1, so that an error common to the measurements is neither averaged away nor taken for
+motion (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERING` of them are first-order
+Markov processes, x' = a x + w with the variance 1 - a^2 of w; the rest are constants. SI units; a
+covariance is a (15 + m) x (15 + m) array that is never changed in place.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ SIZE = 15
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCELEROMETER, GYRO = slice(9, 12), slice(12, 15)
 WANDERING = 6
-"""How many of what makes measurements err systematically are processes, not constants."""
+"""How many of the causes of systematic errors are processes, not constants."""
 _IDENTITY = numpy.eye(SIZE)
 _POSE: Matrix = _IDENTITY[[0, 1, 2, 6, 7, 8]]
 _SEES = {3: _POSE[:3], 6: _POSE}
-"""What a position sees of the errors, and what a pose does, by the number of its innovations."""
+"""H of a position and of a pose, by the number of its innovations."""
 
 
 class Nominal(NamedTuple):
@@ -105,7 +105,8 @@ class ImuNoise(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """What a measurement tells. distance: the squared Mahalanobis distance of its innovation."""
+    """The correction by a measurement. distance: the squared Mahalanobis distance of its
+    innovation."""
 
     distance: float
     error: Matrix

@@ -1,7 +1,7 @@
-"""The filter of the estimator `fusion`: where it begins, which measurements it believes, and when
-it begins anew; the rules are in `kybflow.runtime.estimators.fusion`.
+"""The filter of the estimator `fusion`: its start, its gate, and when it starts anew; the rules are
+in `kybflow.runtime.estimators.fusion`.
 
-It begins from a pose, or from a position and what the IMU measures at rest.
+It starts from a pose, or from a position and what the IMU measures at rest.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from kybflow.flight.fusion.replay import Belief, FilterState, Fix, Replay
 from kybflow.flight.pose_gate import Bounds, PoseGate, Reference, Refusal, seen_from
 
 NEAR = 0.2
-"""How far from where it is believed a vehicle may be seen at least, metres."""
+"""Least distance from the predicted position that the gate allows, metres."""
 PACE = 1.0
-"""Standard deviation of a velocity of which nothing is known, m/s."""
+"""Standard deviation of an unknown velocity, m/s."""
 LEANING = 0.1
-"""Standard deviation of an attitude that the filter goes on with, rad, along each axis."""
+"""Standard deviation of an attitude that is kept at a new start, rad, along each axis."""
 REST_FORCE, REST_TURN, REST = 0.5, 0.1, 0.5
 """At rest the specific force is so near to gravity's, m/s^2, and so little is turned, rad/s, for so
 many seconds."""
@@ -49,7 +49,7 @@ CREEP, SHIVER = 0.01, 0.01
 
 
 class Filter:
-    """`is_known`: so many measurements fitted one another that there is an estimate."""
+    """is_known: enough measurements agree for an estimate."""
 
     def __init__(self, params: FilterParams, heading: float) -> None:
         p = params
@@ -81,31 +81,31 @@ class Filter:
 
     @property
     def refusal(self) -> Refusal | None:
-        """Why measurements are refused, None while they are taken."""
+        """Why measurements are refused, None while they pass."""
         return self._gate.refusal
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the position, metres, with what wanders, and with doubts."""
+        """Standard deviation of the position, metres, with systematic errors and refused fixes."""
         state = self._replay.state
         assert state is not None
         return hypot(state.deviation, self._wander, state.off if self._doubts(state) else 0.0)
 
     def at(self, time: Time) -> Belief | None:
-        """What is believed of `time`; None where nothing is."""
+        """Return the state at `time`, None if it is unknown."""
         return self._replay.at(time) if self.is_known else None
 
     def anchor(self, estimate: Estimate) -> None:
-        """Another's estimate, on which the vehicle flies."""
+        """Take the estimate of another estimator, on which the vehicle flies."""
         self._gate.flown = estimate
 
     def add_imu(self, imu: Imu) -> None:
-        """Go on by an IMU sample."""
+        """Predict by an IMU sample."""
         self._replay.add_imu(imu)
         self._still.add_imu(imu)
 
     def take(self, fixes: Sequence[Fix], now: Time) -> None:
-        """Take what was true before the newest IMU sample; the rest waits for it."""
+        """Process the fixes from before the newest IMU sample; later ones wait for theirs."""
         fixes, self._waiting = [*self._waiting, *fixes], []
         for fix in fixes:
             if self._replay.covers(fix.time):
@@ -116,7 +116,9 @@ class Filter:
     def _fuse(self, fix: Fix, flown: Estimate | None) -> None:
         gate, state = self._gate, self._replay.state
         seen = None if flown is None else seen_from(flown, fix.time)
-        if seen is not None and not self._is_possible(fix, seen):
+        if seen is not None and not gate.passes(
+            _as_pose(fix, seen.attitude), seen, self._bounds(fix)
+        ):
             self._refuse(fix, seen, self._believed(fix.time), flown)
             return
         if fix.attitude is None:
@@ -139,15 +141,15 @@ class Filter:
     def _refuse(
         self, fix: Fix, reference: Reference, own: Reference | None, flown: Estimate | None
     ) -> None:
-        """The measurement was refused; begin at it where the gate opens for it."""
+        """Note a refused measurement; start anew at it if the gate opens for it."""
         pose = _as_pose(fix, reference.attitude)
         velocity = self._gate.opened(pose, reference, own, self._bounds(fix))
         if velocity is not None:
             self._begin(fix, flown, None if fix.attitude is None else velocity)
 
     def _believed(self, time: Time) -> Reference | None:
-        """Where the filter believes the vehicle to be, gone on from the newest measurement that
-        passed; None before the first."""
+        """Return the filter's own reference, extrapolated from the newest measurement that passed;
+        None before the first."""
         state, belief = self._replay.state, self._replay.at(time)
         return None if state is None or belief is None else _reference(state, belief.nominal)
 
@@ -157,16 +159,13 @@ class Filter:
             since is not None and last is not None and last.time - since > self._params.doubt * NS
         )
 
-    def _is_possible(self, fix: Fix, where: Reference) -> bool:
-        return self._gate.passes(_as_pose(fix, where.attitude), where, self._bounds(fix))
-
     def _bounds(self, fix: Fix) -> Bounds:
         p, beside = self._params, 4.0 * fix.deviation
         gate = min(NEAR, p.widest_gate) + beside
         return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
 
     def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
-        """At a measurement. velocity: where poses told it, and what the filter believed was
+        """Start at a measurement. velocity: given by poses if the filter's own state was
         wrong; the IMU's biases may be what was."""
         nominal, unknown = self._replay.nominal, self._unknown
         if velocity is not None:
@@ -263,12 +262,12 @@ class Standstill:
         self._time = max(self._time, imu.time)
 
     def holds(self, time: Time) -> bool:
-        """Whether the vehicle is at rest now and was at `time`."""
+        """Return whether the vehicle is at rest now and was at `time`."""
         return self._since is not None and self._since <= time and self._seconds >= REST
 
     def begun(self, fix: Fix, unknown: Unknown, noise: ImuNoise, heading: float) -> FilterState:
-        """At a position, at rest: tilt and biases by one correction with what was felt, f = R' g +
-        b and w = c, so that the tilt's error goes with the bias's; the heading is the declared
+        """Start at a position, at rest: tilt and biases by one correction with the sample, f = R' g
+        + b and w = c, so that the tilt's error goes with the bias's; the heading is the declared
         one."""
         fx, fy, fz = self._force
         attitude = from_euler(atan2(fy, fz), atan2(-fx, hypot(fy, fz)), heading)

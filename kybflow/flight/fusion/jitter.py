@@ -1,14 +1,14 @@
-"""How noisy poses are, told by themselves: by how much each is off the line through the two before.
+"""Measures the noise of poses: how far each is off the line through the two before it.
 
 With e the difference of a pose from where the last two lead, t and s the seconds after and between
 these, r = t / s, and the noise of each pose white,
 
     var(e) = (1 + (1 + r)^2 + r^2) noise^2
 
-whatever the velocity is; an acceleration a adds a t (t + s) / 2, at 120 Hz less than 1 mm. Averaged
-over `TIME`. A difference that no flight explains is a jump and no noise, and after a gap the poses
-begin anew. Motion capture tells nothing of how sure it is (for noise learnt from what is left over:
-R. Mehra, "Approaches to adaptive filtering", IEEE TAC 1972).
+at any velocity; an acceleration a adds a t (t + s) / 2, at 120 Hz less than 1 mm. It is averaged
+over `TIME`. A difference that no flight explains is a jump and no noise; after a gap the poses
+begin anew. Motion capture does not report its noise (for noise learnt from innovations: R. Mehra,
+"Approaches to adaptive filtering", IEEE TAC 1972).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from kybflow.flight.pose_track import STEP, TURN
 
 TIME = 0.25
 GAP = NS // 20
-"""The longest time between two poses that go on from one another."""
+"""The longest time between two successive poses."""
 
 
 class Jitter:
@@ -32,7 +32,7 @@ class Jitter:
         self._moved: tuple[Vec3, Vec3] | None = None
 
     def see(self, pose: Pose) -> None:
-        """Learn from a pose; one that is not newer than the last teaches nothing."""
+        """Process a pose; one that is not newer than the last is ignored."""
         last, before = self._last, self._moved
         since = 0 if last is None else pose.time - last.time
         if last is not None and since <= 0:

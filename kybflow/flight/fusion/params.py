@@ -1,4 +1,4 @@
-"""What the fusion is told: where measurements come from, how noisy they are, what is refused."""
+"""The parameters of the fusion: the source of measurements, their noise, and what is refused."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""The filter's past: what is true earlier is put in where it belongs, and the IMU replayed to now.
+"""The filter's history: a late measurement is inserted at its time, and the IMU replayed to now.
 
-States are kept every 40 ms and at every measurement, and so often the covariance is predicted; the
-nominal state goes on with every IMU sample. A measurement of an earlier time goes into the list
-of measurements, and from the last state before it everything is done again, gate and all, so that
-the result is the same, bit for bit, in whatever order measurements came (Solà 2017, sec. 5-6, gives
-the steps; the delay is handled as in Bar-Shalom, Li and Kirubarajan, "Estimation with Applications
-to Tracking and Navigation", 2001, sec. 6: by reprocessing).
+States are kept, and the covariance is predicted, every 40 ms and at every measurement; the nominal
+state is predicted with every IMU sample. A late measurement goes into the list of measurements, and
+everything after the last state before it is repeated, with the gate, so that the result is
+identical bit for bit in whatever order measurements arrive (Solà 2017, sec. 5-6, gives the steps;
+the delay is handled as in Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking
+and Navigation", 2001, sec. 6: by reprocessing).
 
 The IMU's noise is the declared one, or what its own samples show (`vibration`). The gate refuses an
 innovation that a share `refused` of true ones exceeds (chi-square, ibid. sec. 5.4), or further than
@@ -42,7 +42,7 @@ from kybflow.flight.pose_gate import is_same
 
 STEP = NS // 25
 UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
-"""Standard deviations of what the vehicle did meanwhile, m/s^2 and rad/s."""
+"""Standard deviations of the vehicle's unknown motion during a gap, m/s^2 and rad/s."""
 
 
 class Fix(NamedTuple):
@@ -147,15 +147,15 @@ class Replay:
         self._states: list[FilterState] = []
 
     def covers(self, time: Time) -> bool:
-        """Whether what was felt from `time` on is known."""
+        """Return whether the IMU samples from `time` on are known."""
         return bool(self._samples) and self._samples[0].since <= time <= self._samples[-1].time
 
     def lacks(self, time: Time) -> bool:
-        """Whether the IMU has not come to `time` yet."""
+        """Return whether the IMU samples until `time` have not arrived yet."""
         return not self._samples or time > self._samples[-1].time
 
     def add_imu(self, imu: Imu) -> None:
-        """Go on by an IMU sample; one that is not newer than the last is left out."""
+        """Predict by an IMU sample; one that is not newer than the last is ignored."""
         samples = self._samples
         since = samples[-1].time if samples else imu.time - round(imu.dt * NS)
         if imu.time <= since:
@@ -171,12 +171,12 @@ class Replay:
             self._forget(imu.time - self._memory)
 
     def begin(self, state: FilterState) -> None:
-        """Start from `state`, at a time that is covered, without what was before."""
+        """Start from `state`, at a time within the history, and drop what was before."""
         self._states, self._fixes = [state], []
         self._replay(state)
 
     def add(self, fix: Fix) -> bool:
-        """Put in a measurement; false for one that is too old or there already."""
+        """Insert a measurement; return False for one that is too old or known already."""
         assert self._states
         if fix.time <= self._states[0].nominal.time or not self.covers(fix.time):
             return False
@@ -191,7 +191,7 @@ class Replay:
         return True
 
     def at(self, time: Time) -> Belief | None:
-        """What is believed of `time`, from the last state before it on; None where nothing is."""
+        """Return the state at `time`, predicted from the last one before it; None without one."""
         states, samples = self._states, self._samples
         if not states:
             return None
@@ -224,7 +224,7 @@ class Replay:
             fixes = fixes[count:]
 
     def _advance(self, sample: _Sample, fixes: Sequence[Fix]) -> None:
-        """Through a sample, and the fixes in its time."""
+        """Predict through a sample and the fixes within its time."""
         self._noise = sample.noise
         for fix in fixes:
             self._move(sample, fix.time)
@@ -248,7 +248,7 @@ class Replay:
         self.state = state._replace(covariance=covariance)
 
     def _settle(self) -> FilterState:
-        """Bring the covariance up to the nominal state."""
+        """Predict the covariance up to the nominal state."""
         state, nominal = self.state, self.nominal
         assert state is not None
         assert nominal is not None
@@ -288,7 +288,7 @@ class Replay:
         return state
 
     def _forget(self, before: Time) -> None:
-        """Drop what no measurement after `before` needs."""
+        """Drop the history that no measurement after `before` needs."""
         states, first = self._states, before
         if states:
             count = bisect_right(states, before, key=lambda state: state.nominal.time)

@@ -1,9 +1,9 @@
-"""How much an IMU's samples scatter, as rotors shake it, where that is clearly more than declared.
+"""Measures the noise of an IMU that rotors shake, if that is clearly more than declared.
 
-Of white samples with the variance s^2 the second difference, a - 2 b + c, has six times that, and
-hardly any of a flight in it: body rates that follow rotors with a lag bend by 0.1 deg/s within
-4 ms. White samples every dt make of a velocity, or of an angle, the variance s^2 dt in a second.
-Vibration at one frequency does less to it than that; what is counted is on the safe side.
+The second difference, a - 2 b + c, of white samples with the variance s^2 has the variance 6 s^2,
+and contains hardly any motion: body rates that follow rotors with a lag bend by 0.1 deg/s within 4
+ms. White samples every dt add the variance s^2 dt a second to a velocity or an angle. Vibration at
+one frequency adds less than that, so the result is on the safe side.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from kybflow.flight.fusion.covariance import ImuNoise
 TIME = 0.5
 """Seconds over which the average is taken."""
 CLEARLY = 4.0
-"""How many times the declared variance samples have at least where they vibrate."""
+"""Least ratio of the measured variance to the declared one that counts as vibration."""
 
 
 class Vibration:
@@ -25,13 +25,13 @@ class Vibration:
         self._force, self._turn = Scatter(), Scatter()
 
     def add_imu(self, force: Vec3, turn: Vec3, dt: float) -> None:
-        """Take note of a sample over `dt` seconds: specific force and turn rate."""
+        """Add a sample over `dt` seconds: specific force and turn rate."""
         self._force.see(force, dt)
         self._turn.see(turn, dt)
 
     @property
     def noise(self) -> ImuNoise:
-        """As declared, where it isn't clearly more."""
+        """Return the measured noise, the declared one where it isn't clearly more."""
         p = self._declared
         velocity, attitude = (
             scatter.variance**0.5 if scatter.variance > CLEARLY * declared * declared else declared
@@ -51,7 +51,7 @@ class Scatter:
         self._seen = 0
 
     def see(self, sample: Vec3, dt: float) -> None:
-        """Take note of a sample over `dt` seconds."""
+        """Add a sample over `dt` seconds."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = self._before, self._last, sample
         if self._seen > 1:
             x, y, z = ax - 2.0 * bx + cx, ay - 2.0 * by + cy, az - 2.0 * bz + cz

@@ -72,7 +72,7 @@ def shaped(frequency: float) -> Gains:
 
 
 FASTEST = shaped(FREQUENCIES[-1])
-"""The gains on a loop that nobody has declared."""
+"""The gains on an undeclared loop."""
 
 
 @lru_cache(maxsize=256)

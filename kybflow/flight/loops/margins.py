@@ -32,7 +32,7 @@ COARSE, FINE = 16, 120
 SHARPEST, FINEST = 0.7, 8
 """rad that L and 1 + L may turn between two frequencies, and how often a step is halved for it."""
 SMALL = 0.1
-"""|L| that tells nothing any more."""
+"""|L| below which the response no longer matters."""
 
 
 class Margins(NamedTuple):

@@ -12,9 +12,9 @@ commands is one of u. Vertically the plant is a double integrator behind the rot
 Poses pass the alpha-beta filter of `kybflow.flight.tracked_pose`, written in z = e^(s period), are
 old, and are predicted to now, as `mocap` comes. A vehicle that is commanded climb rates follows
 them as 1 / (T s + 1): its vertical plant is that and an integrator. A command stays for one period
-of the control. The observer changes nothing horizontally; vertically it compares what was felt with
-what was asked of the rotors (`kybflow.flight.disturbance`). The estimated mass is left out, which
-is far slower.
+of the control. The observer changes nothing horizontally; vertically it compares the measured force
+with what was asked of the rotors (`kybflow.flight.disturbance`). The estimated mass is left out,
+which is far slower.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a hand asks of the behavior that it steers: the axes, once they have been centred."""
+"""The axes of the hand that steers a behavior, once they have been centred."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def was_held(last: Time, tick: Tick) -> bool:
 
 class Hand:
     """The sticks of an input. lost: seconds for which it has been lost. waits_for: what it waits
-    for, in words, None while it is obeyed.
+    for, in words, None while it steers.
 
-    An input that comes back, and that of a vehicle that was held, is obeyed once its sticks have
+    An input that recovers, and that of a vehicle that was held, steers again once its sticks have
     been at their centres.
     """
 

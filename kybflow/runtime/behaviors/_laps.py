@@ -1,4 +1,4 @@
-"""Laps of a path that closes, and the event of each."""
+"""Laps of a closed path, and their events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Another vehicle that is followed, from what it publishes."""
+"""A vehicle that is followed, by what it publishes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from kybflow.core.geometry import ZERO, Vec3, add, distance, heading_of, scale
 from kybflow.core.signals import NS, NeighbourState, Tick
 
 _BESIDE = 0.3
-"""Metres from its setpoint within which a vehicle follows it."""
+"""Largest distance (m) from its setpoint of a vehicle that follows it."""
 
 
 class Leading(NamedTuple):
-    """Where the followed vehicle is by now: its setpoint where it follows that, else its estimate.
-    World frame."""
+    """Where the followed vehicle is now: its setpoint if it follows that, else its estimate. World
+    frame."""
 
     position: Vec3
     velocity: Vec3
@@ -30,7 +30,7 @@ class Leader:
         self._name = name
 
     def heard(self, tick: Tick, delay: float, freshness: float) -> Leading | None:
-        """Return where it is by now; None while that can't be told. Called once a tick."""
+        """Return where it is now, None while that is unknown. Called once a tick."""
         news = tick.neighbours.heard(self._name, tick.now - round(delay * NS))
         age = 0.0 if news is None else (tick.now - news.time) / NS
         if news is None:

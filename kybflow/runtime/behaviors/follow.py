@@ -93,7 +93,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         return setpoint
 
     def _resting_place(self) -> Vec3:
-        """Where the setpoint comes to rest if it brakes now."""
+        """Return where the setpoint comes to rest if it brakes now."""
         position, velocity = self._follower.position, self._follower.velocity
         return add(position, scale(velocity, norm(velocity) / self.params.acceleration))
 
@@ -111,7 +111,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         )
 
     def _turn(self, leading: Leading, dt: float) -> None:
-        """Turn as the other does."""
+        """Turn like the other vehicle."""
         self._rate = 0.0
         if self.params.frame == "heading":
             off = wrap(leading.heading - self._heading)
@@ -142,7 +142,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
 def _caught_up(
     goal: Motion, position: Vec3, velocity: Vec3, acceleration: float, dt: float
 ) -> bool:
-    """Whether moving as the goal does would make no step."""
+    """Return whether joining the goal would make no step."""
     ahead = add(position, scale(add(velocity, goal.velocity), 0.5 * dt))
     close = norm(sub(goal.position, ahead)) <= CAUGHT_UP
     return close and norm(sub(goal.velocity, velocity)) <= acceleration * dt

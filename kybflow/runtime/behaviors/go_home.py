@@ -4,7 +4,7 @@ Home is the vehicle's `home` in the mission, its start where none is given. The 
 present one, or `height` above the ground of the start where that is more, but always 0.3 m below
 the fence's top. Both legs are rest-to-rest profiles (`kybflow.flight.profiles`); entered in motion
 it sheds that velocity on the way. It is done above home when the vehicle is within `tolerance`, and
-`patience` after the planned end in any case: what follows lands it, wherever it is.
+`patience` after the planned end in any case: the next behavior lands it, wherever it is.
 
 Refuses to start when an obstacle is closer to the way than the vehicle's diameter and 20 cm; then
 it lands where it is. World frame, metres; the heading is kept.

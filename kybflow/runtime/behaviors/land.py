@@ -10,7 +10,7 @@ start.
 Down at `speed`; from the height `slow_below` above the expected ground, at `slow_speed`. The speed
 of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), slewed with the
 acceleration a. It has no lowest height: the ground is where the vehicle stops although the setpoint
-runs on below it. That is noticed when the height stays within 1.5 cm of one for `dwell` with the
+runs on below it. That is detected when the height stays within 1.5 cm of one for `dwell` with the
 setpoint at least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the
 height is less noisy, and the setpoint's depth is a second witness against gusts). Where the
 estimate is too noisy for that, the height averaged over a second stays within 5 cm for four times
@@ -47,21 +47,20 @@ from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param
 
 _STILL = 0.015
 _AVERAGED, _LEVEL, _LONGER = 1.0, 0.05, 4.0
-"""Where the height is too noisy: its average over so many seconds, how far that may move, and the
-part of `dwell` for which."""
+"""For a noisy height: seconds of its average, how far that may move, and for how many `dwell`."""
 _LOWER = 0.1
-"""An average that is so much lower is progress."""
+"""Metres by which the average must fall to count as progress."""
 _DEPTH = 0.05
 _LEASH = 0.3
 _LOOKS = 0.1
-"""Seconds between two looks for vehicles below: a fleet that lands together is long."""
+"""Seconds between two checks for vehicles below, which are dear in a fleet that lands together."""
 _ABOVE = 0.5
 """Seconds above the point before it descends."""
 
 
 _HEARD = 0.3
-"""Seconds since link and estimate heard anything new beyond which a height that stands still tells
-nothing of the ground."""
+"""Seconds without new measurements after which a height that stands still does not show the
+ground."""
 
 
 @params
@@ -153,7 +152,7 @@ class Land(
         return setpoint
 
     def _below(self, tick: Tick, own: Vec3) -> str | None:
-        """The vehicle that is under this one. Turns to a place beside it where it may choose."""
+        """Return the vehicle below this one. Without a `position`, turn to a place beside it."""
         if tick.elapsed >= self._look:
             self._look = tick.elapsed + _LOOKS
             self._under = vehicle_below(self._context, own, tick.fleet)
@@ -176,13 +175,13 @@ class Land(
         return Straight(start, goal, self._speed, self.params.acceleration)
 
     def _gap(self, own: Vec3) -> float:
-        """How far the vehicle is from the vertical through its goal; zero without one."""
+        """Return the distance from the vertical through the goal, zero without one."""
         if self._goal is None:
             return 0.0
         return hypot(own[0] - self._goal[0], own[1] - self._goal[1])
 
     def _waits(self, gap: float, dt: float) -> bool:
-        """Whether the height is held for now."""
+        """Return whether the height is held for now."""
         if not self._descends:
             return True
         if gap <= 2.0 * self.params.tolerance or self._waited >= self.params.patience:
@@ -212,7 +211,7 @@ class Land(
         return self._stopped.reached(stays, self.params.dwell, dt) or settled
 
     def _has_settled(self, own: float, dt: float) -> bool:
-        """Whether the average of the height has stopped falling; takes note of a lower one."""
+        """Update the average of the height; return whether it has stopped falling."""
         self._average += (own - self._average) * dt / (_AVERAGED + dt)
         if self._average < self._lowest - _LOWER:
             self._lowest, self._stalled = self._average, 0.0

@@ -2,9 +2,9 @@
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
 controller keeps the attitude level and its heading from the IMU, and the thrust follows the law of
-`kybflow.flight.descent`, which holds a speed of about half a metre a second by the specific force
-that the IMU feels, whatever is wrong with the thrust's model, and notices the touch-down. Its speed
-in m/s (time in s), from rest, for an error e of the thrust's model:
+`kybflow.flight.descent`, which holds a speed of about half a metre a second by the measured
+specific force, whatever the error of the thrust's model, and detects the touch-down. Its speed in
+m/s (time in s), from rest, for an error e of the thrust's model:
 
     from      e = -10 %     0             +10 %
     0.5 m     0.52 (1.2)    0.53 (1.3)    0.54 (1.4)
@@ -13,16 +13,15 @@ in m/s (time in s), from rest, for an error e of the thrust's model:
     2.5 m     1.01 (4.0)    1.02 (4.0)    1.03 (4.1)
 
 An accelerometer that is wrong by 0.25 m/s^2 makes 1.5 m/s (2.9 s) or 1.0 m/s (10 s) of the 1.0 m/s
-from 2.5 m. Where an estimator needs the IMU, what it felt at rest on the ground is known and counts
-as gravity (`kybflow.runtime.monitoring.resting_bias`): only what it has been wrong by since then
-does that.
+from 2.5 m. If an estimator needs the IMU, its measurement at rest on the ground is known and counts
+as gravity (`kybflow.runtime.monitoring.resting_bias`): only a later change has this effect.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 
-Where nothing at all has been heard of the vehicle for 0.25 s, no command is sent either: its own
-watchdog feels its IMU, which the preflight has checked, and comes down by that.
+If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle comes
+down by its own watchdog, which the preflight has checked and which reads the IMU.
 
-Where only its IMU isn't heard, or not any more for 0.1 s, the thrust is an open-loop function of
+If only the IMU doesn't arrive, or not any more for 0.1 s, the thrust is an open-loop function of
 the time since the entry, for the rest of the way:
 
     T(t) = T0 (1 - (1 - share) min(t / settle, 1) - fade max(t - settle, 0)
@@ -59,11 +58,11 @@ from kybflow.world.ground import height_in_the_air
 _ARREST = 0.8
 _MOST = 0.3
 _LONGEST = 0.25
-"""Seconds that one sample of an IMU may stand for."""
+"""Longest interval (s) of one IMU sample."""
 _SILENT = NS // 10
-"""An IMU that was not heard for so long is not waited for."""
+"""Silence of the IMU after which the descent is open loop."""
 _UNHEARD = 0.25
-"""Seconds without a message of the vehicle after which its own watchdog knows better."""
+"""Seconds without a message of the vehicle after which its own watchdog lands it."""
 
 
 @params
@@ -126,16 +125,16 @@ class LandBlind(
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
 
     def _is_over(self, tick: Tick) -> bool:
-        """Whether the time of the open loop is over, and no estimate says that the vehicle is still
-        in the air."""
+        """Return whether the time of the open loop is over and no estimate has the vehicle in the
+        air."""
         if self._descent is not None or tick.elapsed < self.params.time_bound:
             return False
         known = tick.estimate
         return known is None or height_in_the_air(self._context, known, ()) <= 0.0
 
     def _landed(self, descent: Descent, tick: Tick) -> bool:
-        """Take what the IMU felt; whether that was the touch-down. Gives the descent up when
-        nothing is heard."""
+        """Process the IMU; return whether the vehicle has touched down. Without an IMU, end the
+        closed-loop descent."""
         imu = tick.imu
         if imu is not None and imu.time > self._heard and self._is_sound(imu):
             self._heard, self._last = imu.time, imu
@@ -146,7 +145,7 @@ class LandBlind(
         return False
 
     def _is_sound(self, imu: Imu) -> bool:
-        """Finite, and not the last one over again: the noise of an IMU never repeats itself."""
+        """Return whether a sample is finite and differs from the last, as noise makes it."""
         (x, y, z), last = imu.specific_force, self._last
         total = x + y + z
         stuck = last is not None and last.specific_force == imu.specific_force

@@ -1,9 +1,9 @@
 """Wait on the ground, rotors at rest, until the payload is on board.
 
-The servo that holds it is asked to close. Done when the vehicle says that the payload is on board.
-One that can't tell closes the servo and goes on waiting: somebody who sees it says so, `next:
-[{event: operator.loaded, go: up}]`. From then on the payload may be released again. In simulation
-somebody stands by who puts it in as the servo closes.
+It closes the servo that holds the payload, and is done when the vehicle reports the payload on
+board. A vehicle that can't report it closes the servo and waits for a person to confirm it, as with
+`next: [{event: operator.loaded, go: up}]`. From then on the payload may be released again. In
+simulation the payload is put in as the servo closes.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@ that holds the payload to open, in every tick until the vehicle has acknowledged
 for `settle`, because the vehicle has just become lighter, and is done. On the ground the rotors
 rest.
 
-A payload that was released is not released again: whoever enters this behavior anew, after it was
-done or was interrupted, is told so with the event `payload_already_released`, and it is done at
-once. `load_payload` ends that. Where the vehicle has not acknowledged the release before an
-interruption, it is asked for again; a servo that is open stays open.
+A payload that was released is not released again: if this behavior is entered anew, after it was
+done or interrupted, it emits `payload_already_released` and is done at once. `load_payload` ends
+that. If the vehicle has not acknowledged the release before an interruption, it is requested again;
+an open servo stays open.
 
 Fails when it is not acknowledged within `patience`, when no payload is on board, or when the
 vehicle refuses.
@@ -49,9 +49,11 @@ class ReleasePayload(
         self._released: float | None = None
 
     def update(self, tick: Tick) -> Setpoint | Grip | Done | Failed:
-        time, setpoint = tick.elapsed, self._held(tick.elapsed)
-        if self._coast is not None and time < self._coast.duration:
-            return setpoint
+        time, setpoint = tick.elapsed, IDLE
+        if self._coast is not None:
+            setpoint = self._coast.at(time).setpoint(self._heading)
+            if time < self._coast.duration:
+                return setpoint
         first = self._asked is None
         if self._asked is None:
             self._asked = time
@@ -66,9 +68,6 @@ class ReleasePayload(
             limit = self.params.patience
             return Failed(setpoint, f"the release was not acknowledged within {limit:g} s")
         return Grip(setpoint, True)
-
-    def _held(self, time: float) -> Setpoint:
-        return IDLE if self._coast is None else self._coast.at(time).setpoint(self._heading)
 
     def _settled(self, setpoint: Setpoint, time: float) -> Setpoint | Done:
         if self._released is None:

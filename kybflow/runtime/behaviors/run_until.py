@@ -15,8 +15,8 @@ smoothstep S, and falls with its mirror image, the acceleration at most `acceler
 to slow down when what is left of `at_most`, measured by the estimate along the velocity, is what
 slowing down takes.
 
-Done when it has come to rest. Fails when it has not after `patience` more than the way should take:
-something holds it back. Whoever follows takes over the velocity of the moment and sheds it. The
+Done when it has come to rest. Fails when it has not `patience` after the planned time: something
+holds it back. The next behavior takes over the velocity of the moment and brakes it. The
 heading and, as far as an estimated velocity can, the height are kept. World frame.
 """
 
@@ -68,7 +68,8 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         self._peak = self._speed
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
-        time, gone = tick.elapsed, self._gone(tick.known().position)
+        time, position = tick.elapsed, tick.known().position
+        gone = dot(sub(position, self._coast.end), self._direction)  # beyond the coasting
         if self._slowing is None and self._must_slow(time, gone):
             self._slowing, (self._peak, *_) = time, self._rising(time)
         speed, pull, jolt = self._rising(time) if self._slowing is None else self._falling(time)
@@ -79,10 +80,6 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         if time > self._end + self.params.patience:
             return Failed(setpoint, f"only {gone:.2f} m of {self.params.at_most:g} m")
         return setpoint
-
-    def _gone(self, position: Vec3) -> float:
-        """The way over ground along the velocity, beyond what the coasting takes."""
-        return dot(sub(position, self._coast.end), self._direction)
 
     @property
     def _slowing_time(self) -> float:
@@ -97,7 +94,7 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         return over is not None and time >= over - takes
 
     def _rising(self, time: float) -> tuple[float, float, float]:
-        """Speed, acceleration and jerk along the velocity while it rises, and at its height."""
+        """Return speed, acceleration and jerk along the velocity until it begins to slow down."""
         if time >= self._ramp:
             return self._speed, 0.0, 0.0
         _, value, slope, bend = smoothstep(time / self._ramp)

@@ -47,7 +47,7 @@ _HARD = 2.5
 _TURNING = 4.0
 """The largest change of the rate of turning, rad/s^2."""
 _FELT = 0.5
-"""Metres from which a hand feels what the setpoint comes near to."""
+"""Distance (m) from which on the hand feels an obstacle."""
 
 
 @params
@@ -127,8 +127,8 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
     def _let_feel(
         self, x: float, y: float, z: float, surfaces: Iterable[Surface], tick: Tick
     ) -> None:
-        """Work out what the hand should feel: how the vehicle's velocity differs from the one that
-        is asked, as a share of the largest, and the way out of what it comes near to."""
+        """Compute the force for the hand: how the vehicle's velocity differs from the requested
+        one, as a share of the largest, and the way out of what it comes near to."""
         p, turned = self.params, self._heading if self.params.frame == "heading" else 0.0
         c, s = cos(turned), sin(turned)
         velocity = tick.known().velocity
@@ -144,7 +144,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         )
 
     def _level(self, x: float, y: float, dt: float, *, brakes: bool) -> tuple[float, float]:
-        """The level velocity in the next tick, but for what is in the way."""
+        """Return the level velocity in the next tick, before obstacles."""
         p, (vx, vy, _) = self.params, self._velocity
         most = min(p.speed, SPEED_SHARE * self._context.airframe.speed)
         length = max(1.0, hypot(x, y))
@@ -159,7 +159,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         return vx + (push * x - push / most * vx) * dt, vy + (push * y - push / most * vy) * dt
 
     def _surfaces(self, tick: Tick) -> Iterator[Surface]:
-        """What is in the way."""
+        """Yield the surfaces in the way."""
         p, context, position = self.params, self._context, self._position
         if (fence := context.fence) is not None:
             yield from walls(position, _room(fence, p, context.start[2]))
@@ -191,6 +191,6 @@ def _towards(before: float, wanted: float, most: float) -> float:
 
 
 def _room(fence: Box, p: SteerParams, ground: float) -> Box:
-    """Where the setpoint may be."""
+    """Return the box in which the setpoint may be."""
     (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
     return Box((x0 + m, y0 + m, max(z0, ground + p.lowest)), (x1 - m, y1 - m, z1 - m))

@@ -1,11 +1,12 @@
 """Climb straight up from the ground to a height above it, and be done there.
 
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
-(`kybflow.flight.profiles`) with at most `speed` and `acceleration`. Where the vehicle stays more
-than 0.3 m behind, the profile waits for it, so that a vehicle that can't lift is not asked ever
-more; where it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there. It
-is done when the profile has ended and the height has settled: for `dwell` it is within `tolerance`
-and moves by no more than a seventh of that, so that one that passes its height is not there yet.
+(`kybflow.flight.profiles`) with at most `speed` and `acceleration`. If the vehicle stays more than
+0.3 m behind, the profile waits for it, so that the setpoint doesn't run away from a vehicle that
+can't lift; if it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there.
+It is done when the profile has ended and the height has settled: for `dwell` it is within
+`tolerance` and moves by no more than a seventh of that, so that one that passes its height is not
+there yet.
 
 Fails when it is not there `patience` after the profile should have ended. Speed 0.3 m/s and
 tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the start.
@@ -23,7 +24,7 @@ _LEASH, _AHEAD = 0.3, 0.1
 _SETTLED = 0.15
 """The part of `tolerance` by which a height that has settled may move."""
 _LEAP = 0.02
-"""Seconds in which the profile looks for where the vehicle is."""
+"""Longest time (s) by which the profile advances to where the vehicle is."""
 
 
 @params
@@ -74,7 +75,7 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         return setpoint
 
     def _reach(self, time: float) -> None:
-        """Go on to this time of the profile."""
+        """Advance to this time of the profile."""
         self._time, self._progress = time, self._profile.at(time)
 
     def _setpoint(self, waits: bool) -> Setpoint:

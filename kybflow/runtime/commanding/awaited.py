@@ -1,4 +1,4 @@
-"""The events that a person can give: what the mission waits for, ever and now."""
+"""The events that a person can give: those that the mission waits for, at any time and now."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
 
 
 def awaited(plan: Plan) -> Iterator[str]:
-    """Yield the operator's and the mission's own events that a transition or a callback hears."""
+    """Yield the operator's and the mission's own events that a transition or callback waits for."""
     own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())
@@ -38,8 +38,8 @@ def awaited(plan: Plan) -> Iterator[str]:
 
 
 def awaited_now(plan: Plan, states: Mapping[str, str], phases: Mapping[str, str]) -> set[str]:
-    """Return the events that something hears now. states: the state of each vehicle that is in one;
-    phases: the phase of each flow that is in one."""
+    """Return the events that something waits for now. states: the state of each vehicle that is in
+    one; phases: the phase of each flow that is in one."""
     heard = heard_always(plan)
     for vehicle in plan.vehicles:
         if vehicle.name in states:
@@ -51,12 +51,12 @@ def awaited_now(plan: Plan, states: Mapping[str, str], phases: Mapping[str, str]
 
 
 def heard_by(transitions: Iterable[TransitionPlan]) -> tuple[str, ...]:
-    """Return the events that transitions hear, each once."""
+    """Return the events that transitions wait for, each once."""
     return tuple(dict.fromkeys(t.event for t in transitions if t.event is not None))
 
 
 def heard_always(plan: Plan) -> set[str]:
-    """Return the events of the run that callbacks hear."""
+    """Return the events of the run that callbacks wait for."""
     return {callback.event for callback in plan.callbacks if callback.vehicles == ("",)}
 
 

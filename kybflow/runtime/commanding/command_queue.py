@@ -1,4 +1,4 @@
-"""The queue between those who give commands, in any thread, and the tick that hears them."""
+"""The queue between those who give commands, in any thread, and the tick that executes them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kybflow.runtime.commanding.situation import Situation
 
 OVER = "the run is over"
 MOST_WAITING = 1000
-"""How much may wait for one tick."""
+"""Largest number of items that may wait for one tick."""
 
 Answered = Callable[[Answer], None]
 """Receives the answer to a command, exactly once, in the thread of the flight or, where it is
@@ -24,8 +24,8 @@ Shown = Callable[[Situation | None], None]
 
 
 class GivenCommand(NamedTuple):
-    """A command as it was given: by whom, and whether they take the lease from another. `name`: the
-    event, where it was given as one."""
+    """A command, who gave it, and whether they take the lease from another. name: the event if it
+    was given as one."""
 
     order: Order
     by: str
@@ -35,7 +35,7 @@ class GivenCommand(NamedTuple):
 
 
 class Question(NamedTuple):
-    """Somebody asks for the situation."""
+    """A request for the situation."""
 
     shown: Shown
 
@@ -47,19 +47,19 @@ class ClientDisconnected(NamedTuple):
 
 
 class ServerFailure(NamedTuple):
-    """Commands are not served as they should be."""
+    """The serving of commands has failed, in part or wholly."""
 
     reason: str
 
 
 class ClientsRefused(NamedTuple):
-    """Some of those who would command, or what they sent, was refused before it was a command."""
+    """Clients, or what they sent, were refused before there was a command."""
 
     reason: str
 
 
 class RecordedCommand(NamedTuple):
-    """A command of an earlier run, in words, and when that run heard it."""
+    """A command of an earlier run, in words, and its time in that run."""
 
     heard: Time
     command: str
@@ -76,8 +76,8 @@ class CommandQueue:
 
     emitted: events to give, each with its time in seconds of the run; their time counts in flight
     only. recorded: the commands of an earlier run, to be given at the same ticks. Raises
-    CommandUnreadable for one of these that is no command. last_words: each returns what is still to
-    be told of refused clients when the run ends, empty for nothing.
+    CommandUnreadable for an invalid one. last_words: functions that return what to report of
+    refused clients when the run ends, empty for nothing.
     """
 
     def __init__(
@@ -112,15 +112,15 @@ class CommandQueue:
         self._put(ClientDisconnected(by), bounded=False)
 
     def complain(self, reason: str) -> None:
-        """Tell, as the event `commands_failed`, that commands are not served as they should be."""
+        """Emit `commands_failed`: commands are not served as they should be."""
         self._put(ServerFailure(reason), bounded=False)
 
     def warn(self, reason: str) -> None:
-        """Tell, as the event `clients_refused`, what was refused before it was a command."""
+        """Emit `clients_refused`: clients, or what they sent, were refused."""
         self._put(ClientsRefused(reason), bounded=False)
 
     def close(self) -> None:
-        """The run is over: answer what waits, and everything that is asked from now on."""
+        """End the run: refuse what waits, and everything from now on."""
         with self._lock:
             self._closed = True
         while self.waiting:
@@ -132,7 +132,7 @@ class CommandQueue:
 
     @property
     def never_given(self) -> tuple[tuple[float, str], ...]:
-        """What was scheduled and hasn't been given, each with its seconds of the run."""
+        """The scheduled commands that were not given, each with its seconds of the run."""
         return tuple((due / NS, given.name or text(given.order)) for due, given in self.scheduled)
 
     def _put(self, item: Item, *, bounded: bool = True) -> bool:
@@ -144,5 +144,5 @@ class CommandQueue:
 
 
 def _is_line(words: str) -> bool:
-    """Whether it can be recorded."""
+    """Return whether a text can be recorded as one line."""
     return len(words) <= LONGEST and words.isprintable()

@@ -1,10 +1,10 @@
 """Gives a person's commands to the run, in the tick, and answers them.
 
-Each command is answered once, with the words of whoever refuses it: most at once, those that a
-vehicle decides on when it acts, in the same tick or the next. It is noted then as the event
-`command_given`, in the order in which commands were heard, so that the run can be flown again. A
-command to every vehicle is also emitted as the operator's event (`operator.pause`), which the
-mission may hear.
+Each command is answered once, with the reason if it is refused: most at once, those that a vehicle
+decides on when it acts, in the same tick or the next. It is then emitted as the event
+`command_given`, in the order in which commands arrived, so that the run can be flown again. A
+command to every vehicle is also emitted as the operator's event (`operator.pause`), for which the
+mission may wait.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "operator"
-"""The requester, as it appears in the events of what is commanded."""
+"""The requester, as it appears in events."""
 LANDED = "a person landed it"
 
 _Answered = Callable[[Answer], None]
@@ -73,7 +73,8 @@ class Commander:
         self._heard: deque[_Heard] = deque()
 
     def step(self, now: Time) -> None:
-        """Give what is due and what waits. The engine calls it at the start of a tick."""
+        """Execute the commands that are due and that wait. The engine calls it at the start of a
+        tick."""
         while self._scheduled and self._scheduled[0][0] <= now:
             self._hear(self._scheduled.popleft()[1], now, flying=True)
         if self._waiting:
@@ -89,8 +90,8 @@ class Commander:
             self._take_up(now, flying=False)
 
     def close(self) -> None:
-        """The run is over: answer the commands that no vehicle has answered, and report what
-        was refused last."""
+        """End the run: answer the commands that no vehicle has answered, and report the last
+        refusals."""
         for untold in self._queue.last_words:
             if reason := untold():
                 self._events.emit(ClientsRefusedEvent(reason=reason))
@@ -139,7 +140,7 @@ class Commander:
             answered(Answer(False, described(error)))
 
     def _answer(self, heard: _Heard, answer: Answer) -> None:
-        """Note what is answered, in the order in which it was heard."""
+        """Note an answer, and publish all answers in the order of their commands."""
         heard.answer = heard.answer or answer
         while self._heard and self._heard[0].answer is not None:
             first = self._heard.popleft()
@@ -183,7 +184,7 @@ class Commander:
         return Answer(True, "" if waits else "nothing waits for it now")
 
     def _ask_vehicles(self, order: VehicleOrder, answered: _Answered) -> None:
-        """Ask the vehicles that the order names; to all of them it is an event too."""
+        """Ask the vehicles that the order names; an order to all of them is an event too."""
         everyone = self._controls.requests
         asked = {name: self._requests(name) for name in order.vehicles or everyone}
         if len(asked) == len(everyone):
@@ -217,7 +218,7 @@ class Commander:
         return known[vehicle]
 
     def _goal(self, vehicle: str, name: str) -> str:
-        """Return the state that `name` means: a chain's name means its first state."""
+        """Return the state of this name; a chain's name means its first state."""
         [plan] = (plan for plan in self._plan.vehicles if plan.name == vehicle)
         if name in plan.states:
             return name
@@ -237,7 +238,7 @@ class Commander:
 
 
 class _Heard:
-    """A command that was heard, and its answer once there is one."""
+    """A command that arrived, and its answer once there is one."""
 
     __slots__ = ("answer", "at", "given")
 
@@ -258,8 +259,8 @@ class _Heard:
 
 
 class _Poll:
-    """Gathers the answers of several vehicles into one: accepted when any accepts, or when the
-    mission itself hears the command as an event; who refuses is named."""
+    """Gathers the answers of several vehicles into one: accepted if any of them accepts, or if the
+    mission waits for the command as an event. It names the vehicles that refuse."""
 
     def __init__(self, asked: Sequence[str], decided: _Answered, *, is_heard: bool) -> None:
         self._silent, self._decided = len(asked), decided
@@ -280,7 +281,7 @@ def _as_answer(answered: _Answered) -> Callable[[str | None], None]:
 
 
 def _landed(requests: Requests) -> str | None:
-    """Land a vehicle; return why it can't begin to."""
+    """Land a vehicle; return why it can't."""
     try:
         reason = requests.land_objection()
         if reason is None:

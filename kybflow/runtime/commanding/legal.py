@@ -1,4 +1,4 @@
-"""Looks at a run and says what it does and what is legal now, by asking what refuses commands."""
+"""Reports what a run does and which commands it would accept now."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from kybflow.core.geometry import heading_of
-from kybflow.core.signals import NS, Estimate, Setpoint, Time
+from kybflow.core.signals import NS, Estimate, Time
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.commanding.awaited import awaited, awaited_now, heard_by
 from kybflow.runtime.commanding.situation import (
@@ -24,14 +24,14 @@ NOT_FLYING = "the preflight is not over"
 
 
 class RunView(NamedTuple):
-    """What the situation of a run is read from."""
+    """The parts of a run from which its situation is read."""
 
     plan: Plan
     vehicles: Sequence[Vehicle]
     flows: Flows
 
     def awaited_now(self) -> set[str]:
-        """Return the events that something hears now."""
+        """Return the events that something waits for now."""
         begun = {v.name: v.state for v in self.vehicles if v.runner.begun}
         flows = (self.flows.running(flow.name) for flow in self.plan.flows)
         phases = {flow.plan.name: flow.phase.name for flow in flows if flow.active}
@@ -54,7 +54,7 @@ class RunView(NamedTuple):
 def _vehicle(vehicle: Vehicle, now: Time, driver: str | None) -> VehicleSituation:
     runner, requests, override = vehicle.runner, vehicle.requests, vehicle.link_out.override
     begun, failsafe, hold = runner.begun, vehicle.failsafe, runner.hold
-    early = None if begun else NOT_FLYING
+    early, aim = None if begun else NOT_FLYING, vehicle.followed
     goals = [name for name in vehicle.plan.states if name != "fault"]
     return VehicleSituation(
         name=vehicle.name,
@@ -70,7 +70,7 @@ def _vehicle(vehicle: Vehicle, now: Time, driver: str | None) -> VehicleSituatio
         driver=driver,
         battery=None if vehicle.battery is None else vehicle.battery.remaining,
         estimate=_estimate(vehicle.estimate, vehicle.estimator),
-        setpoint=_setpoint(vehicle.followed),
+        setpoint=None if aim is None else SetpointSummary(aim.position, aim.velocity),
         waits_for=heard_by(runner.state.transitions) if begun else (),
         enter={goal: early or requests.objection(goal) for goal in goals},
         pause=early or requests.pause_objection(),
@@ -85,10 +85,6 @@ def _estimate(estimate: Estimate | None, estimator: str | None) -> EstimateSumma
         return None
     heading = heading_of(estimate.attitude)
     return EstimateSummary(estimate.position, estimate.velocity, heading, estimate.age, estimator)
-
-
-def _setpoint(setpoint: Setpoint | None) -> SetpointSummary | None:
-    return None if setpoint is None else SetpointSummary(setpoint.position, setpoint.velocity)
 
 
 def _flow(name: str, flows: Flows, now: Time, flying: bool) -> FlowSituation:

@@ -10,8 +10,8 @@
     release
     track mk time=12.5 position=[1, 0, 1.2] [velocity=... acceleration=... heading=...]
 
-The command line, the socket and the record of a run use these words. What a callback may do too is
-the plan's value for it (`kybflow.dsl.plan`); its names are checked when the command is heard.
+The command line, the socket and the record of a run use these words. Commands that a callback may
+give too are the values of `kybflow.dsl.plan`; their names are checked in the tick.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop,
 
 PREFIX = "operator."
 LONGEST = 1000
-"""The letters that a command may have."""
+"""Largest number of letters of a command."""
 
 
 @dataclass(frozen=True, slots=True)
 class PauseOrder:
-    """Hold vehicles, all where none is named, with what they do frozen."""
+    """Hold vehicles, all if none is named, with their behaviors frozen."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ResumeOrder:
-    """Let vehicles, all where none is named, go on after a pause; ask a pilot's back."""
+    """Resume vehicles, all if none is named, after a pause; request control back from a pilot."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ResetOrder:
-    """Take vehicles on the ground, all where none is named, out of `fault`."""
+    """Take vehicles on the ground, all if none is named, out of `fault`."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class LandOrder:
-    """Land vehicles, all where none is named. They stay down for the rest of the run."""
+    """Land vehicles, all if none is named. They stay on the ground for the rest of the run."""
 
     vehicles: tuple[str, ...] = ()
 
@@ -108,7 +108,7 @@ COMMANDS = (*(f"{PREFIX}{word}" for word in OF_VEHICLES), f"{PREFIX}stop")
 
 
 def named(name: str) -> Order:
-    """Return the command that giving the event `name` is: one of COMMANDS acts on all vehicles."""
+    """Return the command for the event `name`: one of COMMANDS acts on all vehicles."""
     if name == f"{PREFIX}stop":
         return Stop("")
     kind = OF_VEHICLES.get(name.removeprefix(PREFIX)) if name.startswith(PREFIX) else None
@@ -164,7 +164,7 @@ def parse(words: str) -> Order:
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """How a command is written: what follows its word, and what reads that; None where it can't."""
+    """The form of a command: its arguments, and their reader, which returns None for others."""
 
     arguments: str
     read: Callable[[list[str]], Order | None]
@@ -192,7 +192,7 @@ def _switch(rest: list[str]) -> Switch | None:
 
 
 def _track(rest: list[str]) -> TrackOrder | None:
-    """Numbers are not judged: who takes the point says what is wrong with it."""
+    """Read a point; the behavior that takes it checks its numbers."""
     before, *pairs = _ASSIGNED.split(" ".join(rest[1:]))
     names, written = pairs[::2], pairs[1::2]
     if not rest or before or len(set(names)) < len(names) or not {"time", "position"} <= {*names}:
@@ -221,7 +221,7 @@ def _point(values: Mapping[str, tuple[float, ...]]) -> PlannedPoint:
 
 
 def _written(point: PlannedPoint) -> list[str]:
-    """A point in the words that `_track` reads back exactly."""
+    """Return a point in words that `_track` reads back exactly."""
     vectors = (("position", point.position), ("velocity", point.velocity),
                ("acceleration", point.acceleration))  # fmt: skip
     words = [f"time={point.time!r}"]

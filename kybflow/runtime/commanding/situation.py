@@ -27,7 +27,7 @@ class EstimateSummary:
 
 @dataclass(frozen=True, slots=True)
 class SetpointSummary:
-    """The setpoint that a vehicle's tracker follows; None for what it leaves open."""
+    """The setpoint that a vehicle's tracker follows; None for fields that it doesn't have."""
 
     position: Vec3 | None
     velocity: Vec3 | None
@@ -40,7 +40,7 @@ class VehicleSituation:
     it: `pause`, `brake`, `pilot`. latched: the failsafe's reaction that only a reset undoes.
     braking: the alarms that brake it. override: why somebody else has control. retired: why it
     lands for the rest of the run. driver: the flow that drives it. enter: each state that can be
-    asked for. waits_for: the events that a transition of its state hears."""
+    requested. waits_for: the events that a transition of its state waits for."""
 
     name: str
     state: str
@@ -67,7 +67,7 @@ class VehicleSituation:
 @dataclass(frozen=True, slots=True)
 class FlowSituation:
     """One flow. phase: None while it is in none. enter: each phase. waits_for: the events that a
-    transition of its phase hears."""
+    transition of its phase waits for."""
 
     name: str
     phase: str | None

@@ -1,2 +1,2 @@
-"""Estimators: from measurements to where a vehicle is, one a file. None reads a simulator's truth.
-The catalog finds them; a vehicle's estimation runs them and picks the first healthy one."""
+"""Estimators: from measurements to the state of a vehicle, one a file. None reads a simulator's
+truth. The catalog finds them; a vehicle's estimation runs them and picks the first healthy one."""

@@ -1,21 +1,21 @@
-"""What an accelerometer tells beside the poses of motion capture: by which angle the body that they
-are of is off the vehicle, and which acceleration nobody commanded.
+"""Learns from an accelerometer by which angle a motion-capture body is rotated against its vehicle,
+and which disturbance accelerates it.
 
-Markers are stuck on by hand and the body is declared where the vehicle happened to stand, so that
-its axes are off the vehicle's by a constant rotation. About the level axes gravity tells it: with
-the attitude R as corrected so far and the acceleration a from the poses, an accelerometer feels
+Markers are placed by hand and the body is declared where the vehicle happens to stand, so that its
+axes are off the vehicle's by a constant rotation. About the level axes gravity shows it: with the
+attitude R as corrected so far and the acceleration a from the poses, an accelerometer measures
 
-    f = R^T (a + g e3) =: e    where nothing is wrong, and    f = e - d x e    where R is off by d,
+    f = R^T (a + g e3) =: e    without an error, and    f = e - d x e    if R is off by d,
 
 d_x = (f_y - e_y) / e_z and d_y = (e_x - f_x) / e_z, which is averaged over a memory (the correction
 of Mahony, Hamel and Pflimlin, Nonlinear complementary filters on SO(3), IEEE TAC 2008, eq. 32, with
-the motion's acceleration taken off). About the heading's axis nothing is told. What the
-accelerometer is wrong by is taken for an angle, 0.3 degrees for 0.05 m/s^2, and so the on-board
-attitude is wrong as well.
+the motion's acceleration subtracted). About the vertical axis gravity shows nothing. A bias of the
+accelerometer counts as an angle, 0.3 degrees for 0.05 m/s^2; the on-board attitude has the same
+error.
 
 The velocity's filter takes g times the slope of body z for the acceleration
-(`kybflow.flight.tracked_pose`). What a wind adds to that is R f - g e3 less that slope's; without
-it a push of 0.5 m/s^2 is a velocity that is wrong by 3 cm/s.
+(`kybflow.flight.tracked_pose`). A wind adds R f - g e3 less that; without this term 0.5 m/s^2 of
+wind make an error of 3 cm/s in the velocity.
 """
 
 from __future__ import annotations
@@ -36,21 +36,20 @@ from kybflow.flight.disturbance import SHAKEN
 from kybflow.runtime.estimators._imu_sums import EVERY, ImuSums
 
 MOST = 0.05
-"""The largest angle about each axis, rad: one that is wrong by more was seen by whoever set it
-up."""
+"""The largest angle about each axis, rad: a larger one is noticed at setup."""
 FIRST = 0.5
-"""Seconds for which no correction counts, so that the first look is not taken for the whole."""
+"""Least averaging time, seconds, so that the first sample doesn't count fully."""
 LARGEST = 1.0
-"""The largest acceleration beside the slope's along an axis that is believed, m/s^2."""
+"""The largest plausible disturbance along an axis, m/s^2."""
 HARD = 0.5 * GRAVITY
-"""A mean force that is off gravity by more is a touch or a fall, m/s^2."""
+"""A mean force further off gravity is a touch or a fall, m/s^2."""
 LONGEST = 0.2
-"""Seconds between two looks beyond which poses were lost."""
+"""Seconds between two updates beyond which poses were lost."""
 
 
 class FeltForce:
-    """turned: what a pose's attitude is to be multiplied by, from the right. pushed: the
-    acceleration along x and y beside the slope's, m/s^2, world. memory: of the angle, seconds."""
+    """turned: the correction by which a pose's attitude is multiplied from the right. pushed: the
+    disturbance along x and y, m/s^2, world. memory: averaging time of the angle, seconds."""
 
     def __init__(self, memory: float, sums: ImuSums) -> None:
         self.turned: Quat = LEVEL
@@ -63,8 +62,8 @@ class FeltForce:
     def look(
         self, time: Time, velocity: Vec3, attitude: Quat, rates: Vec3, slope: tuple[float, float]
     ) -> None:
-        """Take the motion after another pose. attitude: as corrected. slope: the acceleration that
-        it tells."""
+        """Process the motion after another pose. attitude: as corrected. slope: the acceleration
+        that follows from it."""
         (gx, gy), (hx, hy) = slope, self._slopes
         self._poses, self._slopes = self._poses + 1, (gx + hx, gy + hy)
         if self._poses < EVERY:
@@ -81,18 +80,15 @@ class FeltForce:
         ex, ey, ez = rotate_back(attitude, (ax, ay, az + GRAVITY))
         force = fx, fy, fz = total[0] / felt, total[1] / felt, total[2] / felt
         if abs(fz - GRAVITY) < HARD and abs(ez - GRAVITY) < HARD:
-            self._turn((fy - ey) / ez, (ex - fx) / ez, seconds)
+            self._elapsed = min(self._elapsed + seconds, self._memory)
+            share, (tx, ty) = min(1.0, seconds / self._elapsed), self._angles
+            tx = _within(tx + share * ((fy - ey) / ez), MOST)
+            ty = _within(ty + share * ((ex - fx) / ez), MOST)
+            self._angles, self.turned = (tx, ty), integrate(LEVEL, (tx, ty, 0.0), 1.0)
             (px, py, _), (rx, ry, _) = rotate(attitude, force), rates
             calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
             px, py = (px - gx / EVERY) / calm, (py - gy / EVERY) / calm
             self.pushed = _within(px, LARGEST), _within(py, LARGEST)
-
-    def _turn(self, x: float, y: float, seconds: float) -> None:
-        """The corrected attitude is off by these angles about body x and y."""
-        self._elapsed = min(self._elapsed + seconds, self._memory)
-        share, (tx, ty) = min(1.0, seconds / self._elapsed), self._angles
-        self._angles = tx, ty = _within(tx + share * x, MOST), _within(ty + share * y, MOST)
-        self.turned = integrate(LEVEL, (tx, ty, 0.0), 1.0)
 
 
 def _within(value: float, most: float) -> float:

@@ -1,4 +1,4 @@
-"""What the fusion makes of a measurement: where and how the vehicle was seen, and how surely."""
+"""Converts measurements to fixes of the fusion: position, attitude and covariance."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Prediction, Sighting
 
 FARTHEST = 1e5
-"""Metres from the origin at which no vehicle is."""
+"""Metres from the origin beyond which a position is no measurement."""
 
 CLEARLY = 4.0
-"""How many times the declared variance poses have at least where they are noisier than declared."""
+"""Least ratio of the measured variance to the declared one that counts as noisier."""
 
 Read = Callable[[Sequence[Measurement]], list[Fix]]
 Believed = Callable[[Time], Belief | None]
-"""What is believed of a time, None where nothing is."""
+"""Returns the state at a time, None if it is unknown."""
 Saw = Callable[["Sighting | None"], None]
 
 
@@ -39,8 +39,8 @@ def source(
     believed: Believed,
     saw: Saw,
 ) -> Read:
-    """What reads the measurements of the source that is asked for, and leaves out others and those
-    that are none. errors: of cameras and tags. `saw` is told what camera frames showed."""
+    """Return the reader of the requested source, which ignores other and invalid measurements.
+    errors: of cameras and tags. saw: called with what camera frames showed."""
     noises = [params.position_noise] * 3 + [params.attitude_noise] * 3
     noise: Matrix = numpy.diag(numpy.square(noises))
     if params.source == "tags":
@@ -50,7 +50,7 @@ def source(
 
 
 class _Poses:
-    """Poses, and how noisy they are where that is clearly more than what is declared."""
+    """Reads poses, with their measured noise if that is clearly more than declared."""
 
     def __init__(self, noise: Matrix) -> None:
         self._noise, self._jitter = noise, Jitter()
@@ -69,7 +69,7 @@ class _Poses:
         return Fix(*pose, self._now())
 
     def _now(self) -> Matrix:
-        """The noise of a pose."""
+        """Return the present covariance of a pose."""
         position, attitude = self._jitter.position, self._jitter.attitude
         if position <= self._position and attitude <= self._attitude:
             return self._noise
@@ -87,7 +87,7 @@ def _position(noise: Matrix, measured: Measurement) -> Fix | None:
 
 
 class _Tags:
-    """Frames of one time, from whichever cameras, tell one pose."""
+    """Reads frames: those of one time, of all cameras together, give one pose."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class _Tags:
         return _checked(Fix(time, seen.position, seen.attitude, noise, self._slopes, extent))
 
     def _predicted(self, belief: Belief) -> Prediction:
-        """Where the body will seem to be, by what makes its poses err as the last one did."""
+        """Return the expected measured pose, with the systematic error of the last one."""
         from kybflow.vision.locating.locator import Prediction
         from kybflow.vision.locating.sight import BodyMotion
 

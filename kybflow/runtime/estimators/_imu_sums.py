@@ -1,4 +1,4 @@
-"""What an IMU adds up, so that it can be asked about the time of a pose that arrives later."""
+"""Integrals of the IMU, which can be read at the time of a pose that arrives later."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Imu, Time
 
 EVERY = 4
-"""Poses between two looks at the sums."""
+"""Poses between two readings of the sums."""
 LONGEST = 64
 """Samples that are kept."""
 
 
 class ImuSum(NamedTuple):
     """The sums of all samples until `time`. angle: of the turn rates, rad, body. gained: of the
-    specific forces, m/s, body. seconds: of the times that they are the averages of. rates, force:
-    the sample itself."""
+    specific forces, m/s, body. seconds: the integration time. rates, force: the last sample."""
 
     time: Time
     angle: Vec3
@@ -28,7 +27,7 @@ class ImuSum(NamedTuple):
 
 
 class ImuSums:
-    """delay: by which what the IMU measures lies behind its stamp, s."""
+    """delay: of the measured motion behind its stamp, s."""
 
     def __init__(self, delay: float) -> None:
         self._behind = round(delay * NS)
@@ -40,8 +39,7 @@ class ImuSums:
         self._sums.append(_added(self._sums[-1], time - self._behind, dt, rates, force))
 
     def until(self, time: Time) -> ImuSum:
-        """The sums at a time, between samples as at the next one, beyond the last as if that
-        lasted."""
+        """Return the sums at a time: between samples by the next one, after the last by that."""
         found = self._sums[-1]
         for earlier in reversed(self._sums):
             if earlier.time < time:
@@ -51,7 +49,7 @@ class ImuSums:
 
 
 def _added(before: ImuSum, time: Time, dt: float, rates: Vec3, force: Vec3) -> ImuSum:
-    """The sums with a sample of so many seconds, which may be negative."""
+    """Return the sums plus a sample of `dt` seconds, which may be negative."""
     _, (ax, ay, az), (px, py, pz), seconds, _, _ = before
     (fx, fy, fz), (wx, wy, wz) = force, rates
     angle = (ax + dt * wx, ay + dt * wy, az + dt * wz)

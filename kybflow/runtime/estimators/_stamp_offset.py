@@ -1,13 +1,13 @@
-"""How much later than they were true poses are stamped, by the gyroscope.
+"""Measures by the gyroscope how much too late poses are stamped.
 
-A clock that is off, or a stamp of the arrival, shifts all poses in time. A vehicle that turns with
-w is seen turned by less than its gyroscope says: of an attitude that integrates the gyroscope and
-follows the seen one within 1 / K,
+A clock offset, or a stamp of the arrival, shifts all poses in time. The measured attitude of a
+vehicle that turns with w then lags its gyroscope: with e its difference from an attitude that
+integrates the gyroscope and follows the measured one within 1 / K,
 
     e = h(constant - offset w) + noise,    h: the high-pass s / (s + K),
 
-where the constant is how the body is turned and the gyroscope's drift. Least squares over a memory,
-with a guess of zero that is as sure as `SURE` says, gives
+where the constant holds the body's rotation and the gyroscope's drift. Least squares over a memory,
+with a prior of zero weighted by `SURE`, gives
 
     offset = -sum(e . h(w)) / (sum(h(w)^2) + SURE)
 
@@ -35,12 +35,12 @@ from kybflow.runtime.estimators._imu_sums import EVERY, ImuSums
 FOLLOWING = 1.0
 """K, 1/s."""
 SURE = 0.2
-"""(rad/s)^2: what a pose's attitude is wrong by over what an offset may be, 0.1 degrees over 4 ms,
+"""(rad/s)^2: the error of a pose's attitude over a likely offset, 0.1 degrees over 4 ms,
 squared."""
 MOST = 0.02
 """The largest offset, s."""
 ASTRAY = 0.1
-"""An attitude that differs from the integrated one by more begins that anew, rad."""
+"""A larger difference from the integrated attitude restarts the integration, rad."""
 
 
 class StampOffset:
@@ -56,7 +56,7 @@ class StampOffset:
         self._product = self._square = 0.0
 
     def look(self, time: Time, seen: Quat) -> None:
-        """Take the attitude of another pose, with its stamp as it came."""
+        """Process the attitude of another pose, with its original stamp."""
         self._poses += 1
         if self._poses < EVERY:
             return

@@ -1,15 +1,16 @@
-"""What the autopilot's own estimator believes, moved on to now.
+"""The estimate of the autopilot's own estimator, extrapolated to now.
 
-Its newest odometry (position p, velocity v, attitude q, turn rate w, true at time t) becomes
+Its newest odometry (position p, velocity v, attitude q, turn rate w, at time t) becomes
 
     p + (now - t) v,    q turned at w for (now - t),
 
-the velocities kept. It is moved on by `ahead` at most; older odometry stands where that ends, and
-its `age` tells. spread: as the autopilot has it, metres. Odometry that is not newer than the last,
-not finite, or whose attitude is no rotation, is left out.
+with the same velocities. It is extrapolated by `ahead` at most; older odometry stays there, and its
+`age` grows. spread: the autopilot's own, metres. Odometry that is not newer than the last, not
+finite, or whose attitude is no rotation, is ignored.
 
-Where the autopilot's position comes from this program (external vision), it is no second opinion:
-it ages and errs with what it is told, and goes on by the autopilot's IMU when that ends.
+If the autopilot's position comes from this program (external vision), it is no independent
+estimate: it has the same age and errors, and continues by the autopilot's IMU when that position
+ends.
 """
 
 from __future__ import annotations
@@ -40,10 +41,13 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
         self._newest: Odometry | None = None
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
-        for one in measurements:
-            if isinstance(one, Odometry) and self._is_newer(one) and _is_sound(one):
-                self._newest = one
         newest = self._newest
+        for one in measurements:
+            if not isinstance(one, Odometry) or not _is_sound(one):
+                continue
+            if newest is None or one.time > newest.time:
+                newest = one
+        self._newest = newest
         if newest is None:
             return None
         time, (px, py, pz), velocity, attitude, rates, spread = newest
@@ -52,9 +56,6 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
         position = (px + dt * vx, py + dt * vy, pz + dt * vz)
         attitude = integrate(attitude, rates, dt)
         return Estimate(now, position, velocity, attitude, rates, "autopilot", age, spread)
-
-    def _is_newer(self, one: Odometry) -> bool:
-        return self._newest is None or one.time > self._newest.time
 
 
 def _is_sound(one: Odometry) -> bool:

@@ -2,36 +2,35 @@
 
 Position, velocity, attitude and the biases of accelerometer and gyroscope with their covariance (J.
 Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, sec. 5 and 6). A measurement
-counts at the time at which it was true, and the IMU is replayed from there to now; one that comes
-out of order does no harm, one older than `memory` is left out (`kybflow.flight.fusion.replay`).
+counts at its own time, and the IMU is replayed from there to now; measurements may arrive out of
+order, and one older than `memory` is ignored (`kybflow.flight.fusion.replay`).
 
-source: `mocap` takes poses, `tags` the poses that printed tags in camera frames tell, `position`
-positions alone, as of GPS. With these the filter begins at rest: the tilt is what the accelerometer
-feels, the heading is the declared one, `heading_error` off, and is learnt where the vehicle speeds
-up. Until `samples` measurements have come that fit one another there is no estimate.
+source: `mocap` uses poses, `tags` the poses of printed tags in camera frames, `position` positions
+alone, such as those of GPS. With these the filter starts at rest: the accelerometer gives the tilt,
+and the declared heading, with `heading_error`, is corrected once the vehicle accelerates. There is
+no estimate until `samples` measurements agree.
 
-Poses from tags err the same way from frame to frame, by what is wrong with lens, mount, map and
-stamps. How much, follows for each frame (`kybflow.vision.locating.systematic`), and what makes them
-err is a part of the state: the errors of each camera and of the stamps as constants, what the map
-does to a pose as a process that forgets while the body moves on to other tags
-(`kybflow.flight.fusion.covariance`). So no frame is refused because it errs as all others do;
-gravity and motion tell how the camera is turned on the body and how late frames are stamped; and
-what nothing tells is in the spread. An IMU whose samples scatter more than declared is believed
-less (`kybflow.flight.fusion.vibration`).
+Poses from tags have the same error from frame to frame, by errors of lens, mount, map and stamps.
+Its size follows for each frame (`kybflow.vision.locating.systematic`), and its causes are a part of
+the state: the errors of each camera and of the stamps as constants, those of the map as a process
+that forgets while the body moves on to other tags (`kybflow.flight.fusion.covariance`). So no frame
+is refused for an error that all of them have; gravity and motion show how the camera is mounted and
+how late frames are stamped; and what they don't show is in the spread. An IMU whose samples scatter
+more than declared gets less weight (`kybflow.flight.fusion.vibration`).
 
-Refused is a measurement whose innovation a share `gate` of true ones exceeds (chi-square), and one
-further than `widest_gate`, plus four times its own deviation, from where the vehicle is believed to
-be, however wide the filter's own spread: by the estimate that it flies on where that is another's,
-else by the filter. So a body that was exchanged with another's is not followed. The filter begins
-anew at refused ones that agree among themselves for `doubt` seconds and are where the vehicle can
-have got to, or that agree for `settled` seconds in which nothing else was flown on
+A measurement is refused if a share `gate` of true ones exceeds its innovation (chi-square), or if
+it is further than `widest_gate`, plus four times its own deviation, from the expected position,
+however wide the filter's own spread: by the estimate that the vehicle flies on if that is another
+estimator's, else by the filter. So a body that was exchanged with another's is not followed. The
+filter starts anew from refused measurements that agree for `doubt` seconds and are where the
+vehicle can be, or that agree for `settled` seconds in which nothing else was flown on
 (`kybflow.flight.pose_gate`).
 
-age: of the newest measurement that was not refused. spread, metres: standard deviation of the
-position along its worst axis, and beside it what a share `position_wander` of the variance of
-positions alone comes to, which errs the same way for many of them (GPS: minutes); with all refused
-for longer than `doubt`, also as much as the last of them was off. No estimate while no IMU comes
-for 0.1 s; motion is unknown over such a gap (standard deviations 3 m/s^2, 1 rad/s).
+age: of the newest measurement that passed. spread, metres: standard deviation of the position along
+its worst axis, and in addition a share `position_wander` of the variance of positions, an error
+that many of them have in common (GPS: minutes); if all are refused for longer than `doubt`, also
+the deviation of the last of them. There is no estimate while no IMU arrives for 0.1 s; motion is
+unknown over such a gap (standard deviations 3 m/s^2, 1 rad/s).
 """
 
 from __future__ import annotations
@@ -66,12 +65,12 @@ _KINDS = {
     "position": Position,
 }
 MOST_FORCE, MOST_TURN = 500.0, 100.0
-"""What an IMU on a vehicle can feel, m/s^2 and rad/s."""
+"""Largest plausible samples of an IMU, m/s^2 and rad/s."""
 
 
 @params
 class FusionParams(CalibrationErrors, FilterParams):
-    """What the filter is told, and how wrong cameras and tags may be."""
+    """The parameters of the filter, and the errors of cameras and tags."""
 
 
 class Fusion(Estimator[FusionParams]):
@@ -128,7 +127,7 @@ class Fusion(Estimator[FusionParams]):
 
 
 def _is_sound(imu: Imu) -> bool:
-    """Not for a number that is none, nor for one that no vehicle survives."""
+    """Return whether a sample is finite and no vehicle would break by it."""
     (fx, fy, fz), (wx, wy, wz) = imu.specific_force, imu.angular_velocity
     force, turn = fx * fx + fy * fy + fz * fz, wx * wx + wy * wy + wz * wz
     return force < MOST_FORCE**2 and turn < MOST_TURN**2 and 0.0 < imu.dt * NS <= IMU_TIMEOUT

@@ -1,4 +1,4 @@
-"""Dead reckoning on the IMU, for the seconds in which nothing else tells where the vehicle is.
+"""Dead reckoning on the IMU, for the seconds without any other position.
 
 With f, w the IMU's specific force and turn rate, b and c their biases, R the attitude:
 
@@ -41,10 +41,10 @@ from kybflow.parts import Estimator, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_LEAP = 0.5
-"""Seconds without an anchor after which the next one is taken as it is."""
+"""Seconds without another estimate after which the state is set to the next one."""
 FARTHEST, SURE = 0.15, 3.0
-"""Metres, and spreads of the estimate that is followed, by which that may be off this one; farther
-it has jumped, which would be taken for a speed."""
+"""Metres, and spreads of the estimate that is followed, beyond which that has jumped: it would be
+taken for a speed."""
 NOISY, SHAKY = 0.01, 0.01
 """Metres of spread, and radians by which the attitude that is followed shakes along an axis, from
 which on little is learnt."""
@@ -132,7 +132,7 @@ class Inertial(Estimator[InertialParams]):
             self._anchor_spread = hypot(estimate.spread, off)
 
     def _move(self, imu: Imu) -> None:
-        """Go on to the IMU's time."""
+        """Predict to the IMU's time."""
         time, _, (fx, fy, fz), (wx, wy, wz) = imu
         last, self._time = self._time, time
         bx, by, bz = self._gyro_bias
@@ -155,7 +155,7 @@ class Inertial(Estimator[InertialParams]):
         self._attitude = integrate(self._attitude, rates, dt)
 
     def _follow(self, estimate: Estimate, k: float, dt: float) -> None:
-        """Draw the state towards the other's, and learn."""
+        """Draw the state towards the other estimate, and learn the biases."""
         (ox, oy, oz), (px, py, pz) = estimate.position, self._position
         ex, ey, ez = ox - px, oy - py, oz - pz
         s = min(3.0 * k * dt, 1.0)

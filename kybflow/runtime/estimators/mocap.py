@@ -2,19 +2,19 @@
 
 The filter is `kybflow.flight.tracked_pose`.
 
-A pose whose stamp is not newer than the last one's is dropped, and so is one that is none (a lost
-body: not finite, or no rotation). After a gap longer than `gap` the filter starts again, and until
-`samples` poses have come there is no estimate. spread: running standard deviation of the innovation
-along an axis, metres.
+A pose whose stamp is not newer than the last one's is dropped, and so is an invalid one (a lost
+body: not finite, or no rotation). After a gap longer than `gap` the filter starts again, and there
+is no estimate until `samples` poses have arrived. spread: running standard deviation of the
+innovation along an axis, metres.
 
 A pose that no flight explains is dropped as well (two bodies exchanged, a reflection taken for a
-marker), so that the estimate ages and stops being healthy. Where the vehicle can have got to such
-poses, and they agree for 0.3 s, they are right and what was believed is wrong, and the filter
-starts again from them (`kybflow.flight.pose_gate`).
+marker), so that the estimate ages and stops being healthy. If the vehicle can have reached such
+poses, and they agree for 0.3 s, they are right and the state is wrong: the filter starts again from
+them (`kybflow.flight.pose_gate`).
 
-Where the vehicle's IMU is heard, as a tracker may ask for it, at 125 Hz or more, it tells how far
-the body of motion capture is turned against the vehicle and what pushes it (`_felt_force`), and how
-late poses are stamped (`_stamp_offset`).
+If the vehicle's IMU arrives at 125 Hz or more, which a tracker may request, it shows how the body
+of motion capture is rotated against the vehicle, which disturbance accelerates it (`_felt_force`),
+and how late poses are stamped (`_stamp_offset`).
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from kybflow.runtime.estimators._stamp_offset import StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
 COARSEST = 0.008
-"""Seconds that a sample of the IMU may stand for. Autopilots send momentary ones, 25 times a second
-unless a tracker asks for more, which added up are late by half of that time."""
+"""Longest interval (s) of an IMU sample. Autopilots send momentary ones, 25 times a second unless a
+tracker requests more, whose integral is late by half of that interval."""
 
 
 @params
@@ -120,7 +120,7 @@ class Mocap(Estimator[MocapParams]):
         self.refusal = gate.refusal
 
     def _corrected(self, pose: Pose) -> Pose:
-        """A pose at the time and with the attitude that the IMU knows better."""
+        """Return a pose with its time and attitude corrected by the IMU."""
         force, clock, (time, position, attitude) = self._force, self._clock, pose
         if clock is not None:
             clock.look(time, attitude)
@@ -130,8 +130,8 @@ class Mocap(Estimator[MocapParams]):
         return Pose(time, position, attitude)
 
     def _judge(self, pose: Pose, dt: float, flown: Estimate | None, velocity: Vec3) -> None:
-        """Take a pose that is the vehicle; begin at it where nobody knew one yet, and where the
-        gate opens for it."""
+        """Process a pose that passes the gate; start at the first one, and at one for which the
+        gate opens."""
         track, gate, p = self._track, self._gate, self.params
         bounds = Bounds(p.gate, p.widest_gate, p.settled)
         own = self._believed(dt)
@@ -147,7 +147,8 @@ class Mocap(Estimator[MocapParams]):
         track.take(pose, velocity)
 
     def _is_near(self, pose: Pose, dt: float) -> bool:
-        """Whether a pose is where it is predicted; decides nearly every pose at little cost."""
+        """Return whether a pose is where it is predicted: a cheap test that settles nearly every
+        pose."""
         track = self._track
         (x, y, z), (vx, vy, vz) = track.position, track.velocity
         off = distance(pose.position, (x + dt * vx, y + dt * vy, z + dt * vz))

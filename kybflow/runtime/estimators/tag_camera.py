@@ -4,22 +4,22 @@ Each frame gives the pose of the body (`kybflow.vision.locating.locator`), searc
 last ones predict it, the first where the vehicle starts; the poses give the motion
 (`kybflow.flight.tracked_pose`), whose acceleration changes with the attitude until now. How fast
 the body turns while a rolling shutter reads a frame is solved for with its pose, because the poses
-tell it too late. Frames of several cameras with the same stamp give one pose together. A frame that
-is not newer than the last one that told a pose is dropped.
+show it too late. Frames of several cameras with the same stamp give one pose together. A frame that
+is not newer than the last one with a pose is dropped.
 
-Where a pose is not where the motion predicts it, within
+If a pose is not where the motion predicts it, within
 
     gate + 4 spread + a t^2 / 2,   a = 5 m/s^2
 
 after t seconds without another, and 45 degrees, the filter starts again from it if three tags or
 more agree on it: the vehicle was carried there. Otherwise it is dropped, until such poses agree for
-0.3 s where the vehicle can have got to (`kybflow.flight.pose_gate`). After `gap` seconds the filter
-starts again. Until `samples` poses have come there is no estimate.
+0.3 s where the vehicle can be (`kybflow.flight.pose_gate`). After `gap` seconds the filter starts
+again. There is no estimate until `samples` poses have arrived.
 
-age: since the newest frame that told a pose was taken. spread, metres: the larger of the running
-standard deviation of the innovation along an axis, and what the covariance of the last pose says,
-with what errors of lens, mount, map and stamps do to it (`kybflow.vision.locating.systematic`):
-these no average over frames takes away, and nothing else here tells of them.
+age: since the newest frame with a pose was taken. spread, metres: the larger of the running
+standard deviation of the innovation along an axis and that of the last pose, which includes the
+errors of lens, mount, map and stamps (`kybflow.vision.locating.systematic`): averaging over frames
+does not reduce these.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Prediction
 
 SURE = 3
-"""Tags that agree on a pose which needs no other evidence."""
+"""Tags that must agree on a pose that needs no other evidence."""
 PLACE, TURN, UNKNOWN_RATE = 0.01, 0.01, 0.5
-"""What a prediction's error begins with, metres and radians, and that of its rates, rad/s, by which
-that of the attitude grows; standard deviations."""
+"""Standard deviations of a prediction at its start, metres and radians, and of its rates, rad/s, by
+which that of the attitude grows."""
 START_PLACE, START_TURN = 0.05, 0.05
 """The error of the declared start, metres and radians, standard deviations."""
 
@@ -117,7 +117,7 @@ class TagCamera(Estimator[TagCameraParams]):
         return sqrt(variance / 3.0)
 
     def _velocity(self, pose: Pose, t: float, is_sure: bool) -> Vec3 | None:
-        """The velocity with which the filter starts where it does at this pose; None where it is
+        """Return the velocity with which the filter starts at this pose, None if the pose is
         dropped."""
         track, gate = self._track, self._gate
         if track.count == 0:
@@ -134,8 +134,8 @@ class TagCamera(Estimator[TagCameraParams]):
         return velocity
 
     def _predicted(self, time: Time, t: float) -> Prediction | None:
-        """Where the vehicle is when a frame is taken: before the first pose, where the mission puts
-        it; None where nobody knows any more."""
+        """Return where the vehicle is when a frame is taken: at its declared start before the first
+        pose, None once it is unknown."""
         from kybflow.vision.locating.locator import Prediction
         from kybflow.vision.locating.sight import BodyMotion
 

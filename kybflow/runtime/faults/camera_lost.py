@@ -1,13 +1,13 @@
 """The cameras of the vehicle give no frames any more.
 
-As with a cable that has come loose. Other measurements arrive as ever.
+Like a loose cable. Other measurements arrive as before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kybflow.core.signals import Frame, Measurement
+from kybflow.core.signals import Frame
 from kybflow.parts import Effect, Fault, params
 
 
@@ -21,8 +21,4 @@ class CameraLost(Fault[CameraLostParams]):
     ours = True
 
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
-        return {vehicle: Effect(filter=_lose)}
-
-
-def _lose(measurement: Measurement) -> Measurement | None:
-    return None if isinstance(measurement, Frame) else measurement
+        return {vehicle: Effect(filter=lambda m: None if isinstance(m, Frame) else m)}

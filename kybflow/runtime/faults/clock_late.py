@@ -1,8 +1,8 @@
-"""The program's tick comes late for the vehicle: every command takes effect later.
+"""Every command takes effect later.
 
-As when the computer is too busy or the radio too slow: what a tick decides on its measurements
-reaches the vehicle `by` later. While the first one is awaited none arrives, so that one later than
-the vehicle's watchdog waits brings it down. When the fault ends, what is still on its way is lost.
+As with a busy computer or a slow radio: the command of a tick reaches the vehicle `by` later. No
+command arrives before the first delayed one, so that a delay longer than the vehicle's watchdog
+brings it down. Commands that are on their way when the fault ends are lost.
 """
 
 from __future__ import annotations

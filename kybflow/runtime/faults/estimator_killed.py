@@ -1,7 +1,7 @@
-"""An estimator of the vehicle fails, as one does that raises.
+"""An estimator of the vehicle fails, as if it had raised.
 
-It is not asked again, and the vehicle lands on the next one. That is so for the rest of the run,
-also where the fault ends.
+It is not used again for the rest of the run, also after the end of the fault, and the vehicle lands
+on the next one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A gust blows against the vehicle, on top of whatever wind there is.
 
-Its speed goes up smoothly within `rise`, stays, and is gone when the fault ends. A vehicle
-feels wind in the plane of its rotors, as its drag.
+Its speed goes up smoothly within `rise`, stays, and is gone when the fault ends. Wind
+acts on a vehicle in the plane of its rotors, as its drag.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The link to the vehicle is cut: what is said over it is lost, both ways or one.
+"""The link to the vehicle is cut: messages are lost, in both directions or in one.
 
-As out of range, behind a wall, or with a radio that hangs. Nothing is sent later when it is back.
-The vehicle does what it does when nobody commands it. What comes another way, such as the poses of
-motion capture beside an autopilot, comes as ever; where the link brings everything, nothing comes.
+Like a vehicle out of range or behind a wall, or a radio that hangs. Lost messages are not sent
+again when the link is back. The vehicle does what it does without commands. Measurements that
+arrive another way, such as the poses of motion capture beside an autopilot, still arrive.
 """
 
 from __future__ import annotations

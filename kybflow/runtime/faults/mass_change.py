@@ -1,7 +1,7 @@
 """The vehicle's mass changes in flight: something is picked up or dropped.
 
 mass = factor x the body's mass + added, at the centre of mass: the moments of inertia change by the
-same factor as the mass. Nobody tells the controller.
+same factor as the mass. The controller does not know.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a vehicle publishes to its neighbours is lost; it still hears theirs.
+"""What a vehicle publishes to its neighbours is lost; it still receives theirs.
 
 As when its radio to them hangs. Its own link, its estimate and its behavior go on as ever.
 """

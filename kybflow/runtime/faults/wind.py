@@ -1,7 +1,7 @@
 """A steady wind sets in where the vehicle flies, on top of whatever wind there is.
 
 Its speed goes up smoothly within `rise`, then stays as it is; it is gone when the fault
-ends. A vehicle feels wind in the plane of its rotors, as its drag.
+ends. Wind acts on a vehicle in the plane of its rotors, as its drag.
 """
 
 from __future__ import annotations

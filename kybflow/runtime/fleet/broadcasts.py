@@ -1,8 +1,8 @@
-"""What vehicles publish to each other: each one's estimate, setpoint and what its behavior says.
+"""What vehicles publish to each other: estimate, setpoint and what the behavior says.
 
-Every vehicle publishes at the end of a tick, so that nobody hears in a tick what was said in it, in
-whichever order the vehicles act. Who listens says how old the news must be, which is the delay of a
-radio where one is simulated.
+Every vehicle publishes at the end of a tick, so that none receives in a tick what was published in
+it, whatever the order in which vehicles act. The receiver chooses how old the news must be, which
+simulates the delay of a radio.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Broadcasts:
             self._answers.clear()
 
     def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
-        """Return the newest of `vehicle` at `by` or before."""
+        """Return the newest news of `vehicle` at `by` or before."""
         key = (vehicle, by)
         if key not in self._found:
             kept = reversed(self._kept.get(vehicle, ()))
@@ -43,7 +43,7 @@ class Broadcasts:
         return self._found[key]
 
     def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
-        """Return the answer to a question, from the first who asks until there is other news."""
+        """Return the answer to a question, which is computed once until there is other news."""
         if question not in self._answers:
             self._answers[question] = answer()
         found: Answer = self._answers[question]

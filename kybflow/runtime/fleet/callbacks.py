@@ -34,7 +34,7 @@ from kybflow.runtime.fleet.action_context import CallbackContext, RunControls
 
 Do = Callable[[Event], None]
 _NO_EVENT = Event(0, "", "", {})
-"""What the actions of a condition are given."""
+"""The event that the actions of a condition receive."""
 
 
 class Callbacks:
@@ -101,14 +101,17 @@ class _Callback:
         self, plan: CallbackPlan, when: Callable[[], bool] | None, context: ActionContext
     ) -> None:
         self._plan, self._when = plan, when
-        self._actions = [(_name(action), _bound(action, context)) for action in plan.actions]
+        self._actions = [
+            (a.part.name if isinstance(a, Call) else type(a).__name__.lower(), _bound(a, context))
+            for a in plan.actions
+        ]
 
     def answer(self, event: Event, events: Events) -> None:
         if self.matches(event, events):
             self.act(event, events)
 
     def act(self, event: Event, events: Events) -> None:
-        """Do the actions, whatever happened."""
+        """Carry out the actions without a check."""
         for name, do in tuple(self._actions):
             try:
                 do(event)
@@ -118,8 +121,8 @@ class _Callback:
                 events.emit(failed, at=self._plan.at)
 
     def matches(self, event: Event, events: Events) -> bool:
-        """Whether the event's fields are those that are asked for, and the condition holds. A
-        condition that raises is reported, and nothing is done any more."""
+        """Return whether the event has the required fields and the condition holds. A condition
+        that raises is reported, and disables the callback."""
         fields = event.fields
         if any(shown(fields.get(name)) != value for name, value in self._plan.fields):
             return False
@@ -130,10 +133,6 @@ class _Callback:
             failed = ActionFailed(action="when", reason=described(error))
             events.emit(failed, at=self._plan.at)
             return False
-
-
-def _name(action: ActionPlan) -> str:
-    return action.part.name if isinstance(action, Call) else type(action).__name__.lower()
 
 
 def _bound(action: ActionPlan, context: ActionContext) -> Do:

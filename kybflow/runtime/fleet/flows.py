@@ -2,12 +2,11 @@
 
 Each flow has a state machine, whose states are its phases. On entry a phase gives vehicles to other
 flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
-flow at a time drives a vehicle: what another asks of it is refused, and an event says so. Where a
-phase lets its vehicles arrive in turns, each is asked when the one before has left the state that
-it was asked for, and is down where the failsafe lands it; where together, the pace of their
-behaviors is made one when they begin. A flow that ends gives back the vehicles that it was given.
-Its time stands still while a vehicle that it drives is paused. When a person lands every vehicle,
-every flow ends.
+flow at a time drives a vehicle: requests of another are refused with an event. If a phase lets its
+vehicles arrive in turns, each is asked once the one before has left the requested state, and has
+landed if the failsafe lands it; if together, their behaviors begin at a common pace. A flow that
+ends returns the vehicles that it was given. Its time stands still while a vehicle that it drives is
+paused. When a person lands every vehicle, every flow ends.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ class Driven(Protocol):
 
     @property
     def requests(self) -> Requests:
-        """What the flow may ask of it."""
+        """The requests that the flow may make."""
 
 
 class FlowOptions(Protocol):
@@ -93,7 +92,7 @@ class RunningFlow:
 
     @property
     def active(self) -> bool:
-        """Whether the flow is in a phase: it has begun, and is not over."""
+        """Whether the flow is in a phase: it has begun and not ended."""
         return self.machine.state != END
 
     @property
@@ -106,7 +105,7 @@ class RunningFlow:
         self.visits.append(PhaseVisit(self.phase.name, rounded(now / NS)))
 
     def paced(self) -> None:
-        """Note that the vehicles that begin together have their pace."""
+        """Note that the vehicles that begin together have their common pace."""
         self.unpaced = False
 
     def next_turn(self) -> str:
@@ -115,16 +114,16 @@ class RunningFlow:
         return self.turn
 
     def keep_for_later(self, heard: AbstractSet[str]) -> None:
-        """Keep the events of a tick in which no way out is asked."""
+        """Keep the events of a tick in which the phase is not left."""
         self.missed |= heard
 
     def heard_with_missed(self, heard: AbstractSet[str]) -> AbstractSet[str]:
-        """Return the events of a tick and those that were kept for it."""
+        """Return the events of a tick and those that were kept before."""
         missed, self.missed = self.missed, _NOTHING
         return heard | missed
 
     def is_in_its_state(self, vehicle: str, state: str) -> bool:
-        """Whether a vehicle in `state` does what the phase asked it for."""
+        """Return whether a vehicle in `state` does what the phase requested."""
         request = self.phase.run[vehicle]
         return is_in(state, request.chain or request.state)
 
@@ -139,7 +138,7 @@ class RunningFlow:
 
 
 class Flows:
-    """The flows of a plan. `ended` when none of them will ask anything by itself any more."""
+    """The flows of a plan. ended: none of them will request anything by itself any more."""
 
     def __init__(
         self,
@@ -178,8 +177,8 @@ class Flows:
             self._guarded(flow, now, dt)
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
-        """Enter a phase that a callback or a person asked for, whatever the flow does now. Refused,
-        with an event, for a flow that waits for a vehicle and has none; return why."""
+        """Enter a phase that a callback or a person requests. A flow that waits for vehicles and
+        has none refuses with an event; return why."""
         reason = self.objection(flow)
         if reason is None:
             self._flows[flow].machine.switch(phase, at)
@@ -195,7 +194,7 @@ class Flows:
         return f"no flow has given `{flow}` a vehicle"
 
     def running(self, flow: str) -> RunningFlow:
-        """Return a flow, to look at."""
+        """Return a flow."""
         return self._flows[flow]
 
     def driven(self, flow: str) -> list[str]:
@@ -210,13 +209,13 @@ class Flows:
                 flow.machine.end("operator")
 
     def close(self, now: Time) -> None:
-        """The run is over: what still lasts ends here."""
+        """End the visits that still last, because the run is over."""
         for flow in self._flows.values():
             if flow.active:
                 flow.left("run_ended", now)
 
     def record(self) -> dict[str, Any]:
-        """The flows as `summary.json` holds them."""
+        """Return the flows as they stand in `summary.json`."""
         return {
             name: {"phases": [visit._asdict() for visit in flow.visits]}
             for name, flow in self._flows.items()
@@ -241,7 +240,7 @@ class Flows:
                 flow.machine.begin()
 
     def _guarded(self, flow: RunningFlow, now: Time, dt: float) -> None:
-        """One flow that fails ends, and no other with it; its vehicles do what they do."""
+        """Step one flow. A flow that raises ends alone; its vehicles continue what they do."""
         try:
             self._step(flow, now, dt)
         except Exception as error:  # a lab's own link may show anything
@@ -270,11 +269,11 @@ class Flows:
             flow.machine.end("done")
 
     def _passes_turn(self, flow: RunningFlow) -> bool:
-        """Whether the turn passes to the next vehicle in this tick.
+        """Pass the turn to the next vehicle if it is due; return whether it did.
 
-        It does as yet nothing, and the one before it is in its place, where `all swarm in hover`
-        holds although some have not begun: no way out is asked, and what is heard is kept. It
-        waits for one that the failsafe brings down.
+        In that tick the next vehicle has not begun yet while the one before is in its place, so
+        that `all swarm in hover` may hold too early: the phase is not left, and events are kept.
+        The turn waits for a vehicle that the failsafe brings down.
         """
         turn = self._vehicles[flow.turn]
         if flow.is_in_its_state(flow.turn, turn.state) or turn.requests.comes_down:
@@ -284,7 +283,7 @@ class Flows:
         return True
 
     def _ask_next(self, flow: RunningFlow) -> None:
-        """Ask the next vehicle whose turn it is; one that the flow doesn't drive is left out."""
+        """Ask the next vehicle whose turn it is; one that the flow doesn't drive is skipped."""
         while flow.waiting:
             if self._ask(flow, flow.next_turn()):
                 return
@@ -320,7 +319,7 @@ class Flows:
                 self._ask(flow, vehicle)
 
     def _ask(self, flow: RunningFlow, vehicle: str) -> bool:
-        """Ask a vehicle for what the phase runs; return whether the flow drives it."""
+        """Request what the phase runs on a vehicle; return whether the flow drives it."""
         phase, reason = flow.phase, self._not_mine(flow, vehicle)
         request = phase.run[vehicle]
         if reason is None:
@@ -332,7 +331,7 @@ class Flows:
         return reason is None
 
     def _give(self, flow: RunningFlow, vehicle: str, to: str) -> bool:
-        """Whether another flow drives the vehicle now."""
+        """Return whether another flow drives the vehicle now."""
         name, at = flow.plan.name, flow.phase.at
         reason = self._not_mine(flow, vehicle)
         if reason is not None:
@@ -343,7 +342,7 @@ class Flows:
         return True
 
     def _not_mine(self, flow: RunningFlow, vehicle: str) -> str | None:
-        """Why a flow may ask nothing of a vehicle now; None when it may."""
+        """Return why a flow may request nothing of a vehicle now, None if it may."""
         driver = self.driver(vehicle)
         if driver == flow.plan.name:
             return None
@@ -357,7 +356,7 @@ class Flows:
             self._events.emit(Custom(reason.transition.emit), at=reason.at)
 
     def _end(self, flow: RunningFlow) -> None:
-        """The flow is over; vehicles that it was given go back to who gave them."""
+        """End the flow; vehicles that it was given return to the flow that gave them."""
         name = flow.plan.name
         for vehicle, drivers in self._drivers.items():
             if vehicle in flow.plan.vehicles or name not in drivers:

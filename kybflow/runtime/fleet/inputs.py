@@ -1,14 +1,13 @@
-"""The mission's inputs: read once a tick and judged; what happens becomes events.
+"""The mission's inputs: read and checked once a tick; changes become events.
 
     device ─► link ─► is it well? ─► readings, which behaviors and conditions see
                                 └──► events: INPUT.BUTTON, input_lost, input_recovered
 
-An input is lost while its link knows of a problem (unplugged), while nothing has been heard of it
-for `silent_after`, while an axis is no number from -1 to 1, and while an axis away from its centre
-has given the same numbers for `stuck_after`. There is no reading of a lost input. It has recovered
-when it has been well for half a second. A button emits its event when it goes down, also while an
-axis is broken, since it may be the one that lands; one that was held before a silence and still is
-after it has not gone down again.
+An input is lost while its link knows of a problem (unplugged), while it has been silent for
+`silent_after`, while an axis is no number from -1 to 1, and while an axis away from its centre has
+not changed for `stuck_after`. A lost input has no reading. It has recovered when it has been well
+for half a second. A button emits its event when it is pressed, also while an axis is broken, since
+it may be the button that lands; one that is held through a silence was not pressed again.
 """
 
 from __future__ import annotations
@@ -38,11 +37,11 @@ _NOTHING: frozenset[str] = frozenset()
 _SILENT = (None, _NOTHING)
 
 NoteInput = Callable[[str, Time, InputReading | None, str], None]
-"""Receives, with an input's name and the time, what it said, or None and why it said nothing."""
+"""Receives an input's name, the time, and its reading, or None and the reason."""
 
 
 def unnoted(name: str, now: Time, reading: InputReading | None, why: str) -> None:
-    """Take what nobody records."""
+    """Ignore a reading that is not recorded."""
 
 
 class InputTrouble(NamedTuple):
@@ -54,7 +53,7 @@ class InputTrouble(NamedTuple):
 
 
 class Inputs:
-    """readings: what each input says, by name, None while it is lost."""
+    """readings: of each input, by name, None while it is lost."""
 
     def __init__(
         self,
@@ -73,8 +72,8 @@ class Inputs:
         return len(self._inputs)
 
     def step(self, now: Time, vehicles: Iterable[Vehicle] = (), *, flying: bool = True) -> None:
-        """Read every input, emit its events, in flight only, and let each hand feel the vehicles
-        that it steers, as they were in the last tick. Called at the start of a tick."""
+        """Read every input, emit its events in flight, and apply the force of the vehicles in the
+        last tick to each hand. Called at the start of a tick."""
         for one in self._inputs:
             self._heard[one.plan.name] = one.step(now, flying)
         if self._felt:
@@ -85,8 +84,8 @@ class Inputs:
                 )
 
     def end(self, now: Time, why: str) -> None:
-        """Note that nothing more is heard, so that a record's last deflection doesn't go on where
-        the record steers another flight. now: after the last step."""
+        """Record the end of all inputs, so that the last deflection doesn't continue when the
+        record steers another flight. now: after the last step."""
         for one in self._inputs:
             one.end(now, why)
 
@@ -97,8 +96,8 @@ class Inputs:
 
 
 def _felt(pushes: list[Vec3 | None]) -> Vec3 | None:
-    """Return what a hand feels: the mean over the vehicles that it steers and that are free; None
-    where none is."""
+    """Return the force for a hand: the mean over the vehicles that it steers and that are not held;
+    None if all are."""
     if not pushes:
         return ZERO
     free = tuple(push for push in pushes if push is not None)
@@ -106,7 +105,7 @@ def _felt(pushes: list[Vec3 | None]) -> Vec3 | None:
 
 
 class _Input:
-    """One input: what it says, and whether it is well."""
+    """One input: its reading, and whether it is well."""
 
     def __init__(self, plan: InputPlan, link: InputLink, events: Events, note: NoteInput) -> None:
         self.plan = plan
@@ -147,8 +146,7 @@ class _Input:
             self._note(self.plan.name, now, None, why)
 
     def _read(self, now: Time) -> tuple[InputReading | None, InputTrouble | None]:
-        """Return what the device says, with its buttons as the mission calls them, or why it says
-        nothing."""
+        """Return the reading with the mission's names of its buttons, or why there is none."""
         try:
             reading, known = self._link.read(now), self._link.trouble()
         except DriverError as error:
@@ -171,14 +169,14 @@ class _Input:
     def _record(
         self, reading: InputReading | None, silence: InputTrouble | None, now: Time
     ) -> None:
-        """Note what is new."""
+        """Record a reading that has changed."""
         new = _SILENT if reading is None else (reading.axes, reading.held)
         if new != self._noted and (reading is not None or silence is not None):
             self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
             self._noted = new
 
     def _doubt(self, reading: InputReading | None, now: Time) -> InputTrouble | None:
-        """Return why what the device says can't be true."""
+        """Return why the reading is implausible, None if it is not."""
         if reading is None:
             return self.trouble or InputTrouble("nothing has been heard of it yet")
         for axis, value in reading.axes.items():
@@ -201,7 +199,7 @@ class _Input:
             self.trouble = None
 
     def _emit(self) -> None:
-        """Emit once that it is lost, and once that it is back."""
+        """Emit once that the input is lost, and once that it has recovered."""
         name, at = self.plan.name, self.plan.at
         if self.trouble is not None and not self._reported:
             reason, *numbers = self.trouble

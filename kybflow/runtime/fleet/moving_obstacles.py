@@ -1,11 +1,11 @@
-"""Where the moving obstacles are, looked at once a tick, for everybody.
+"""Where the moving obstacles are, read once a tick for all vehicles.
 
-Motion capture sees them, late and with noise, as it sees vehicles; nobody is told where they really
-are. The velocity of one is that of its last twentieth of a second, and at most the speed that the
-mission tells. One that is not seen for half a second emits `obstacle_lost`, and
-`obstacle_found` when it is seen again; whoever keeps away from it takes it to be larger meanwhile,
-by how far it can have gone. What comes bit by bit as before, of one whose poses have wavered, is
-repeated by the system for a body that it has lost, and counts as nothing seen. World frame, SI.
+Motion capture measures them like vehicles, late and with noise; no vehicle knows where they really
+are. The velocity of an obstacle is that of its last twentieth of a second, and at most the declared
+speed. One that is not seen for half a second emits `obstacle_lost`, and `obstacle_found` when it is
+seen again; meanwhile it counts as larger by how far it can have gone. A pose that repeats the last
+one bit by bit, of an obstacle whose poses have wavered, means that motion capture has lost the body
+and counts as not seen. World frame, SI.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from kybflow.runtime.monitoring.sensing import AHEAD
 from kybflow.world.moving_sphere import MovingSphere
 
 LOST: Time = NS // 2
-"""How long one may not be seen until that is an event."""
+"""How long an obstacle may be unseen before it is lost."""
 _OVER: Time = NS // 20
 
 
 class MovingObstacles:
-    """The moving obstacles of a mission. seen: each when it was seen last. watching: what gives
+    """The moving obstacles of a mission. seen: each as it was last seen. watching: the stream of
     each one's poses."""
 
     def __init__(
@@ -42,7 +42,7 @@ class MovingObstacles:
         self._lost: set[str] = set()
 
     def step(self, now: Time) -> None:
-        """Look at each."""
+        """Read every obstacle. The engine calls it once a tick."""
         for name, watched in self._watched.items():
             seen = watched.look(now)
             if seen is not None:
@@ -56,7 +56,8 @@ class MovingObstacles:
                 self._events.emit(ObstacleLost(obstacle=name, reason=reason))
 
     def objections(self, now: Time) -> Iterator[tuple[str, str | None]]:
-        """Yield each one with why nobody may take off because of it, None where it is seen."""
+        """Yield each obstacle with why no vehicle may take off because of it, None if it is
+        seen."""
         for name, watched in self._watched.items():
             unseen = name not in self.seen or self._unseen(name, now) > LOST
             yield name, _because("it is not seen", watched.trouble()) if unseen else None
@@ -66,7 +67,7 @@ class MovingObstacles:
 
 
 class _Watched:
-    """One obstacle, and what gives its poses."""
+    """One obstacle and the stream of its poses."""
 
     def __init__(self, ball: MovingSphere, stream: Stream) -> None:
         self._ball, self._stream = ball, stream
@@ -75,7 +76,7 @@ class _Watched:
         self._wavered = 0
 
     def look(self, now: Time) -> SeenObstacle | None:
-        """Return it as it was when it was seen last, None where nothing new came of it."""
+        """Return the obstacle as it was last seen, None without a new pose."""
         came: Sequence[Measurement] = ()
         try:
             came, self._failure = self._stream.read(now), None
@@ -85,11 +86,11 @@ class _Watched:
         return self._seen() if news else None
 
     def trouble(self) -> str | None:
-        """Return why it can't be seen, None where nobody knows."""
+        """Return why it can't be seen, None without a known reason."""
         return self._failure or self._stream.trouble()
 
     def _is_new(self, pose: Measurement, now: Time) -> bool:
-        """Take note of a pose; whether it is one, and later than the last."""
+        """Note a pose; return whether it is valid and newer than the last."""
         if type(pose) is not Pose or not all(map(isfinite, pose.position)):
             return False
         if self._track:

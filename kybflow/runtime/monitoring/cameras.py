@@ -44,7 +44,7 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.pose_track import Streak, reach
+from kybflow.flight.pose_track import Consistent, reach
 from kybflow.parts import Estimator
 from kybflow.parts.events import (
     CameraFroze,
@@ -241,7 +241,7 @@ class _Track:
         self._timeout = round(timeout * NS)
         self.trouble = Trouble()
         self._last: _Place | None = None
-        self._elsewhere: Streak[_Place] = Streak()
+        self._elsewhere: Consistent[_Place] = Consistent()
 
     def follow(
         self, place: _Place, camera: str, whose: Callable[[_Place], str]

@@ -10,7 +10,7 @@ from kybflow.core.signals import NS, Estimate, Time
 
 _KEPT = 512
 CURRENT = NS // 20
-"""Largest age of an estimate that still tells where a vehicle is."""
+"""Largest age of an estimate that still counts."""
 
 
 class EstimateHistory:

@@ -9,10 +9,10 @@ right until it goes on: two that meet head on pass each other, and those who mee
 round it one way, so that none waits for long. Put it behind `limit_speed` and `limit_acceleration`,
 which would hold back its evasions.
 
-All other vehicles are kept away from, by their estimates, or those in `treat_as_obstacles` alone:
-in a formation, the one that has left it. Nobody is relied on to give way. Where what is near leaves
-no way it brakes, gives way to what presses hardest, and emits `avoidance_blocked`. It acts in
-behaviors that stay in the air. Metres, world frame.
+It keeps away from all other vehicles, by their estimates, or only from those in
+`treat_as_obstacles`: in a formation, those that have left it. It doesn't rely on others to give
+way. If no way is left it brakes, gives way to the strongest demand, and emits `avoidance_blocked`.
+It acts in behaviors that stay in the air. Metres, world frame.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 _WANDERS = 0.02
-"""How far a vehicle strays from its setpoint that flies well, metres."""
+"""Usual distance of a vehicle from its setpoint, metres."""
 _SLACK = 0.5
 """The share of `keep` that the vehicle itself may lack."""
 

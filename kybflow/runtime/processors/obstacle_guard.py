@@ -7,10 +7,10 @@ up to 0.3 m/s. The rules: `kybflow.flight.avoidance`, `barrier` and `following`.
 itself passes unchanged, bit for bit. Where obstacles contradict each other it brakes and emits
 `avoidance_blocked`.
 
-It does not go round anything, and other vehicles are none of its business: that is
-`avoid_obstacles`. It acts in behaviors that stay in the air, not in take-off and landing, which
-come close to what they leave or land on. An obstacle that is meant to be touched says
-`contact: allowed` in the world. Metres, world frame.
+It does not fly around anything, and ignores other vehicles: `avoid_obstacles` does both. It acts in
+behaviors that stay in the air, not in take-off and landing, which come close to what they leave or
+land on. An obstacle that is meant to be touched says `contact: allowed` in the world. Metres, world
+frame.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class PositionError(Processor[PositionErrorParams]):
         return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit)
 
     def _lag(self, wanted: Vec3 | None, tick: Tick) -> float:
-        """By how much the vehicle has fallen behind a setpoint of velocity, a tick later."""
+        """Return how far the vehicle has fallen behind a setpoint of velocity, a tick later."""
         if wanted is None:
             self._behind = ZERO
             return 0.0

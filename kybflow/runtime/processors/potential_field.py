@@ -2,13 +2,13 @@
 
 As PMObsAvoid and VMObsAvoid did, with their defaults: a velocity gets the repulsion added, at most
 `speed`; a position is shifted, by a reference that moves with at most `velocity` and `acceleration`
-and comes back when nothing repels any more. The formula, and what is different:
-`kybflow.flight.avoidance.potential`; outside of a fence nothing fails open, because the fence is
-none of its business. With nothing in reach setpoints pass bit for bit.
+and comes back when nothing repels any more. The formula, and the differences:
+`kybflow.flight.avoidance.potential`. It ignores the fence. With nothing in reach setpoints pass bit
+for bit.
 
-It guarantees nothing: it knows no speed of anybody's and no way to stop in, and what pushes from
-both sides cancels out. It is here to compare with; `avoid_obstacles` keeps a distance. It acts in
-behaviors that stay in the air. World frame, metres.
+It guarantees no distance: it ignores speeds and braking, and repulsions from two sides cancel. It
+serves as a comparison; `avoid_obstacles` keeps a distance. It acts in behaviors that stay in the
+air. World frame, metres.
 """
 
 from __future__ import annotations

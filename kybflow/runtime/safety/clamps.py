@@ -1,11 +1,10 @@
-"""Which clamp keeps a vehicle's setpoint from where its behavior wants it, and its events.
+"""The clamps of a vehicle: which processor keeps its setpoint from its behavior's goal.
 
-A processor that `clamps` takes away for good what lies beyond its bound, so that the vehicle never
-gets there: the fence. (`limit_speed`, `limit_acceleration` and `smooth` let it arrive later, and
-what avoids an obstacle goes around it: that is shaping, and shows in the errors alone.) A clamp
-counts from 2 cm on, of setpoints of velocity from 5 cm/s. It emits `clamp_started` when it begins,
-and `clamp_ended` when it has let everything pass for half a second, with the most that it took away
-and for how long.
+A processor that `clamps`, like the fence, cuts off what lies beyond its bound, so that the vehicle
+never gets there. (With `limit_speed`, `limit_acceleration` and `smooth` it arrives later, and with
+an avoidance on another way: that shows in the errors alone.) A clamp counts from 2 cm on, or from 5
+cm/s for setpoints of velocity. It emits `clamp_started` when it begins, and `clamp_ended` with its
+largest deviation and its duration once it has changed nothing for half a second.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ _QUIET = NS // 2
 
 
 class _Clamp:
-    """One that is at work: since when, until when so far, and the most that it took away."""
+    """An active clamp: when it began, when it last changed a setpoint, and by how much at most."""
 
     def __init__(self, now: Time) -> None:
         self.since = self.last = now
@@ -32,8 +31,7 @@ class _Clamp:
 
 
 class Clamps:
-    """The clamps of one vehicle. names, lines: of its processors, by label. active: those at work,
-    by label."""
+    """The clamps of one vehicle. names, lines: of its processors, by label. active: by label."""
 
     def __init__(
         self, vehicle: str, names: Mapping[str, str], lines: Mapping[str, str], events: Events
@@ -42,8 +40,8 @@ class Clamps:
         self._vehicle, self._names, self._lines, self._events = vehicle, names, lines, events
 
     def note(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> str | None:
-        """Take note of what a clamp made of a setpoint. Return in words how it keeps the vehicle
-        from its goal, None where it doesn't."""
+        """Compare the setpoint before and after a clamp. Return in words how it keeps the vehicle
+        from its goal, None if it doesn't."""
         off, least, unit = _off(asked, given)
         if off < least:
             return None
@@ -58,7 +56,7 @@ class Clamps:
         return words if unit == "m" else None
 
     def settle(self, now: Time) -> None:
-        """End the clamps that have let everything pass for long enough."""
+        """End the clamps that have changed nothing for long enough."""
         over = [label for label, clamp in self.active.items() if now - clamp.last > _QUIET]
         for label in over:
             clamp = self.active.pop(label)
@@ -71,7 +69,7 @@ class Clamps:
 
 
 def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:
-    """How far a setpoint is off what was asked for, the least that counts, and their unit."""
+    """Return how far `given` is off, the least that counts, and the unit of both."""
     if asked.position is not None and given.position is not None:
         return distance(asked.position, given.position), _LEAST, "m"
     return distance(asked.velocity or ZERO, given.velocity or ZERO), _LEAST_SPEED, "m/s"

@@ -57,7 +57,7 @@ RELEASED_AFTER = 1.0
 AGAIN = 5.0
 """Seconds after a release within which a returning alarm holds the vehicle for good."""
 SEEN: Time = NS // 2
-"""How long there must have been an estimate, and no alarm, before a blind vehicle lands by it."""
+"""How long there must be an estimate, and no alarm, before a vehicle stops to land blind."""
 _UNHURRIED = NS // 50
 """Period of the calls of an unhurried supervisor."""
 _QUIET = NS // 2
@@ -240,7 +240,7 @@ class Failsafe:
 
     @property
     def brakes_because(self) -> str:
-        """What the braking alarms said last."""
+        """The last reasons of the braking alarms."""
         return " and ".join(brake.reason for brake in self._braking.values())
 
     def release(self, now: Time) -> bool:
@@ -255,14 +255,14 @@ class Failsafe:
         return True
 
     def clear_brake(self) -> None:
-        """Forget the brake, because the vehicle does something else now."""
+        """End the brake without an event: the vehicle does something else now."""
         self._braking.clear()
         self._for_good = False
 
     def give_way(self, safer: Reaction | None) -> None:
-        """Forget the brake, because somebody who knows of it brings the vehicle down: what brakes
-        it now brakes it again only after it has been silent. A latched reaction becomes `safer`,
-        the one that equals what was asked for."""
+        """End the brake, because a request brings the vehicle down: the present braking alarms
+        brake it again only after they have been silent. A latched reaction becomes `safer`, the
+        reaction that equals the request."""
         self._waived = {event: brake.last for event, brake in self._braking.items()}
         self.clear_brake()
         if self.latched is not None:

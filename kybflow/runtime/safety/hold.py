@@ -42,7 +42,7 @@ class Hold:
 
     @property
     def lasts(self) -> bool:
-        """Whether anybody still holds the vehicle."""
+        """Whether the vehicle still has a holder."""
         return bool(self.holders)
 
     def join(self, holder: Holder) -> None:

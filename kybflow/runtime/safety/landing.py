@@ -43,16 +43,15 @@ class LandMode:
 
 
 class TouchDown:
-    """Judges a claim that the vehicle has touched down, whoever makes it: a behavior, or the
-    vehicle's own land mode.
+    """Judges claims of a behavior or of the vehicle's land mode that the vehicle has touched down.
 
-    A claim is refused while a fresh estimate says that the vehicle is in the air: more than 5
-    cm, and twice the spread, above where it could stand: on the floor, an obstacle of the
-    world, what it started from, and where the landing expects the ground. An estimate that had
-    it above its start when it stood there is off by as much. Less than `UNCHARTED` above all
-    that there may be something that the mission does not name: there a claim counts that is
-    made for `LONG` without a break, the height within `STILL`, of a vehicle that is made to
-    come down: in the air none stays so still.
+    A claim is refused while a fresh estimate has the vehicle in the air: more than 5 cm, and twice
+    the spread, above everything on which it could stand: the floor, an obstacle of the world, what
+    it started from, and where the landing expects the ground. If the estimate was above the start
+    when the vehicle stood there, it is corrected by as much. Less than `UNCHARTED` above all this
+    there may be something that the mission does not name: there a claim counts that is repeated for
+    `LONG` without a break while the vehicle is pushed down and its height stays within `STILL`,
+    which no vehicle does in the air.
 
     expected: the heights at which the landing expects the ground (m). off: how far the estimate had
     the vehicle above its start when it stood there (m).
@@ -87,7 +86,7 @@ class TouchDown:
         return f"its estimate has it {above:.2f} m above the ground"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
-        """Whether it has been claimed for long, and at one height although pushed down."""
+        """Return whether the claim has lasted at one height although the vehicle is pushed down."""
         last, self._last = self._last, now
         if (
             not is_pushed

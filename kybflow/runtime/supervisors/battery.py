@@ -3,13 +3,13 @@
 Alarm `battery_low` with WARN from `warn_below` downwards, and with `reaction` (a landing by
 default) from `land_below` downwards in the air; on the ground there is only the warning. Each stays
 until the charge is 5 % (of full) above its bound again, so that a battery that sags under load does
-not make it flutter. What the vehicle itself says of its battery counts too, in its words: with
-WARN, or in the air with `reaction` where its own failsafe would act, set up to or not.
-Without a report of the battery there is nothing to judge.
+not make it flutter. The vehicle's own report on its battery counts too, with its text: with WARN,
+or in the air with `reaction` where its own failsafe would act, whether that is enabled or not.
+There is no alarm without a report of the battery.
 
-Alarm `battery_lost` with WARN while the newest report is older than `age`: what is left is not
-known any more, and the bounds above judge what was. A charge that is low is told before it. Its
-value is the age in seconds.
+Alarm `battery_lost` with WARN while the newest report is older than `age`: the charge is unknown,
+and the bounds above apply to the last report. `battery_low` comes before it. Its value is the age
+in seconds.
 
 An alarm that persists is returned in every tick; the engine makes one event of it, and the landing
 is an event of its own. The value of `battery_low` is the charge left, 0 to 1.

@@ -1,12 +1,12 @@
 """Report a position that jumps from one measurement to the next.
 
-Looked at 50 times a second: when a newer measurement is in the estimate (its `time` less its `age`
+Checked 50 times a second: when a newer measurement is in the estimate (its `time` less its `age`
 moves on), the position is compared with where the last one would have gone, r = |p - (p' + v' dt)|.
-Alarm `jumped` in the air when r is more than `factor` times its running average over some 20 looks,
-more than `at_least`, and more than a dt^2 / 2, what a change of motion explains (a = 5 m/s^2, as in
-`kybflow.flight.pose_gate`): the flying courier's check of position differences, made blind to the
-vehicle's own motion, so that a gap in the measurements is no jump. The alarm lasts 1 s. A change of
-the estimator begins anew. World frame, metres.
+Alarm `jumped` in the air when r is more than `factor` times its running average over some 20
+checks, more than `at_least`, and more than a dt^2 / 2, what a change of motion explains (a = 5
+m/s^2, as in `kybflow.flight.pose_gate`): the flying courier's check of position differences, made
+blind to the vehicle's own motion, so that a gap in the measurements is no jump. The alarm lasts 1
+s. A change of the estimator begins anew. World frame, metres.
 
 The default reaction is `land_blind`: which of the two positions is wrong can't be known.
 """

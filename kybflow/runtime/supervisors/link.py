@@ -1,8 +1,8 @@
 """Report a link that has fallen silent, or slow.
 
 Alarm `link_lost` in the air while nothing at all has arrived for longer than `age`, no measurement
-and no report. What can't be heard can't be commanded either: the vehicle's own watchdog acts then.
-The value is the silence in seconds.
+and no report. Commands don't reach such a vehicle either: its own watchdog acts then. The value is
+the silence in seconds.
 
 Alarm `link_slow` in the air while the newest two round trips to the vehicle both took longer than
 `delay`. A loop that is closed over the link turns unstable when it is late by its phase margin over

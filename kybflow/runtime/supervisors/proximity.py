@@ -4,12 +4,12 @@ Alarm `too_close` in the air while the distance of the estimates of two vehicles
 than half of both diameters and `margin`, or than `distance` where that is more, and the way in
 which they come to rest, c (0.15 s + 15/16 c / (2 m/s^2)), c being the speed at which they close in;
 once raised it stays until they are 5 cm further apart. A vehicle without an estimate is not seen.
-As nothing closes in faster than 20 m/s, it looks at a vehicle again when the gap could be gone,
+As nothing closes in faster than 20 m/s, it checks a vehicle again when the gap could be gone,
 after 0.1 s at the latest; at one that is more than 5 m away, when it could be nearer. World frame,
 metres.
 
 The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
-other is gone; where neither is, they land after the mission's `hover_limit`, each where nobody is
+other is gone; where neither is, they land after the mission's `hover_limit`, each where no other is
 below it.
 """
 

@@ -1,7 +1,7 @@
 """Report a setpoint that no vehicle can follow.
 
 What the tracker followed in the last tick is judged 50 times a second, in the air: alarm
-`setpoint_jumped` when it is more than `step` from where the one that was looked at before would
+`setpoint_jumped` when it is more than `step` from where the one that was checked before would
 have gone in the time dt between them, |p - (p' + v' dt)| > step, and as far from the vehicle (one
 that jumps to the vehicle does no harm: a hold begins so); alarm `setpoint_left` while it is more
 than `distance` from the estimate. A setpoint without a position is not judged; one that is not

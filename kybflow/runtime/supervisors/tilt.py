@@ -1,4 +1,4 @@
-"""Report a vehicle that is tilted further than anything it could have been asked for.
+"""Report a vehicle that is tilted further than any command would tilt it.
 
 Alarm `tilted` in the air while the angle between body z and world z is more than `limit`; once
 raised it stays until the angle is 5 deg smaller. Trackers stay under the airframe's own limit,

@@ -7,7 +7,7 @@ at which that one turns itself, its own body frame,
     w = k e + R_e w_des,
 
 where k is `attitude` about body x and y and `turn` about body z, and R_e takes a vector from the
-body that is asked for to the estimated one. Rates are cut to `fastest`, as a whole vector, rad/s.
+desired body frame to the estimated one. Rates are cut to `fastest`, as a whole vector, rad/s.
 There is no integral: rates that the on-board loop misses leave the attitude off, against which the
 `trim` works. The loop is closed on the estimate's own attitude, so that must be as fast as an
 attitude loop asks (some 100 Hz, no more than some 20 ms old); one that lags makes it shake.
@@ -72,7 +72,7 @@ class BodyRates(Tracker[BodyRatesParams]):
 
 
 def _turn(q: Quat) -> Vec3:
-    """The rotation vector of `q`, the shorter way."""
+    """Return the rotation vector of `q`, the shorter way."""
     w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
     size = norm((x, y, z))
     k = 2.0 * atan2(size, w) / size if size > 1e-9 else 2.0

@@ -85,7 +85,7 @@ class Cascade(Tracker[CascadeParams]):
         return steering.command(force, attitude, rates, estimate, up)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
-        """The specific force that the law asks for, world."""
+        """Return the desired specific force, world."""
         p = self.params
         _, position, velocity, acceleration, _, _, _ = setpoint
         ax, ay, az = acceleration or ZERO

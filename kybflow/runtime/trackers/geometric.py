@@ -16,9 +16,9 @@ where a is the acceleration that the last thrust gives along the estimated body 
 the jerk and the feedback turn the vehicle, where `cascade` has the jerk alone. About body z it
 turns as the heading asks. A VELOCITY setpoint has no P and I term.
 
-P, D and I follow from the loop that answers on board and its delays (`kybflow.flight.loops.design`)
-where they are not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow
-one. Of what is known late or badly, by a camera at 15 Hz or GPS, they are lower too.
+P, D and I follow from the on-board loop and its delays (`kybflow.flight.loops.design`) if they are
+not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow one. For late or
+uncertain estimates, from a camera at 15 Hz or GPS, they are lower too.
 
 Errors on the figure eight in still air, without an observer (width 1.46 m, two laps after 3 s of
 hovering; mean and largest over ten seeds, position in cm, velocity in cm/s):
@@ -36,7 +36,7 @@ hovering; mean and largest over ten seeds, position in cm, velocity in cm/s):
 A lap of 4 s needs the airframes' whole tilt. With the gains of this one `cascade` comes as near
 (0.13, 0.27 cm at 10 s), but shakes: 0.39, 1.28 cm/s.
 
-With `observer` what else pushes the vehicle is estimated from the accelerometer and taken off f
+With `observer` the disturbance is estimated from the accelerometer and subtracted from f
 (`kybflow.flight.disturbance`). The eight with a lap of 10 s in the simulator's lab, a mass believed
 of 80 and of 120 %, mean and largest position error in mm, without it over seeds 0 to 9 and with it
 over seeds 0 to 19; the largest of any flight in brackets:

@@ -12,19 +12,18 @@ so that the position is kept on this program's estimate and an autopilot stops w
     a = a_des + D (v_des - v) + K (p_des - p) + I integral(p_des - p) + drag v_des,
 
 where D is `damping`, K `stiffness`, drag horizontal; a VELOCITY setpoint has no K term, and leaves
-the integral as it is. The integral has all three axes, and is half as quick again along z, because
-no mass is learnt here; it stands still on the ground, at a limit and in steps longer than 40 ms.
-An autopilot that keeps to the height that it sums up from the accelerations (`keeps_height`) needs
-no such help, and answers too late for it. Along z the loop is half as quick then: D is halved, K a
-quarter; and without an integral, for no steady push is left to it.
-The on-board attitude comes after what it is asked for, and errs by what its own filter takes for
-level. So to a, `tilt` times what the estimated attitude lacks of it is added in the air, across:
+the integral as it is. The integral has all three axes, and is 1.5 times as quick along z, because
+no mass is learnt here; it stands still on the ground, at a limit and in steps longer than 40 ms. An
+autopilot that integrates accelerations to a height and holds that (`keeps_height`) needs no
+integral, and answers too late for a quick loop: along z, D is halved and K is a quarter then. The
+on-board attitude lags the command and has the error of its own filter. So in the air, `tilt` times
+the horizontal acceleration that the estimated attitude lacks is added:
 
     sent = a + T (a - (g + a_z) (z_x, z_y) / z_z),   z the estimated body z axis
 
-by which the attitude loop is (1 + T) times as quick, and its error as much smaller. A vehicle with
-a quick one of its own shakes when T is 1. Both keep within the airframe's tilt and thrust; the jerk
-goes along, for who sends ahead, where they are not cut.
+which makes the attitude loop (1 + T) times as quick and its error as much smaller. A vehicle with a
+quick loop shakes with T = 1. The result stays within the airframe's tilt and thrust; where they
+don't cut it, the jerk is passed on for drivers that send ahead.
 
 What the on-board controller can follow itself is passed on untouched: setpoints of velocity with
 `velocity`, those of acceleration always. Heading and heading rate go with each.
@@ -64,11 +63,11 @@ _COMMANDS = {
 LEAST_UPRIGHT = 0.5
 """The cosine of 60 degrees."""
 LIFT = 1.5
-"""How much quicker the integral is along z."""
+"""Ratio of the integral gain along z to that along x and y."""
 KEPT = (0.5, 0.25, 0.0)
-"""Parts of D, K and I along z where the height is kept on board. Such a loop, as Copter's with the
-gains of its maker, comes 0.13 s late at 3 rad/s and keeps to 5 m/s^3 of jerk; the estimate and the
-way there add 0.1 s. That would leave a phase margin of 15 degrees, and this leaves 46."""
+"""Factors of D, K and I along z if the height is held on board. Such a loop, as Copter's with its
+default gains, lags by 0.13 s at 3 rad/s and limits the jerk to 5 m/s^3; estimate and link add 0.1
+s. That would leave a phase margin of 15 degrees; these factors leave 46."""
 _GIVEN: dict[By, frozenset[CommandKind]] = {
     "position": frozenset(_COMMANDS.values()),
     "velocity": frozenset({CommandKind.VELOCITY, CommandKind.ACCELERATION}),
@@ -141,7 +140,7 @@ class OnBoard(Tracker[OnBoardParams]):
         return Command(LEVEL, self.hover_thrust, ZERO, heading, kind=kind, setpoint=followed)
 
     def _followed(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Setpoint:
-        """What the on-board controller is to follow."""
+        """Return the setpoint for the on-board controller."""
         by, (kind, _, _, _, jerk, heading, rate) = self.params.by, setpoint
         if by == "velocity" and kind is SetpointKind.POSITION:
             velocity = self._velocity(setpoint, estimate)
@@ -158,7 +157,7 @@ class OnBoard(Tracker[OnBoardParams]):
         return add(asked, shortened(scale(gap, p.proportional), p.correction))
 
     def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[Vec3, bool]:
-        """What is asked for, and whether it is within the airframe's limits without being cut."""
+        """Return the acceleration, and whether the airframe's limits leave it uncut."""
         p, drag = self.params, self._airframe.drag
         _, goal, velocity, acceleration, _, _, _ = setpoint
         position = px, py, pz = estimate.position

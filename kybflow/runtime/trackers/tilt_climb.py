@@ -100,7 +100,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
         self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
 
     def _level(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[float, float]:
-        """The horizontal acceleration, within the tilt."""
+        """Return the horizontal acceleration, within the tilt."""
         p, drag, lead, (k, d, i) = self.params, self._airframe.drag, self._lead, self._gains
         _, position, velocity, acceleration, jerk, _, _ = setpoint
         (wx, wy, _), (vx, vy, _) = velocity or ZERO, estimate.velocity
@@ -122,7 +122,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
         return (ax * widest / size, ay * widest / size) if self._limited else (ax, ay)
 
     def _climb(self, setpoint: Setpoint, estimate: Estimate) -> float:
-        """The climb rate, within the airframe's."""
+        """Return the climb rate, within the airframe's."""
         speed = (setpoint.velocity or ZERO)[2]
         speed += self._climb_time * (setpoint.acceleration or ZERO)[2]
         if setpoint.position is not None:
@@ -136,7 +136,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
 
 
 def delay(inner: InnerLoop) -> float:
-    """By how much a slow change of the tilt comes late, s: the rate of an attitude's error that the
-    loop on board takes for standing still, and the command's way."""
+    """Return the lag (s) of a slow change of the tilt: of the on-board loop and of the command
+    link."""
     loop = inner.attitude
     return loop.derivative / loop.proportional + inner.dead_time + inner.command_latency

@@ -73,7 +73,7 @@ class Velocity(Tracker[VelocityParams]):
         return steering.command(force, attitude, rates, estimate, up)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
-        """The specific force that the law asks for, world."""
+        """Return the desired specific force, world."""
         p = self.params
         _, position, velocity, acceleration, _, _, _ = setpoint
         (wx, wy, wz), (vx, vy, vz) = velocity or ZERO, estimate.velocity

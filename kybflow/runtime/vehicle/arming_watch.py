@@ -1,15 +1,14 @@
 """Compares whether a vehicle reports itself armed with whether its rotors should turn.
 
-Rotors that rest in the air: a vehicle that falls although it should fly has disarmed in the air. It
-falls where a fresh estimate has it above all that could carry it, and sinking faster than any
-landing; its rotors are then cut, and it has not landed. From a low height it is down before it
-reports itself disarmed: a fall counts for `LATE` after its end.
+In the air: a vehicle that reports itself disarmed and falls has disarmed in the air. It falls if a
+fresh estimate has it above everything that could carry it, sinking faster than any landing. Its
+rotors are then cut, and it does not count as landed. From a low height it is on the ground before
+it reports itself disarmed, so that a fall counts for `LATE` after its end.
 
-Rotors that turn on the ground: its driver asks a vehicle that has landed to disarm. One that is
-still armed after `SLOW` emits `stays_armed`; after `FORCED` it is disarmed by force where all the
-evidence of a touch-down is there: a fresh estimate near the ground that has stood still for
-`STOOD`, and a vehicle that does not say that it flies. After `GIVEN_UP` nobody waits for it: the
-run has failed.
+On the ground: the driver asks a vehicle that has landed to disarm. One that is still armed after
+`SLOW` emits `stays_armed`. After `FORCED` it is disarmed by force if everything shows that it has
+touched down: a fresh estimate near the ground that has stood still for `STOOD`, and a vehicle that
+does not report that it flies. After `GIVEN_UP` the run no longer waits for it and has failed.
 """
 
 from __future__ import annotations
@@ -32,17 +31,17 @@ from kybflow.world.ground import FRESH, height_in_the_air
 FALLING = 1.2
 """Metres a second; no landing sinks as fast."""
 LATE: Time = NS // 2
-"""A vehicle reports that its rotors rest so long after they stopped at most."""
+"""How late a vehicle may report that its rotors have stopped."""
 SLOW: Time = 5 * NS
 FORCED: Time = 10 * NS
 GIVEN_UP: Time = 30 * NS
 STOOD: Time = 3 * NS
 STILL = 0.03
-"""Metres that an estimate moves at most of a vehicle that stands still."""
+"""Metres that the estimate of a vehicle that stands still may move."""
 
 
 class ArmingWatch:
-    """Watches one vehicle. gave_up: it stays armed on the ground, and nobody waits for it."""
+    """gave_up: the vehicle stays armed on the ground, and the run no longer waits for it."""
 
     def __init__(
         self,
@@ -65,8 +64,8 @@ class ArmingWatch:
         self._reported = self._forced = False
 
     def update(self, tick: Tick, armed: bool) -> bool:
-        """Compare, once a tick; return whether it has just been found to fall. armed: what the
-        vehicle reports."""
+        """Compare once a tick; return whether the vehicle was found to fall in this tick. armed:
+        what the vehicle reports."""
         if armed is self._output.sent.armed:
             self._since = self._stands = None
             known = tick.estimate
@@ -77,23 +76,23 @@ class ArmingWatch:
             return self._runner.off_ground and self._has_fallen(tick)
         is_quiet = tick.link_age > ALIVE or self._link.override is not None
         if self._runner.flight is GROUND and self._output.arming is None and not is_quiet:
-            self._linger(tick)
+            self._watch_landed(tick)
         return False
 
     def may_fall(self, tick: Tick) -> bool:
-        """Return whether a vehicle whose rotors rest may be in the air, and not fall yet."""
+        """Return whether a vehicle whose rotors rest may be in the air without falling yet."""
         if self._since is None:
             self._since = tick.now
         return tick.now - self._since < UNCLEAR and self._above(tick.estimate) > 0.0
 
     def _note_fall(self, tick: Tick) -> None:
-        """Note how high a vehicle is that sinks faster than any landing."""
+        """Note the height of a vehicle that sinks faster than any landing."""
         above = self._above(tick.estimate)
         if above > 0.0:
             self._fell = tick.now, above
 
     def _has_fallen(self, tick: Tick) -> bool:
-        """Return whether a vehicle whose rotors rest falls or has just fallen, and react to it."""
+        """Return whether a vehicle whose rotors rest falls or has just fallen; react if so."""
         known = tick.estimate
         if known is not None and known.velocity[2] < -FALLING:
             self._note_fall(tick)
@@ -105,7 +104,7 @@ class ArmingWatch:
         lost = Alarm("control_lost", Reaction.CUT, reason, is_failure=True)
         return self._reactions.react(RaisedAlarm(lost, self._at), tick)
 
-    def _linger(self, tick: Tick) -> None:
+    def _watch_landed(self, tick: Tick) -> None:
         """Follow a vehicle that has landed and is armed."""
         if self._since is None:
             self._since, self._reported, self._forced = tick.now, False, False
@@ -132,7 +131,7 @@ class ArmingWatch:
             self._emit("it stands still on the ground: disarmed by force")
 
     def _has_stood(self, known: Estimate | None, now: Time) -> bool:
-        """Return whether the estimate has had it still, on the ground, for long enough."""
+        """Return whether the estimate has stood still on the ground for long enough."""
         if known is None or known.age > FRESH or self._above(known) > 0.0:
             self._stands = None
             return False
@@ -142,7 +141,7 @@ class ArmingWatch:
         return self._stood is not None and now - self._stood >= STOOD
 
     def _above(self, known: Estimate | None) -> float:
-        """Return how far the vehicle must be above the ground, zero where it may stand there."""
+        """Return how far the vehicle is above the ground at least, zero if it may stand there."""
         if known is None:
             return 0.0
         return height_in_the_air(self._runner.entry().context, known, ())

@@ -1,5 +1,5 @@
-"""Runs a vehicle's behaviors: the state that its machine is in, the behavior of that state, whether
-the vehicle flies, and the hold that freezes all of this for a while."""
+"""Runs a vehicle's behaviors: the state of its machine, the behavior of that state, whether the
+vehicle flies, and the hold that freezes all of this."""
 
 from __future__ import annotations
 
@@ -45,7 +45,6 @@ from kybflow.runtime.safety.landing import LandMode, TouchDown
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.tick_builder import TickBuilder
-from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_REFUSAL: Time = 10 * NS
 """How long a landing may be refused before it has failed."""
@@ -54,16 +53,15 @@ UNCLEAR: Time = NS // 2
 REPEATED: Time = NS // 10
 """How long no transition may have been refused until another refusal is reported."""
 DESCENT_THRUST, DESCENT_DEPTH = 0.5, 0.05
-"""A thrust over the hover thrust, and a setpoint's depth below the vehicle (m), that bring down
-whatever is in the air."""
+"""A share of the hover thrust, and a setpoint's depth below the vehicle (m), that bring down any
+vehicle in the air."""
 _SAFE = frozenset({"brake", "landed"})
-"""Where a vehicle goes when nothing else will start."""
+"""The states that a vehicle enters when nothing else starts."""
 
 
 class BehaviorRunner:
-    """Constructs a behavior when the machine enters a state, and clears what was kept for it on
-    exit. It alone changes the machine, the behavior, `flight`, the hold and the land mode: others
-    ask for a change by a method.
+    """Constructs a behavior when the machine enters a state, and drops it on exit. Only this class
+    changes the machine, the behavior, `flight`, the hold and the land mode.
 
     flight: GROUND, AIR, or MOVING while a take-off or a landing is under way or was broken off.
     entries: how many states were entered. begun: whether the preflight has let the vehicle enter
@@ -176,7 +174,7 @@ class BehaviorRunner:
         return dataclasses.replace(params, **dict(values)) if values else params
 
     def switch(self, goal: str, at: str, values: Values = ()) -> None:
-        """Enter the state `goal` with `values` in place of its own, which the mission asks for at
+        """Enter the state `goal` with `values` in place of its own, which the mission requests at
         the line `at`, or a person where that is empty. Raises Refused when its behavior refuses to
         start and PartFailed when that raises anything else; nothing has changed then."""
         self._values = values
@@ -223,7 +221,7 @@ class BehaviorRunner:
         return output if self._blend is None else self._blended(output, tick.now)
 
     def _emitted(self, emitting: Emitting) -> Setpoint | Done:
-        """Emit an event of the behavior's own. Raises PartError for one that it doesn't declare."""
+        """Emit one of the behavior's `own_events`. Raises PartError for any other."""
         event = emitting.event
         if type(event) not in self.behavior.own_events:
             raise PartError(f"`{event.name}` is none of its `own_events`")
@@ -232,7 +230,7 @@ class BehaviorRunner:
         return emitting.output
 
     def _noted(self, output: Setpoint | Failed | Done | Grip, tick: Tick) -> Setpoint:
-        """Note what an update says besides its setpoint, and return that."""
+        """Process the outcome or grip that an update carries; return its setpoint."""
         if isinstance(output, Setpoint):
             return output
         if isinstance(output, Failed):
@@ -257,23 +255,23 @@ class BehaviorRunner:
         return blended or asked
 
     def take_grip(self) -> Grip | None:
-        """Return what the behavior asks of the payload's servo, once."""
+        """Return what the behavior asks of the payload's servo, and forget it."""
         grip, self.grip = self.grip, None
         return grip
 
     def fail(self, reason: str) -> None:
-        """Note that the behavior has failed: it said so, refused to start, or a part raised."""
+        """Note that the behavior has failed, refused to start, or a part raised."""
         self._outcome, self._reason = "failed", reason
 
     def keep_from(self, reason: str) -> None:
-        """Note that what the behavior wants in this tick is not what is followed: if it says that
-        it is done, it has failed, because the vehicle is not there."""
+        """Note that the vehicle doesn't follow the behavior's setpoint in this tick. If the
+        behavior is done, it has failed, because the vehicle is not at its goal."""
         if self._outcome == "done":
             self.fail(reason)
 
     def has_landed(self, now: Time, estimate: Estimate | None) -> bool:
         """Let the vehicle land by its own land mode; return whether it has landed, which ends the
-        behavior. Raises Refused when the vehicle does not follow."""
+        behavior. Raises Refused if the vehicle refuses the mode, leaves it or takes too long."""
         assert self.land_mode is not None
         landed = self.land_mode.has_landed(now)
         if landed:
@@ -281,15 +279,15 @@ class BehaviorRunner:
             if reason:
                 assert self._touch_down is not None
                 if self._touch_down.refused_for(now) < UNCLEAR:
-                    return False  # if it is in the air it falls now, which is noticed
+                    return False  # in the air it would fall now, which `ArmingWatch` detects
                 self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None
             self._end(estimate)
         return landed
 
     def _is_refused(self, tick: Tick) -> bool:
-        """Whether a behavior's end is refused: it is a landing that the estimate contradicts, or
-        nobody can tell, and the vehicle's own failsafe is still landing it."""
+        """Return whether a behavior's end is refused: the estimate contradicts its landing, or
+        there is no estimate and the vehicle's own failsafe is still landing it."""
         if self._touch_down is not None and tick.estimate is None:
             override = self._link.override
             if override is not None and override.lands:
@@ -297,7 +295,7 @@ class BehaviorRunner:
         return bool(self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)))
 
     def _is_pushed(self, tick: Tick) -> bool:
-        """Whether what the vehicle was asked for last must bring it down, were it in the air."""
+        """Return whether the last command must bring the vehicle down if it is in the air."""
         if self._given is not None:
             return self._given.thrust < DESCENT_THRUST * self.entry().context.airframe.hover_thrust
         followed, known = tick.setpoint, tick.estimate
@@ -320,7 +318,7 @@ class BehaviorRunner:
         return reason
 
     def _going_on(self, estimate: Estimate | None) -> Setpoint | Command:
-        """Return what a behavior whose landing was refused asked for last, else a hold."""
+        """Return the last output of a behavior whose landing was refused, else a hold."""
         before = self._given or self._wanted
         if before is not None:
             return before
@@ -329,15 +327,15 @@ class BehaviorRunner:
         return Motion(estimate.position, ZERO).setpoint(heading_of(estimate.attitude))
 
     def refuse(self, reason: str) -> None:
-        """Note that the vehicle would not arm: it stays on the ground, and its behavior has refused
-        to start."""
+        """Note that the vehicle refused to arm: it stays on the ground, and its behavior counts as
+        refused."""
         self.flight = GROUND
         self.fail(reason)
         self._refused = frozenset()
         self.machine.refuse({self.state.name})
 
     def thaw(self, holder: Holder) -> None:
-        """Let go for a holder that moved the vehicle: what was frozen goes on where it is now."""
+        """Release a holder that moved the vehicle: what was frozen resumes from where it is now."""
         before = self.hold
         if before is not None:
             entry = self.entry()
@@ -350,7 +348,7 @@ class BehaviorRunner:
         self._score.left("run_ended", now / NS)
 
     def _end(self, estimate: Estimate | None) -> None:
-        """Note that the behavior is done, which leaves the vehicle at the end of its leg."""
+        """Note that the behavior is done: the vehicle is at the end of its leg."""
         self._outcome = "done"
         start, end = self.leg
         if start is not end:
@@ -384,17 +382,13 @@ class BehaviorRunner:
             if self.flight is GROUND and entry.estimate is not None:
                 self._off = entry.estimate.position[2] - entry.context.start[2]
             if self.leg.end is GROUND:
-                self._touch_down = self._landing(state, entry.context)
+                planned = state.behavior.cls.footprint(self.behavior.params, None)
+                expected = () if planned is None or planned.exit is None else (planned.exit[2],)
+                self._touch_down = TouchDown(entry.context, expected, self._off)
             self.flight = MOVING
 
-    def _landing(self, state: StatePlan, context: VehicleContext) -> TouchDown:
-        """The judge of the landing that begins."""
-        told = state.behavior.cls.footprint(self.behavior.params, None)
-        expected = () if told is None or told.exit is None else (told.exit[2],)
-        return TouchDown(context, expected, self._off)
-
     def _exit(self, reason: Exit) -> None:
-        """Tell how the machine leaves the state, and clear what was kept for it."""
+        """Emit how the machine leaves the state, and clear what was kept for it."""
         name = self.machine.state
         if self._outcome == "failed":
             failed = BehaviorFailed(behavior=name, reason=self._reason)
@@ -413,7 +407,7 @@ class BehaviorRunner:
         self._resumes, self.grip, self._waits_for = False, None, None
 
     def _starts(self, name: str) -> bool:
-        """Build the behavior of a state that was asked for, before the present one is left."""
+        """Build the behavior of a requested state before the present one is left."""
         state = self.plan.states[name]
         try:
             self._started = self._built(state, self.entry(), self._values)
@@ -433,15 +427,15 @@ class BehaviorRunner:
         return behavior
 
     def entry_objection(self, state: StatePlan, values: Values = ()) -> str | None:
-        """Return why nothing should lead to `state` now, with `values` in place of its own; None
-        when something may."""
+        """Return why `state` should not be entered now, with `values` in place of its own; None
+        without a reason."""
         params = self.params_of(state.name, values)
         reason: str | None = state.behavior.cls.objection(params, self.entry())
         return reason
 
     def _is_welcome(self, name: str) -> bool:
-        """Whether a `next` may lead to a state now; the first of several refusals in a row is
-        reported."""
+        """Return whether a `next` may lead to a state now. The first of several refusals in a row
+        is reported."""
         state, now = self.plan.states[name], self._events.now
         reason = self.entry_objection(state)
         if reason is not None:
@@ -462,8 +456,7 @@ class BehaviorRunner:
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
 
     def _doubted(self, state: StatePlan, entry: Entry) -> str | None:
-        """Return why a supervisor would end the flight right after a take-off, None if none
-        would."""
+        """Return why a supervisor would end the flight right after a take-off, else None."""
         if entry.estimate is None or not self._leaves_ground(state):
             return None
         found = self.foreseen(self._ticks.fleet)
@@ -479,7 +472,7 @@ class BehaviorRunner:
         return self.flight is GROUND and any(leg == (GROUND, AIR) for leg in state.legs)
 
     def _score_unforeseen(self, reason: Exit) -> None:
-        """Count the failure when the mission does not say what follows it."""
+        """Count the failure if the mission does not handle it."""
         failed = (t for t in self.state.transitions if t.cause == "failed")
         if all(transition.implied for transition in failed):
             taken = reason.transition
@@ -488,7 +481,7 @@ class BehaviorRunner:
 
 
 def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:
-    """Why the behavior of `state` can't start where the vehicle is, None when it can."""
+    """Return why the behavior of `state` can't start where the vehicle is, None if it can."""
     name, cls = state.behavior.name, state.behavior.cls
     if all(leg.start is not flight for leg in state.legs):
         where = {GROUND: "on the ground", AIR: "in the air", MOVING: "between ground and air"}

@@ -49,15 +49,15 @@ class ProcessorReports(Protocol):
         """React to an alarm of the part `label`; return whether that changed the state."""
 
     def clamped(self, reason: str) -> None:
-        """Note that the setpoint of this tick is not what the behavior asked for."""
+        """Note that the setpoint of this tick is not that of the behavior."""
 
 
 class Control:
     """Runs the processors and the tracker of a vehicle.
 
     followed: the setpoint that the tracker followed last, None without one. clamps: the processors
-    that keep the vehicle from what its behavior asks for. set_option: asks for what a processor
-    retunes. Raises PartFailed for a part that can't be constructed.
+    that keep the vehicle from its behavior's setpoint. set_option: requests the options that a
+    processor retunes. Raises PartFailed for a part that can't be constructed.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Control:
         )
 
     def rest(self) -> None:
-        """Forget what the tracker followed: something else flies the vehicle, or nothing does."""
+        """Forget what the tracker followed: it doesn't fly the vehicle now."""
         self.followed = None
 
     def follow(

@@ -27,8 +27,8 @@ _ESCALATIONS = 5
 
 
 class Decision:
-    """Changes the state of the behavior runner, and adapts the other collaborators to a state that
-    was entered."""
+    """Changes the state of the behavior runner, and adapts the other collaborators to each state
+    that was entered."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Decision:
         self._settled = 0
 
     def command(self, tick: Tick) -> Commanded:
-        """Return the command of this tick, whatever raises."""
+        """Return the command of this tick, even if a part raises."""
         try:
             tick = self._decide(tick)
             return self._steer(tick) or self._resteered(tick)
@@ -74,7 +74,7 @@ class Decision:
         if runner.hold is not None:
             runner.wait(tick.dt)
         if tick.now >= failsafe.due:
-            raised = failsafe.check(tick, runner.off_ground)
+            raised = failsafe.check(tick, runner.flight is not GROUND)
             if raised is not None:
                 self._reactions.react(raised, tick)
         if failsafe.latched is Reaction.LAND_BLIND:
@@ -125,7 +125,7 @@ class Decision:
             return (RESTING if landed else HANDED_OVER), None
         if tick.estimate is None and runner.behavior.needs_estimate:
             if runner.off_ground and self._reactions.lost_estimate(tick):
-                return None  # `followed` stays: what is entered begins at its speed
+                return None  # `followed` stays: the next behavior begins at its speed
             control.rest()
             if not runner.off_ground:
                 return RESTING, None

@@ -1,13 +1,13 @@
 """Selects the estimator that a vehicle flies on: the first healthy one listed, with hysteresis.
 
-If none has been healthy for long enough, one that has just become healthy is used: hysteresis
-prevents toggling, not flying. Nor does one wait that contradicts the estimate in use, because it is
-further than `FARTHEST` and four times both spreads away: one of them is wrong, and the mission
-lists first what it trusts most. An estimator that raises or gives an estimate that is not finite is
-removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). What one
-refuses of the measured positions is reported, and when it takes them again. A behavior may name
-estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change from one estimator
-to another.
+If none has been healthy for long enough, one that has just become healthy is used: hysteresis must
+not keep a vehicle from flying. It doesn't apply either to an estimator that contradicts the one in
+use, by more than `FARTHEST` and four times both spreads: one of them is wrong, and the mission
+lists the most trusted one first. An estimator that raises, or whose estimate is not finite, is
+removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). An event
+reports when an estimator refuses measured positions, and when it accepts them again. A behavior may
+name the estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change from one
+estimator to another.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import Any
 from kybflow.core.errors import PartFailed
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
-from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
@@ -49,8 +48,8 @@ class Candidate:
     It is healthy while its condition holds. After a loss of health, the condition must hold for
     `recover_after` seconds before the estimator is chosen over another; if there is no other, or
     the other is contradicted, it is used at once. `for_at_most` limits the time of use, which is
-    counted up while this estimator is in use and down while another is. Once spent, it may be used
-    again when the count is zero, so that a moment on another estimator doesn't renew it.
+    counted up while this estimator is in use and down while another is. After the limit, it may be
+    used again once the count is zero, so that a moment on another estimator doesn't renew it.
     """
 
     def __init__(self, plan: EstimatorPlan, context: VehicleContext) -> None:
@@ -68,12 +67,10 @@ class Candidate:
         self._is_spent = False
         self._healthy_since: Time | None = None
         self._was_lost = False
-        self._holds = self._bound(plan.healthy)
-
-    def _bound(self, healthy: Expression | None) -> Callable[[], bool]:
-        if healthy is None:
-            return lambda: True
-        return bind(healthy, {self.name: EstimatorView(self)}, self.name, lambda: 0.0)
+        self._holds: Callable[[], bool] = lambda: True
+        if plan.healthy is not None:
+            views = {self.name: EstimatorView(self)}
+            self._holds = bind(plan.healthy, views, self.name, lambda: 0.0)
 
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
@@ -101,8 +98,7 @@ class Candidate:
         self.has_failed = True
 
     def note_refusal(self, now: Time) -> PositionRefused | PositionAccepted:
-        """Note what the estimator newly refuses of the measured positions, or no longer; return the
-        event that says so."""
+        """Note that the estimator begins or ends to refuse measured positions; return the event."""
         before, self.refusal = self.refusal, self.part.refusal
         if self.refusal is not None:
             return PositionRefused(estimator=self.name, reason=self.refusal.reason)
@@ -147,8 +143,8 @@ class Candidate:
 
 
 class Estimation:
-    """A vehicle's estimators. `report` is called with the failure of one. `known` returns in words
-    what is known to be wrong with the given kinds of measurements, empty for nothing."""
+    """A vehicle's estimators. `report` is called with the failure of one. `known` returns the known
+    faults of the given kinds of measurements in words, empty without any."""
 
     def __init__(
         self,
@@ -254,7 +250,7 @@ class Estimation:
         self._report(PartFailed(failed.label, error))
 
     def _gain(self, name: str) -> str:
-        """Return why `name` replaces an estimator that nothing is wrong with."""
+        """Return why `name` replaces an estimator that is well."""
         if not self._is_reordered:
             return f"`{name}` is healthy again"
         return f"`{name}` comes first {'in this behavior' if self._preferred else 'again'}"

@@ -123,15 +123,14 @@ class Knowledge:
         return self.estimation.parts()
 
     def _known(self, kinds: frozenset[MeasurementKind]) -> str:
-        """Return what is known to be wrong with the measurements of these kinds, in words."""
-        said = [self.sensing.trouble(kind) for kind in sorted(kinds, key=kind_name)]
+        """Return the known faults of the measurements of these kinds, in words."""
+        found = [self.sensing.trouble(kind) for kind in sorted(kinds, key=kind_name)]
         if Frame in kinds:
-            said.append(self.cameras.trouble)
-        return "; ".join(dict.fromkeys(words for words in said if words))
+            found.append(self.cameras.trouble)
+        return "; ".join(dict.fromkeys(words for words in found if words))
 
     def _accepted(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
-        """Note and return the link's measurements that count: those that are plausible and that no
-        sensor replaces."""
+        """Note and return the plausible measurements of the link that no sensor replaces."""
         measurements = self.sensing.of_link(measurements, now)
         self._note(measurements, now)
         return measurements
@@ -171,4 +170,4 @@ class Knowledge:
         self.sticks = sticks
 
     def _take_payload(self, payload: Payload, now: Time) -> None:
-        self.payload.hear(payload, self.estimate, now)
+        self.payload.update(payload, self.estimate, now)

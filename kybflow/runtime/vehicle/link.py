@@ -93,8 +93,7 @@ class LinkIn:
     """Receives measurements. truth: a simulator's ground truth, None on hardware. heard: when
     measurements arrived last, None before the first read. age: seconds since the vehicle's last
     message, or since the link was first read. delay: seconds of a round trip to the vehicle, zero
-    while unknown. faults: those that act on the vehicle, None on
-    hardware."""
+    while unknown. faults: those that act on the vehicle, None on hardware."""
 
     def __init__(
         self,
@@ -137,8 +136,8 @@ class LinkIn:
             self.age = (now - self._alive) / NS
         if self._texts is not None:
             for severity, text in self._health.attempt(self._texts) or ():
-                said = VehicleSaid(severity=severity, text=text)
-                self._events.emit(said, self._vehicle, self._at)
+                status = VehicleSaid(severity=severity, text=text)
+                self._events.emit(status, self._vehicle, self._at)
         if self._others is not None:
             for reason, allowed in self._health.attempt(self._others) or ():
                 self._events.emit(ForeignCommandEvent(reason=reason), self._vehicle, self._at)
@@ -194,7 +193,7 @@ class LinkOut:
 
     @property
     def armed(self) -> bool | None:
-        """Whether the vehicle reports itself armed; None where it reports nothing."""
+        """Whether the vehicle reports itself armed; None if it reports nothing."""
         try:
             return self._link.armed
         except Exception as error:  # a driver may raise anything

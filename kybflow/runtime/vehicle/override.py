@@ -25,7 +25,7 @@ from kybflow.runtime.vehicle.reactions import Reactions
 
 
 class ManualOverride:
-    """Follows who has control of a vehicle. away: a pilot has it."""
+    """Follows who has control of a vehicle. away: a pilot has control."""
 
     def __init__(
         self,
@@ -48,14 +48,14 @@ class ManualOverride:
         self._refused = ""
 
     @property
-    def is_somebodys(self) -> bool:
+    def is_taken(self) -> bool:
         """Whether a person has control, or had it when the vehicle landed."""
         override = self._link.override
         return self.away or (override is not None and not override.lands)
 
     def reclaim(self, now: Time) -> None:
         """Request control back from a person."""
-        if self.is_somebodys:
+        if self.is_taken:
             self._refused = ""
             self._link.reclaim(now)
 
@@ -95,7 +95,7 @@ class ManualOverride:
             self._control.rest()
             self._emit(ControlTaken(reason=override.reason))
             runner.freeze("pilot")
-            if runner.hold is not None:  # whoever has the vehicle, it brakes for nothing more
+            if runner.hold is not None:  # while a pilot flies it, the failsafe doesn't brake it
                 self._failsafe.clear_brake()
                 runner.hold.leave("brake", tick.now)
         if override.refused and override.refused != self._refused:

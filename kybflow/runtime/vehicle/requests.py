@@ -1,9 +1,9 @@
 """Requests of people, flows and callbacks: switch, pause, resume, enable, perform, reset, retire.
 
 A request waits for the vehicle's next `act`, which answers it after the supervisors and before the
-mission's transitions. A refusal is published as an event with its reason and changes nothing; who
-asked may hear the answer too. With a latched reaction, a vehicle accepts only severer states; while
-braked, only those that land it.
+mission's transitions. A refusal is published as an event with its reason and changes nothing; the
+requester receives the answer too. With a latched reaction, a vehicle accepts only severer states;
+while braked, only those that land it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _SAFER = {
     "land_blind": Reaction.LAND_BLIND,
 }
 """The built-in states that make any vehicle safer, and the reaction that each one equals."""
-_SOMEBODYS = "somebody else has control, until `operator.resume`"
+_TAKEN = "somebody else has control, until `operator.resume`"
 _STAYS = frozenset({"auto_land", "landed", "fault"})
 
 
@@ -59,7 +59,7 @@ _Order = Callable[[Time], str | None]
 
 
 def unheard(_: str | None) -> None:
-    """Take an answer that nobody waits for: the events say it."""
+    """Take the answer of a requester who doesn't wait for it: the event says it too."""
 
 
 class Requester(IntEnum):
@@ -85,7 +85,7 @@ class EntryJudge(Protocol):
 
 
 class NoJudge:
-    """Stands in where nobody can judge values: no state is entered with any."""
+    """The judge of a run that can't judge values: no state is entered with any."""
 
     def read(self, vehicle: str, state: str, written: Values) -> Values:
         raise Refused(_NOT_HERE)
@@ -98,13 +98,12 @@ class NoJudge:
 
 _NOT_HERE = "nothing here can judge values"
 _ACTS = 10
-"""How many acts a vehicle is asked for within a second: more show nothing, and stand in the way of
-what is to be said to it besides."""
+"""Largest number of acts that a vehicle performs within a second: more would only delay its other
+messages."""
 
 
 class SwitchRequest(NamedTuple):
-    """A request to enter `state`, with `values` in place of its own; `at` is the mission line of
-    its source."""
+    """A request to enter `state`, with `values` in place of its own, from the mission line `at`."""
 
     state: str
     by: Requester
@@ -114,12 +113,11 @@ class SwitchRequest(NamedTuple):
 
     @property
     def goal(self) -> tuple[str, Values]:
-        """What is asked for."""
         return self.state, self.values
 
 
 class Requests:
-    """What others ask of a vehicle, and the answers.
+    """The requests to one vehicle, and the answers.
 
     waiting: whether a request waits. off: the labels of the processors that are switched off.
     retired: why the vehicle lands for the rest of the run, None while it flies its mission.
@@ -168,18 +166,18 @@ class Requests:
 
     @property
     def comes_down(self) -> bool:
-        """Whether the failsafe has it and it is not down yet: it may be in anybody's way."""
+        """Whether the failsafe brings it down, so that it may be in the way of others."""
         return self._failsafe.latched is not None and self._runner.off_ground
 
     @property
     def pace(self) -> Pace | None:
-        """The pace of a behavior that was entered in this tick and keeps one; else None."""
+        """The pace of the behavior if it was entered in this tick and has one, else None."""
         runner = self._runner
         begins = runner.hold is None and runner.entered == self._events.now
         return runner.behavior.pace if begins else None
 
     def keep(self, pace: Pace) -> None:
-        """Let the behavior that has a `pace` fly at a slower one."""
+        """Let the behavior, which has a `pace`, fly at a slower one."""
         self._runner.behavior.keep(pace)
 
     def read(self, state: str, written: Values) -> Values:
@@ -226,7 +224,7 @@ class Requests:
 
     @property
     def paused(self) -> bool:
-        """Whether somebody paused the vehicle."""
+        """Whether the vehicle is paused."""
         hold = self._runner.hold
         return hold is not None and "pause" in hold.holders
 
@@ -238,23 +236,22 @@ class Requests:
         asked, self._switches, self.waiting = self._switches, [], bool(self._orders)
         if not asked:
             return
-        heard = min(asked, key=lambda request: request.by)
-        for loser in asked:
-            if loser.goal != heard.goal:
-                winner = f"the {heard.by.name.lower()} asked for `{heard.state}`"
-                loser.answered(self._refuse(loser, f"{winner} in the same tick"))
-        same = [request.answered for request in asked if request.goal == heard.goal]
-        _answer(partial(self._switch, heard), same)
+        first = min(asked, key=lambda request: request.by)
+        for other in asked:
+            if other.goal != first.goal:
+                winner = f"the {first.by.name.lower()} asked for `{first.state}`"
+                other.answered(self._refuse(other, f"{winner} in the same tick"))
+        same = [request.answered for request in asked if request.goal == first.goal]
+        _answer(partial(self._switch, first), same)
 
     def objection(
         self, state: str, by: Requester = Requester.OPERATOR, values: Values = ()
     ) -> str | None:
         """Return why a request for `state`, with `values` in place of its own, would be refused
-        now, None if nothing is known that speaks against it: its behavior may still refuse to
-        start."""
+        now, None if no reason is known. The behavior may still refuse to start."""
         plan, latched = self._plan.states.get(state), self._failsafe.latched
-        if self._override.is_somebodys:
-            return _SOMEBODYS
+        if self._override.is_taken:
+            return _TAKEN
         if plan is None or state == "fault":
             return "it is not a state that can be requested"
         if self._runner.machine.state == "fault":
@@ -276,14 +273,14 @@ class Requests:
 
     def resume_objection(self) -> str | None:
         """Return why there is nothing to resume now."""
-        if self._override.is_somebodys or self.paused:
+        if self._override.is_taken or self.paused:
             return None
         braking = self._failsafe.braking
         return "it is not paused" if braking is None else f"the failsafe brakes it ({braking})"
 
     def land_objection(self) -> str | None:
         """Return why a person can't land it now."""
-        return _SOMEBODYS if self._override.is_somebodys else None
+        return _TAKEN if self._override.is_taken else None
 
     def reset_objection(self, now: Time) -> str | None:
         """Return why a reset would be refused now."""
@@ -300,8 +297,8 @@ class Requests:
             return f"its driver performs it with `{known.needs}: true` only"
         if not known.moves:
             return None
-        if self._override.is_somebodys:
-            return _SOMEBODYS
+        if self._override.is_taken:
+            return _TAKEN
         return self.pause_objection() or self._held(Requester.OPERATOR)
 
     def _order(self, order: _Order, answered: Answered) -> None:
@@ -309,9 +306,21 @@ class Requests:
         self.waiting = True
 
     def _switch(self, request: SwitchRequest) -> str | None:
-        reason = self.objection(request.state, request.by, request.values)
-        reason = reason or self._granted(request)
-        return None if reason is None else self._refuse(request, reason)
+        """Enter the requested state; return why that is refused, None if it started."""
+        reason = self.objection(request.state, request.by, request.values) or None
+        if reason is None:
+            try:
+                self._runner.switch(request.state, request.at, request.values)
+            except Refused as refusal:
+                reason = str(refusal)
+            except PartFailed as failure:
+                if not request.values:
+                    raise
+                reason = str(failure)  # the mission never had these values: it is no failure of it
+        if reason is not None:
+            return self._refuse(request, reason)
+        self._failsafe.give_way(_SAFER.get(request.state))
+        return None
 
     def _held(self, by: Requester) -> str | None:
         """Return why the vehicle may only enter states that land it, None if it may enter any."""
@@ -323,22 +332,9 @@ class Requests:
             return "it is paused"
         return None
 
-    def _granted(self, request: SwitchRequest) -> str | None:
-        """Enter the state; return why its behavior refused to start, None if it started."""
-        try:
-            self._runner.switch(request.state, request.at, request.values)
-        except Refused as refusal:
-            return str(refusal)
-        except PartFailed as failure:
-            if request.values:  # nobody has foreseen them; the vehicle does what it did
-                return str(failure)
-            raise
-        self._failsafe.give_way(_SAFER.get(request.state))
-        return None
-
     def _misled(self, state: StatePlan, values: Values) -> str | None:
-        """Return what speaks against the values of a request, from where the vehicle is and from
-        where it would come to rest."""
+        """Return why the values of a request are refused, judged from where the vehicle is and
+        from where it would come to rest."""
         motion = self._runner.entry().motion
         points = tuple(dict.fromkeys((motion.position, Coast.after(motion).end)))
         try:
@@ -420,7 +416,7 @@ class Requests:
 
 
 def _answer(order: Callable[[], str | None], asking: Sequence[Answered]) -> None:
-    """Do what a request asks for and answer those who asked, also when a part raises."""
+    """Carry out a request and answer those who made it, also when a part raises."""
     try:
         reason = order()
     except Exception as error:

@@ -61,9 +61,9 @@ _STALE = 10.0
 class Vehicle:
     """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle.
 
-    wanted: the setpoint that its behavior asked for in the last tick, before processors; None
-    without one, and while the ground carries the vehicle. set_option: asks for another value of an
-    option. judge: judges the values that states are asked for with. moving: the moving obstacles.
+    wanted: the setpoint of its behavior in the last tick, before processors; None
+    without one, and while the ground carries the vehicle. set_option: requests another value of an
+    option. judge: judges the values with which states are requested. moving: the moving obstacles.
     """
 
     def __init__(
@@ -171,9 +171,9 @@ class Vehicle:
 
     @property
     def may_touch_down(self) -> bool:
-        """Whether the ground is where the vehicle should come to now: it is there by its own state,
-        it comes down to land, or somebody else has it. Until it descends, and while it is held, a
-        vehicle that lands flies like any other."""
+        """Whether the vehicle may meet the ground now: its state has it there, it descends to land,
+        or somebody else has control. A landing vehicle may not before it descends or while it is
+        held."""
         runner, link = self.runner, self.link_out
         if not runner.off_ground or runner.land_mode is not None or link.override is not None:
             return True
@@ -227,12 +227,11 @@ class Vehicle:
 
     @property
     def publishes(self) -> bool:
-        """Whether any vehicle listens to what others publish."""
+        """Whether a vehicle uses what others publish."""
         return self._broadcasts is not None
 
     def publish(self) -> None:
-        """Publish what neighbours may hear from the next tick on, and record what the behavior
-        says."""
+        """Publish to the neighbours, from the next tick on, and record what the behavior says."""
         broadcasts, faults = self._broadcasts, self.knowledge.link_in.faults
         if broadcasts is None or (faults is not None and faults.silent):
             return
@@ -242,8 +241,8 @@ class Vehicle:
         broadcasts.note(self.name, NeighbourState(self.now, self.estimate, self.followed, said))
 
     def pushes(self) -> Iterator[tuple[str, Vec3 | None]]:
-        """Yield each input that steers it now, with what the hand should feel, None
-        while it is held."""
+        """Yield each input that steers it now, with the force for the hand, None while it is
+        held."""
         part, hold = self.runner.state.behavior, self.runner.hold
         for name in named_in(part.params, "input").values():
             yield name, self.runner.behavior.push if hold is None else None
@@ -266,8 +265,8 @@ class Vehicle:
         return self._params
 
     def change(self, label: str, name: str, value: Any) -> None:
-        """Replace the value of one of a part's parameters, also where it is at work; the other
-        values that a behavior was entered with stay."""
+        """Replace the value of a part's parameter, also in the active part. A behavior keeps the
+        other values with which it was entered."""
         self._params[label] = replace(self._params[label], **{name: value})
         living = {**self._control.parts(), **self._supervisors, **self.knowledge.parts()}
         living[self.runner.state.behavior.label] = self.runner.behavior

@@ -16,7 +16,7 @@ def cargo(*said: Payload) -> tuple[PayloadTracker, list[Event]]:
     told: list[Event] = []
     made = PayloadTracker("a", Events([told.append]))
     for word in said:
-        made.hear(word, None, 0)
+        made.update(word, None, 0)
     return made, told
 
 
@@ -30,7 +30,7 @@ def test_what_was_on_board_and_is_let_go_is_released_and_told_with_its_place() -
     assert made.state is PayloadState.ABOARD
     assert made.wants(True, 2 * NS, "m.yaml:7")
     assert made.wants(True, 2 * NS + 1, "m.yaml:7")
-    made.hear(OPEN, estimate((1.0, 2.0, 3.0)), 2 * NS + NS // 2)
+    made.update(OPEN, estimate((1.0, 2.0, 3.0)), 2 * NS + NS // 2)
     assert (made.state, made.releases) == (PayloadState.RELEASED, 1)
     [event] = told
     assert (event.name, event.vehicle) == ("payload_released", "a")
@@ -40,7 +40,7 @@ def test_what_was_on_board_and_is_let_go_is_released_and_told_with_its_place() -
 def test_it_is_not_released_again_and_who_asks_is_told() -> None:
     made, told = cargo(CLOSED, OPEN)
     assert not made.wants(True, NS, "m.yaml:9")
-    made.hear(OPEN, None, NS)
+    made.update(OPEN, None, NS)
     assert made.releases == 1
     assert [(e.name, e.at) for e in told[1:]] == [("payload_already_released", "m.yaml:9")]
 
@@ -48,17 +48,17 @@ def test_it_is_not_released_again_and_who_asks_is_told() -> None:
 def test_a_release_that_was_acknowledged_too_late_counts_too() -> None:
     made, _ = cargo(BLIND_CLOSED)
     made.wants(True, NS, "")
-    made.hear(BLIND_OPEN, None, 9 * NS)
+    made.update(BLIND_OPEN, None, 9 * NS)
     assert (made.state, made.releases) == (PayloadState.RELEASED, 1)
 
 
 def test_loaded_anew_it_may_be_released_anew() -> None:
     made, told = cargo(CLOSED, OPEN)
     assert made.wants(False, NS, "")
-    made.hear(CLOSED, None, NS)
+    made.update(CLOSED, None, NS)
     assert made.state is PayloadState.ABOARD
     assert made.wants(True, 2 * NS, "")
-    made.hear(OPEN, None, 2 * NS)
+    made.update(OPEN, None, 2 * NS)
     assert made.releases == 2
     assert [e.name for e in told] == ["payload_released", "payload_loaded", "payload_released"]
 
@@ -74,7 +74,7 @@ def test_a_vehicle_that_can_not_tell_what_it_carries_is_not_believed_to_carry_so
 def test_an_open_servo_with_the_payload_still_there_has_released_nothing() -> None:
     made, told = cargo(CLOSED)
     made.wants(True, NS, "")
-    made.hear(Payload(NS, True, True), None, NS)
+    made.update(Payload(NS, True, True), None, NS)
     assert (made.state, made.releases, told) == (PayloadState.ABOARD, 0, [])
 
 

@@ -4,15 +4,16 @@ The members of a group that run it meet first: each comes to rest and publishes 
 there, each works out from the same news how the shape is laid and who takes which place
 (`kybflow.flight.formation.places`), and all glide into their places in the same time. From there
 each moves its own copy of the formation's frame, by a hand, along a path or behind a leader, and
-lets it drift to those that its neighbours publish (`kybflow.flight.formation.frame`). No one
+lets it drift to those that its neighbours publish (`kybflow.flight.formation.frame`). No member
 commands the others. A member that enters while others are in formation takes a free place by a way
 round those in its way (`kybflow.flight.formation.ways`), and goes on along the path from the corner
 that they fly to; one that goes over to a behavior with the same formation keeps its place.
 
 The formation slows down for a member that lags behind its point, and stops for one that is `doubt`
-away, has no estimate, or is silent for longer than `freshness`: `neighbour_lost` says who and why.
-Who runs ahead of the others, as one does whom nobody hears, slows down likewise.
-A member that has left isn't waited for; like any other vehicle it is kept clear of.
+away, has no estimate, or is silent for longer than `freshness`; `neighbour_lost` names the member
+and the reason. A member that is ahead of the others, because they don't receive it, slows down too.
+The formation doesn't wait for a member that has left, and keeps clear of it as of any other
+vehicle.
 
 The frame stops where any place would come closer than `margin` to the fence, `lowest` to the
 ground, or `clearance`, from hubs, to obstacles and other vehicles. It fails when not all have come
@@ -86,7 +87,7 @@ _UNHURRIED = 0.25
 _IN_PLACE = 0.01
 """Metres from its place, one tick ahead, at which a point is there."""
 _RETRACTED = 2.0
-"""How many tolerances a formation may be off that was settled."""
+"""Tolerances by which a settled formation may be off."""
 _ROOM = "room: a place is at the fence, the ground or something in its way"
 _STANDS, _PATIENT = 0.01, NS
 """The speed (m/s) up to which a frame that is to move stands, and how long until it says so."""
@@ -240,15 +241,14 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             if found is not None:
                 self._set_out(found, tick)
                 self._catch_up(team)
-        output = self._acting(team, tick)
+        output = (
+            self._waiting(team, tick)
+            if self._placed is None
+            else self._flying(self._placed, team, tick)
+        )
         if isinstance(output, Setpoint) and self._unemitted:
             return Emitting(output, self._unemitted.popleft())
         return output
-
-    def _acting(self, team: Team, tick: Tick) -> Setpoint | Done | Failed:
-        if self._placed is None:
-            return self._waiting(team, tick)
-        return self._flying(self._placed, team, tick)
 
     @classmethod
     def prepare(cls) -> None:
@@ -269,7 +269,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._catch_up(team)
 
     def _catch_up(self, team: Team) -> None:
-        """Go on along a path where the others are."""
+        """Continue along a path where the others are."""
         formed = [m.said for m in self._members.but_own(team) if not m.trouble]
         self._drive.join((said.path, said.corner) for said in formed if said.place != WAITING)
 
@@ -295,7 +295,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return self._taken
 
     def _waiting(self, team: Team, tick: Tick) -> Setpoint | Failed:
-        """Rest, and say so."""
+        """Rest, and publish that."""
         rest, elapsed = self._rest, (tick.now - self._rest.began) / NS
         self._say(tick, WAITING, rest.coast.end, MovingFrame(ZERO, heading=self._heading))
         setpoint = rest.at(tick.now).setpoint(self._heading)
@@ -354,7 +354,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._moved = tick.now
 
     def _share(self, team: Team, tick: Tick) -> float:
-        """The share of the speed at which nobody is left behind."""
+        """Return the share of the speed at which no member is left behind."""
         p, lag = self.params, team.lag
         if self._members.is_stopping(team):
             return 0.0
@@ -389,7 +389,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._unemitted.append(FormationSettled(error=round(error, 4)))
 
     def _let_feel(self, team: Team, limits: FrameLimits, tick: Tick) -> None:
-        """Let the hand feel how the swarm moves, and not as it asked."""
+        """Set the force for the hand: how the motion of the swarm differs from the requested
+        one."""
         if isinstance(self._drive, ByHand):
             formed = [m for m in self._members.but_own(team) if m.name in team.placed]
             known = [tick.known(), *(m.estimate for m in formed if m.estimate is not None)]
@@ -462,7 +463,7 @@ def _shape(params: FormationParams, count: int) -> tuple[Vec3, ...]:
 
 
 def _key(params: FormationParams) -> int:
-    """A number that members have in common who speak of the same formation."""
+    """Return a number that is equal for members of the same formation."""
     p = params
     what = (p.members, p.shape, p.side, p.points, p.center, p.turned)
     return zlib.crc32(repr(what).encode())

@@ -19,7 +19,7 @@ _CORNER = 0.03
 
 
 class Drive(Protocol):
-    """waits_for: what it waits for, in words. trouble: why nothing has been asked for `lost`
+    """waits_for: what it waits for, in words. trouble: why no motion has been requested for `lost`
     seconds. ended: whether the frame is where it was to come to. path, corner: a number of the path
     along which it moves, 0 for none, and the corner that it makes for."""
 
@@ -31,7 +31,7 @@ class Drive(Protocol):
     corner: int
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
-        """Return what the frame is asked to do. Called once a tick."""
+        """Return the requested motion of the frame. Called once a tick."""
 
     def join(self, others: Iterable[tuple[int, int]]) -> None:
         """Go on where the others are, each of which moves along a `path` to a `corner`."""
@@ -48,7 +48,7 @@ class Still(Drive):
 
 
 class ByHand(Drive):
-    """Moves as the axes of an input say. axes: what they said last."""
+    """Moves by the axes of an input. axes: the last values."""
 
     ended, path, corner = False, 0, 0
 
@@ -69,7 +69,7 @@ class ByHand(Drive):
         return Asked((level[0], level[1], z * limits.climb), turn * limits.turn_rate)
 
     def felt(self, velocity: Vec3, frame: MovingFrame, limits: FrameLimits) -> Vec3:
-        """Return what the hand should feel: how the swarm's velocity differs from the one that is
+        """Return the force for the hand: how the swarm's velocity differs from the one that is
         asked, as a share of the largest, along the axes."""
         turned = 0.0 if self._in_world else frame.heading
         c, s, (vx, vy, vz), (x, y, z, _) = cos(turned), sin(turned), velocity, self.axes
@@ -122,7 +122,7 @@ class BehindLeader(Drive):
         self.leading: Leading | None = None
 
     def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
-        """Return the frame of the leader, None while it can't be told. Called once a tick, before
+        """Return the frame of the leader, None while that is unknown. Called once a tick, before
         `asked`."""
         self.leading = leading = self._leader.heard(tick, delay, freshness)
         self.trouble, self.lost = self._leader.trouble, self._leader.lost

@@ -1,4 +1,4 @@
-"""How a member of a formation comes by its place.
+"""How a member of a formation gets its place.
 
 It comes to rest and waits. When all have come, each works out from the same news how the shape is
 laid and who takes which place (`kybflow.flight.formation.places`). Who comes while others are in
@@ -22,11 +22,11 @@ from kybflow.runtime.behaviors.formation.members import WAITING, Member
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 
 _NOTICE: Time = NS // 10
-"""How long a member has waited, beyond the delay, until all have surely heard of it."""
+"""How long a member waits, beyond the delay, until all have received it."""
 
 
 class Rest(NamedTuple):
-    """A member that came to rest, or does. began: when it began to. since: when it is at rest."""
+    """A member that comes to rest. began: when it began to. since: when it is at rest."""
 
     coast: Coast
     heading: float
@@ -90,7 +90,7 @@ class Meeting:
     ) -> Assigned | None:
         """Return the place that the member takes which is at `rest`; None while not all have come
         whom that needs, or none is free. leader: where the leader has the frame, None while it is
-        not heard. heard: when the newest news were published that can be heard."""
+        not received. heard: the time of the newest news that can have arrived."""
         sound = [m for m in others if not m.trouble]
         formed = [m for m in sound if m.said.place != WAITING]
         waiting = [m for m in sound if m.said.place == WAITING]

@@ -1,13 +1,13 @@
-"""The members of a formation, as one of them hears them.
+"""The members of a formation, by what one of them receives.
 
-What a member says of itself is an `InFormation`. A member that says nothing, or speaks of another
-formation, has not come yet or has left. One is in trouble, so that the others stop and wait for it,
-when it has been silent or held for longer than `freshness`, when it has no estimate, and when that
-is further from its place than `doubt`: it jumped, is blown away, or something holds it up.
+Each member publishes an `InFormation`. A member that publishes none, or one of another formation,
+has not come yet or has left. A member is in trouble, so that the others stop and wait for it, if it
+has been silent or held for longer than `freshness`, has no estimate, or is further from its place
+than `doubt`: it jumped, is blown away, or something holds it up.
 
-Each member hears the same of the team, itself included. So what follows from it for any of them is
-a `Team`, worked out for the first that asks in a tick; each then adds only what is its own, and
-the cost of a tick does not grow with the square of the members.
+All members receive the same from the team, themselves included. So what follows from that for any
+of them is a `Team`, computed once a tick; each member then adds only its own part, and the cost of
+a tick does not grow with the square of the members.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from kybflow.flight.formation.frame import MovingFrame, mean_frame
 WAITING = -1
 """The place of a member that has none yet."""
 _NEAR_AGAIN = 0.9
-"""The share of `doubt` within which a member is no longer lost: one that something holds up stays
-as far away as makes the others stop, give or take a breath of wind."""
+"""The share of `doubt` within which a member is no longer lost: one that is held up stays near
+`doubt`, where the others stop."""
 
 
 class NeighbourJoined(BehaviorEvent):
@@ -34,7 +34,7 @@ class NeighbourJoined(BehaviorEvent):
 
 
 class NeighbourLeft(BehaviorEvent):
-    """Another member is in the formation no more."""
+    """Another member has left the formation."""
 
     neighbour: str
 
@@ -74,8 +74,8 @@ class InFormation(NamedTuple):
 
 
 class Member(NamedTuple):
-    """A member as it is heard: what it says, `age` seconds ago, its estimate, and why it is in
-    trouble, empty while it is not. lag: how far it is from its point, metres."""
+    """A member as it is received: what it published `age` seconds ago, its estimate, and why it is
+    in trouble, empty while it is not. lag: how far it is from its point, metres."""
 
     name: str
     said: InFormation
@@ -86,21 +86,21 @@ class Member(NamedTuple):
 
     @property
     def frame(self) -> MovingFrame:
-        """The frame that it has now, if it has gone on as it said."""
+        """Its frame now, extrapolated from what it published."""
         said = self.said
         frame = MovingFrame(said.centre, said.velocity, heading=said.heading, rate=said.rate)
         return frame.after(self.age)
 
     @property
     def position(self) -> Vec3 | None:
-        """Where it is by now."""
+        """Its position now, extrapolated."""
         known = self.estimate
         return None if known is None else add(known.position, scale(known.velocity, self.age))
 
 
 class Team(NamedTuple):
-    """The members that have come and not left, by name, in the order of the team, and what follows
-    from what they say.
+    """The present members by name, in the order of the team, and what follows from what they
+    publish.
 
     troubled: why, of those in trouble. Of those with a place: placed, their names; taken, their
     places; stopping, who are in trouble; unsettled, who are that or not settled; lag, the largest.
@@ -133,7 +133,7 @@ class Members:
         self.lost: frozenset[str] = frozenset()
 
     def heard(self, tick: Tick, delay: Time, freshness: float, doubt: float) -> Team:
-        """Return what is heard of the team, with the news that is `delay` old."""
+        """Return the team by the news that is `delay` old."""
 
         def listened() -> Team:
             news = ((name, tick.neighbours.heard(name, tick.now - delay)) for name in self._team)
@@ -179,7 +179,7 @@ class Members:
         return holder != self._own and self._rank[holder] < self._rank.get(self._own, -1)
 
     def own_news(self, tick: Tick) -> Member | None:
-        """Return what the vehicle itself said of this formation in the last ticks; None where it
+        """Return what the vehicle itself published of this formation in the last ticks, None if it
         was not in it."""
         news = tick.neighbours.heard(self._own, tick.now - 1)
         if news is None or not isinstance(news.said, InFormation) or news.said.key != self.key:

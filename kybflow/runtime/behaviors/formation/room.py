@@ -1,5 +1,5 @@
-"""What a formation's places are kept away from: the fence, the ground, obstacles, and vehicles that
-are no members."""
+"""Keeps a formation's places away from the fence, the ground, obstacles, and vehicles that are no
+members."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
 _STEP = 0.1
-"""Metres between the points of a leg that are looked at."""
+"""Metres between the points of a leg that are checked."""
 
 
 @params
@@ -106,7 +106,7 @@ class FormationRoom:
         return (*self._solids, *(Sphere(seen.position, seen.radius) for seen in balls))
 
     def _heard(self, tick: Tick, delay: Time, left: Iterable[str]) -> Iterator[SeenObstacle]:
-        """Yield vehicles as they are heard."""
+        """Yield vehicles by what they publish."""
         for name in (*self._others, *left):
             news = tick.neighbours.heard(name, tick.now - delay)
             if name != self._context.vehicle and news is not None:
@@ -123,8 +123,8 @@ class FormationRoom:
         p: FormationRoomParams,
     ) -> list[tuple[Vec3, Surface]]:
         """Return what some place must slow down for at `speed` (m/s), each with where that place is
-        from the centre. What is far from all places is told apart at once. Of the ground and the
-        ceiling, which no turn brings nearer, the nearest place tells."""
+        from the centre. Obstacles far from all places are excluded at once. Of the ground and the
+        ceiling, which no turn brings nearer, the nearest place counts."""
         centre, box, keep = frame.centre, self.box(p), self._context.airframe.arm + p.clearance
         reach, far = reach_of(speed), taken.radius
         solids = [o for o in obstacles if o.distance(centre) - keep - far < reach]
