@@ -269,7 +269,7 @@ def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) ->
     ("events", "words", "said"),
     [
         ((), ("--seed", "4"), "--again takes target, seed, --set, --option and --emit from the"),
-        (("[]",), (), "can't be flown again: `provenance.json` or `events.jsonl` is not as a run"),
+        (("[]",), (), "can't be repeated: `provenance.json` or `events.jsonl` is damaged"),
         ((command_given(1.0, command="fly", by="a"),), (), "there is no command `fly`"),
     ],
 )
