@@ -29,7 +29,7 @@ def test_what_nobody_touches_is_whole(tmp_path: Path) -> None:
     assert (file.failed, (tmp_path / "log").read_bytes()) == (None, b"onetwo")
 
 
-@pytest.mark.parametrize("notices", [GrowingFile.look, GrowingFile.close])
+@pytest.mark.parametrize("notices", [GrowingFile.check, GrowingFile.close])
 @pytest.mark.parametrize(
     ("loses", "words"),
     [
