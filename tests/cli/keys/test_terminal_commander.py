@@ -80,8 +80,8 @@ def test_only_pause_and_land_act_without_enter(run) -> None:
     def chooses_and_leaves(engine):
         person.press(engine, "stop")
         person.keys.typed = b"\x1b"
-        person.commander.hear()
-        person.commander.hear()
+        person.commander.read_keys()
+        person.commander.read_keys()
         assert person.says() == ""
         person.press(engine, "enter")
         person.press(engine, "stop")
@@ -115,7 +115,7 @@ def test_a_key_that_means_nothing_is_told(run) -> None:
     def presses(engine):
         person.see(engine)
         person.keys.typed = b"Z"
-        person.commander.hear()
+        person.commander.read_keys()
         assert person.says() == "`Z` is no key now"
 
     stop = (1.0, lambda engine: person.press(engine, "stop", "enter"))
