@@ -3,23 +3,47 @@
 from __future__ import annotations
 
 import os
+import struct
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import NonSeekingReader
+from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
+from kybflow.core.signals import NS, Pose
 from kybflow.dsl.calibration_file import write_calibration
 from kybflow.dsl.expanding.vehicles import written_camera
 from kybflow.dsl.plan import Plan
-from kybflow.recording.recorded_poses import read_recorded_poses
-from kybflow.recording.run_folder import EVENTS, RunFolderError
+from kybflow.recording.layout import dtype_spec
+from kybflow.recording.run_folder import EVENTS, LOG, RunFolderError
 from kybflow.vision.calibration.pose_table import read_poses
 from kybflow.vision.calibration.track import RecordedTrack
 from kybflow.vision.tag_table import write_tags
 
 if TYPE_CHECKING:
     from kybflow.vision.calibration.walk import WalkCalibration
+
+
+def read_recorded_poses(folder: Path, vehicle: str) -> NDArray[numpy.float64]:
+    """Return the motion-capture poses of a vehicle in a run folder, in order of time: rows of time
+    in seconds, position, attitude, (n, 8). Raises RunFolderError for a folder without a
+    recording."""
+    topic, found, path = f"/{vehicle}/pose", [], folder / LOG
+    try:
+        with path.open("rb") as file, suppress(EndOfFile, struct.error):  # of a run that was killed
+            messages = NonSeekingReader(file).iter_messages([topic], log_time_order=False)
+            for _, _, message in messages:
+                found.append(message.data)
+    except (OSError, McapError) as error:
+        raise RunFolderError(f"`{path}` is no recording of a run: {error}") from error
+    poses = numpy.frombuffer(b"".join(found), numpy.dtype(dtype_spec(Pose)))
+    rows = numpy.column_stack((poses["time"] / NS, poses["position"], poses["attitude"]))
+    kept: NDArray[numpy.float64] = rows[numpy.unique(rows[:, 0], return_index=True)[1]]
+    return kept
 
 
 def is_of_a_run(frames: Path) -> bool:

@@ -184,8 +184,8 @@ class _Record:
         if self._due is None or engine.clock.now < self._due:
             return
         self._due = engine.clock.now + NS
-        self.recorder.look()
-        self.folder.look()
+        self.recorder.check()
+        self.folder.check()
         if self.failed:
             self._due = None
             engine.events.emit(RecordingStopped(reason=self.failed))

@@ -1,4 +1,4 @@
-"""`kybflow test`: missions flown as tests. `cases` flies one, `session` many in parallel processes,
-`coverage` finds what none of them took, `junit` writes the results for CI. The command line calls
-it; it calls the API.
+"""`kybflow test`: flies missions as tests. `cases` flies one, `session` flies many in parallel
+processes, `coverage` finds the states and transitions that no flight took, `junit` writes the
+results for CI.
 """

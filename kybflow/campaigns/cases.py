@@ -1,4 +1,4 @@
-"""Missions as test cases, and the flight of one, which runs in a process of its own."""
+"""Missions as test cases, and the flight of one case."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Verdict = Outcome | Literal["invalid"]
 
 @dataclass(frozen=True, slots=True)
 class FlightCase:
-    """A mission to fly with a seed. out: its run folder, kept when it doesn't succeed, or always
-    with `keep`."""
+    """A mission to fly with a seed. out: its run folder, kept after a failure, or always with
+    `keep`."""
 
     path: Path
     seed: int
@@ -46,7 +46,7 @@ class FlightCase:
 
 @dataclass(frozen=True, slots=True)
 class FlightResult:
-    """What became of a case. reason: why it did not succeed, a line an item. seconds: wall time.
+    """The result of a case. reason: the lines that say why it did not succeed. seconds: wall time.
     items, taken: the mission's states and transitions, and those that this flight took."""
 
     case: FlightCase
@@ -63,22 +63,20 @@ class FlightResult:
 
 
 def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
-    """Each of `paths`; a folder stands for the missions in it and below, without its libraries and
-    what runs have left."""
+    """Yield `paths`, and of each folder the missions in it and below, without libraries and the
+    files of runs."""
     for path in paths:
-        if os.path.isdir(path):
-            yield from (p for p in mission_files(path) if p.name != RESOLVED and not _is_library(p))
-        else:
+        if not os.path.isdir(path):
             yield path
-
-
-def _is_library(path: Path) -> bool:
-    root = read(path, str(path)).root
-    return root is not None and is_library(root)
+            continue
+        for found in mission_files(path):
+            root = read(found, str(found)).root
+            if found.name != RESOLVED and (root is None or not is_library(root)):
+                yield found
 
 
 def fly_case(case: FlightCase) -> FlightResult:
-    """Compile and fly a case; never raises for what the mission does, or a disk that is full."""
+    """Compile and fly a case. Never raises for an error of the mission or a full disk."""
     began = time.monotonic()
     result = compile_mission(case.path, catalog=load_catalog(), target=case.target, sets=case.sets)
     if result.plan is None:
@@ -86,9 +84,14 @@ def fly_case(case: FlightCase) -> FlightResult:
     traces = CoverageListener()
     request = RunRequest(seed=case.seed, out=case.out, sets=case.sets)
     try:
-        flown = fly(result.plan, request, (traces.hear,))
+        flown = fly(result.plan, request, (traces.on_event,))
         verdict: Verdict = flown.summary["outcome"]
-        folder = _kept(flown, case.keep or verdict in ("failed", "driver_failed"))
+        folder = None
+        if case.keep or verdict in ("failed", "driver_failed"):
+            write_report(flown.folder)
+            folder = flown.folder
+        else:
+            shutil.rmtree(flown.folder, ignore_errors=True)
     except RunFolderError as error:
         return FlightResult(case, "driver_failed", (str(error),))
     except KybflowError as error:
@@ -105,7 +108,7 @@ def fly_case(case: FlightCase) -> FlightResult:
 
 
 def _reasons(flown: Flown) -> tuple[str, ...]:
-    """Why a flight did not succeed, with the line of each expectation that was broken."""
+    """Return why a flight did not succeed, with a line for each broken expectation."""
     summary = flown.summary
     if summary["outcome"] == "succeeded":
         return ()
@@ -113,11 +116,3 @@ def _reasons(flown: Flown) -> tuple[str, ...]:
         f"{e['at']}: `{e['text']}` did not hold" for e in summary["expectations"] if not e["held"]
     ]
     return (headline(str(summary["reason"])), *broken)
-
-
-def _kept(flown: Flown, keep: bool) -> Path | None:
-    if keep:
-        write_report(flown.folder)
-        return flown.folder
-    shutil.rmtree(flown.folder, ignore_errors=True)
-    return None

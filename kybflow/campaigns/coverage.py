@@ -1,8 +1,7 @@
-"""Which states and transitions of a mission no run has taken.
+"""The states and transitions of a mission that no run has taken.
 
-Transitions from one state with equal cause, target and mission line count as one: the events of a
-run can't tell them apart. Implied transitions and built-in states, which the language adds by
-itself, do not count.
+Transitions from one state with equal cause, target and mission line count as one, because the
+events of a run don't distinguish them. Implied transitions and built-in states don't count.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ _CAUSES = {"done": "then", "refused": "failed"}
 
 
 class StateItem(NamedTuple):
-    """A state of a vehicle; `at` is its mission line."""
+    """A state of a vehicle. at: its mission line."""
 
     vehicle: str
     name: str
@@ -29,7 +28,7 @@ class StateItem(NamedTuple):
 
 
 class TransitionItem(NamedTuple):
-    """A transition of a vehicle; `at` is its mission line."""
+    """A transition of a vehicle. at: its mission line."""
 
     vehicle: str
     source: str
@@ -45,13 +44,13 @@ CoverageItem = StateItem | TransitionItem
 
 
 class CoverageListener:
-    """Hears the events of one run and keeps the states and transitions that its vehicles took."""
+    """Collects the states and transitions of a run from its events."""
 
     def __init__(self) -> None:
         self.taken: set[CoverageItem] = set()
         self._left: dict[str, tuple[str, str, str]] = {}
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         name, vehicle = str(event.fields.get("behavior")), event.vehicle
         if event.name == "behavior_ended":
             how = str(event.fields["how"])
@@ -65,7 +64,7 @@ class CoverageListener:
 
 
 def coverage_items(plan: Plan) -> list[CoverageItem]:
-    """Every state and transition that the mission itself writes, in its order."""
+    """Return every state and transition that the mission declares, in order."""
     found: list[CoverageItem] = []
     for vehicle in plan.vehicles:
         for state in vehicle.states.values():
@@ -81,7 +80,7 @@ def coverage_items(plan: Plan) -> list[CoverageItem]:
 
 
 class Coverage(NamedTuple):
-    """How much of a mission its runs took: `missed` of `total` states and transitions."""
+    """The states and transitions of a mission that its runs missed, of `total`."""
 
     total: int
     missed: tuple[CoverageItem, ...]
@@ -92,7 +91,7 @@ class Coverage(NamedTuple):
 
 
 def covered(items: Iterable[CoverageItem], taken: Iterable[CoverageItem]) -> Coverage:
-    """The coverage of `items` by `taken`, in which states have no mission line."""
+    """Return the coverage of `items` by `taken`, in which states have no mission line."""
     everything, known = tuple(items), set(taken)
     missed = tuple(
         one

@@ -1,4 +1,4 @@
-"""Results as JUnit XML, as CI systems read it: a suite a mission, a case a seed."""
+"""Writes results as JUnit XML: a suite for each mission, a case for each seed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 from kybflow.campaigns.cases import FlightResult
 
 _FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd]")
-"""What XML 1.0 can't carry, and what lies beyond the basic plane, which some readers drop."""
+"""Characters that XML 1.0 forbids, and those beyond the basic plane, which some readers drop."""
 
 
 def write_junit(path: Path, results: Sequence[FlightResult]) -> None:
-    """Raises OSError when `path` can't be written."""
+    """Write the results to `path`. Raises OSError."""
     root = Element("testsuites", name="kybflow test")
     by_mission: dict[Path, list[FlightResult]] = {}
     for one in results:
@@ -51,7 +51,7 @@ def _suite(root: Element, name: str, cases: Sequence[FlightResult]) -> None:
 
 
 def _is_failure(result: FlightResult) -> bool:
-    """The mission itself failed; an invalid one or a driver's failure is an error."""
+    """Whether the mission failed; an invalid mission or a failed driver is an error instead."""
     return result.verdict == "failed"
 
 

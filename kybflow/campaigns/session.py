@@ -1,8 +1,7 @@
-"""All the cases of one call of `kybflow test`, flown in parallel processes: one that dies takes no
-other flight with it.
+"""Flies the cases of `kybflow test` in parallel processes, so that a crash ends one flight only.
 
-Flights to fly come down the line of a worker, what became of them goes up. A line that closes ends
-its worker, so that none outlives its session: what flies then lands, as after Ctrl-C.
+A worker receives cases through its connection and sends results back. It lands and ends when the
+connection closes, as after Ctrl-C, so that no worker outlives its session.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from kybflow.runtime.interrupts import Interrupts
 
 Fly = Callable[[FlightCase], FlightResult]
 _LOOK = 0.1
-"""Seconds after which an interrupt is noticed at the latest."""
+"""The longest time until the session notices an interrupt, s."""
 _EXIT: tuple[tuple[Verdict, int], ...] = (
     ("invalid", INVALID),
     ("driver_failed", DRIVER_FAILED),
     ("failed", FAILED),
 )
-"""What the exit code is, the gravest first."""
+"""The exit codes, the most serious first."""
 
 
 def run_cases(
@@ -42,9 +41,9 @@ def run_cases(
     done: Callable[[FlightResult], None],
     fly: Fly = fly_case,
 ) -> list[FlightResult]:
-    """Fly every case, `jobs` at a time; the results in the order of `cases`. `done` is told of each
-    as it ends. An interrupt lands what flies, and leaves that and the rest out; a second one ends
-    it at once."""
+    """Fly every case, `jobs` at a time, and return the results in the order of `cases`. done:
+    called with each result. An interrupt lands the running flights, which have no result, and
+    starts no more; a second one kills them."""
     results: dict[FlightCase, FlightResult] = {}
 
     def keep(result: FlightResult) -> None:
@@ -56,7 +55,7 @@ def run_cases(
 
 
 def exit_code(results: Sequence[FlightResult], asked: int) -> int:
-    """0 when each of the `asked` flights succeeded; else that of the gravest."""
+    """Return 0 when all `asked` flights succeeded, else the code of the most serious verdict."""
     if len(results) < asked:
         return INTERRUPTED
     verdicts = {one.verdict for one in results}
@@ -64,7 +63,7 @@ def exit_code(results: Sequence[FlightResult], asked: int) -> int:
 
 
 def coverage_of(results: Sequence[FlightResult]) -> dict[Path, Coverage]:
-    """What all flights of each mission took together; nothing of one that never flew."""
+    """Return the coverage of each mission by all its flights, without missions that never flew."""
     coverage: dict[Path, Coverage] = {}
     for path in dict.fromkeys(one.case.path for one in results):
         flights = [one for one in results if one.case.path == path and one.taken]
@@ -75,8 +74,8 @@ def coverage_of(results: Sequence[FlightResult]) -> dict[Path, Coverage]:
 
 
 class Pool:
-    """Flies cases, `jobs` at a time. `interrupts` counts the signals that ask it to end: on the
-    first, what flies lands and nothing more begins; on the second, the workers are killed."""
+    """Flies cases, `jobs` at a time. interrupts: the number of signals. The first one lands the
+    running flights and starts no more; the second one kills the workers."""
 
     def __init__(
         self, jobs: int, done: Callable[[FlightResult], None], fly: Fly = fly_case
@@ -84,10 +83,10 @@ class Pool:
         self.interrupts = 0
         self._jobs, self._done, self._fly = jobs, done, fly
         self._workers: list[_Worker] = []
-        self._told = False
+        self._is_landing = False
 
     def run(self, cases: Sequence[FlightCase]) -> None:
-        """Fly `cases`, and tell `done` of each that came to its end. Main thread only."""
+        """Fly `cases` and call `done` with each result. Main thread only."""
         waiting = deque(cases)
         with Interrupts(self):
             try:
@@ -98,24 +97,24 @@ class Pool:
                     worker.kill()
 
     def _step(self, waiting: deque[FlightCase]) -> bool:
-        """Wait for something to happen; whether there is more to do."""
+        """Wait for a result; return whether there is more to do."""
         if self.interrupts > 1:
             return False
         if not self.interrupts:
-            self._employ(waiting)
-        elif not self._told:
-            self._told = True
+            self._assign(waiting)
+        elif not self._is_landing:
+            self._is_landing = True
             for worker in self._workers:
                 worker.land()
         busy = [worker for worker in self._workers if worker.case is not None]
-        heard = wait([worker.line for worker in busy], _LOOK) if busy else []
+        ready = wait([worker.line for worker in busy], _LOOK) if busy else []
         for worker in busy:
-            if worker.line in heard:
-                self._hear(worker)
+            if worker.line in ready:
+                self._finish(worker)
         return bool(busy)
 
-    def _employ(self, waiting: deque[FlightCase]) -> None:
-        """Give each that is idle a case, and take on others."""
+    def _assign(self, waiting: deque[FlightCase]) -> None:
+        """Give cases to idle workers, and start workers for more."""
         idle = [worker for worker in self._workers if worker.case is None]
         while waiting and (idle or len(self._workers) < self._jobs):
             if not idle:
@@ -123,19 +122,19 @@ class Pool:
                 self._workers += idle
             idle.pop().begin(self._fly, waiting.popleft())
 
-    def _hear(self, worker: _Worker) -> None:
+    def _finish(self, worker: _Worker) -> None:
         result = worker.result()
         if worker.is_dead:
             self._workers.remove(worker)
         if result.verdict == "interrupted":
             self.interrupts = max(self.interrupts, 1)
-        elif not (worker.is_dead and self._told):
+        elif not (worker.is_dead and self._is_landing):
             self._done(result)
 
 
 class _Worker:
-    """A process that flies, in a session of its own: a terminal's Ctrl-C is not for it. `case` is
-    what it flies."""
+    """A process that flies cases. It has its own session, so that Ctrl-C in the terminal doesn't
+    reach it. case: what it flies."""
 
     def __init__(self) -> None:
         self.case: FlightCase | None = None
@@ -157,50 +156,54 @@ class _Worker:
         self._send((fly, case))
 
     def land(self) -> None:
-        """Land what flies, and end."""
+        """Land the flight, and end."""
         self._send(None)
 
     def _send(self, what: object) -> None:
-        with suppress(OSError):  # it has died, as its line will tell
+        with suppress(OSError):  # it has died, and `result` will report it
             self.line.send(what)
 
     def result(self) -> FlightResult:
-        """What became of its case. It waits for the worker to say so, or to die."""
+        """Wait for the result of the case, or for the worker's death."""
         case, self.case = self.case, None
         assert case is not None
         try:
             result: FlightResult = self.line.recv()
         except (EOFError, OSError):
             self.is_dead = True
-            reason = f"the process that flew it died ({_end(self.kill())})"
+            code = self.kill()
+            cause = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+            reason = f"the process that flew it died ({cause})"
             folder = case.out if case.out.exists() else None
             return FlightResult(case, "driver_failed", (reason,), folder=folder)
         return result
 
     def kill(self) -> int:
-        """End it at once; its exit code."""
+        """Kill the process and return its exit code."""
         self._process.kill()
         self.line.close()
         return self._process.wait()
 
 
-def _end(code: int) -> str:
-    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
-
-
 def work(descriptor: int) -> None:
-    """What a worker does: fly what comes down its line."""
+    """Run a worker: fly the cases of its connection and send their results."""
     line = Connection(descriptor)
     jobs: SimpleQueue[tuple[Fly, FlightCase] | None] = SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
     while (job := jobs.get()) is not None:
-        result = _result(*job)
-        with suppress(OSError):  # nobody is there to hear it
+        fly, case = job
+        try:
+            result = fly(case)
+        except Exception as error:
+            reason = f"kybflow failed: {type(error).__name__}: {error}"
+            lines = (reason, traceback.format_exc().rstrip())
+            result = FlightResult(case, "driver_failed", lines)
+        with suppress(OSError):  # the session is gone
             line.send(result)
 
 
 def _listen(line: Connection, jobs: SimpleQueue[tuple[Fly, FlightCase] | None]) -> None:
-    """Take what comes down the line; at its end, end the process, a flight by a landing."""
+    """Queue the cases of the connection; when it closes, land the flight and end the process."""
     try:
         while (job := line.recv()) is not None:
             jobs.put(job)
@@ -209,12 +212,3 @@ def _listen(line: Connection, jobs: SimpleQueue[tuple[Fly, FlightCase] | None]) 
     finally:
         jobs.put(None)
         os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _result(fly: Fly, case: FlightCase) -> FlightResult:
-    """What became of a case, whatever happens."""
-    try:
-        return fly(case)
-    except Exception as error:
-        reason = f"kybflow failed: {type(error).__name__}: {error}"
-        return FlightResult(case, "driver_failed", (reason, traceback.format_exc().rstrip()))

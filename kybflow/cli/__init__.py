@@ -1,4 +1,4 @@
-"""The command line. A command is a module of `commands/`, `printing/` makes the text of those that
-print much, `arguments` and `output` are what commands share; `app` gathers them. Only
-`python -m kybflow` and the console script import it.
+"""The command line. Each module of `commands/` is a command; `printing/` formats longer outputs;
+`keys/` reads the keyboard during a run; `arguments` and `output` are shared; `app` joins the
+commands.
 """

@@ -1,5 +1,5 @@
-"""The command line: finds the commands in `kybflow.cli.commands` and catches what they raise.
-Everything heavy is imported where it is needed."""
+"""The command line: finds the commands in `kybflow.cli.commands` and handles their errors. Large
+modules are imported where they are needed."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 
 YOUNG = 200_000
-"""New objects between two collections of garbage. A command makes many and drops few; at Python's
-700 a tenth of its start goes into looking for garbage. A flight has its own figure."""
+"""New objects between two garbage collections. A command creates many objects and drops few; with
+Python's 700 it would spend a tenth of its start on collections. A flight sets its own
+thresholds."""
 UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
-"""What libraries need not start, because a flight multiplies no large matrices and MuJoCo's window
-brings its own OpenGL. Who sets these variables is obeyed."""
+"""Features that libraries need not start: a flight multiplies no large matrices, and MuJoCo's
+window has its own OpenGL. The environment overrides them."""
 _SHOWN = 100
 _NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
 
 
 def _useless(value: object) -> str:
-    """Why no command can do anything with a value: a number that isn't finite, or a path at which
-    nothing can ever be. Empty where one can."""
+    """Return why no command accepts a value, a number that isn't finite or an impossible path;
+    empty for any other value."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{value} is not finite"
     if isinstance(value, Path):
@@ -47,13 +48,12 @@ def _useless(value: object) -> str:
             value.stat()
         except OSError as error:
             if error.errno in _NEVER:
-                return f"`{str(value)[:_SHOWN]}` is no path: {error.strerror}"
+                return f"`{str(value)[:_SHOWN]}` can't be a path: {error.strerror}"
     return ""
 
 
 class Commands(TyperGroup):
-    """The commands of a package. The module of a command is imported when that is called, so that
-    none pays for the others."""
+    """The commands of a package. The module of a command is imported when the command runs."""
 
     def __init__(self, package: ModuleType = commands, **settings: Any) -> None:
         super().__init__(**settings)
@@ -67,7 +67,7 @@ class Commands(TyperGroup):
             except UnicodeError:
                 is_text = False
             if not is_text:  # no shell gives it, and paths in typer would raise
-                raise BadParameter(f"{word[:_SHOWN]!r} is no text")
+                raise BadParameter(f"{word[:_SHOWN]!r} is not valid text")
         return super().parse_args(ctx, args)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -105,7 +105,7 @@ app = Typer(
 )
 
 
-def _tell_version(asked: bool) -> None:
+def _print_version(asked: bool) -> None:
     if asked:
         echo(f"kybflow {__version__}")
         raise Exit
@@ -114,19 +114,19 @@ def _tell_version(asked: bool) -> None:
 @app.callback()
 def kybflow(
     version: Annotated[
-        bool, Option("--version", callback=_tell_version, is_eager=True, help="Print the version.")
+        bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Experiments with quadrotors, written in YAML, proven before take-off, flown."""
 
 
 def main() -> None:
-    """The console's entry."""
+    """Run the command line; the entry point of the console script."""
     gc.set_threshold(YOUNG)
     interrupts = _counted_interrupts()
     warnings.showwarning = lambda message, *_, **__: echo(f"warning: {message}", err=True)
     os.environ.update(UNUSED | os.environ)
-    # a reader that went away (`| head`) has seen enough: the command goes on and ends as usual
+    # a reader that goes away (`| head`) doesn't end the command
     sys.stdout = cast(TextIO, GuardedStream(_open(sys.stdout), BrokenPipeError))
     sys.stderr = cast(TextIO, GuardedStream(_open(sys.stderr)))
     try:
@@ -138,7 +138,7 @@ def main() -> None:
         echo(f"kybflow: the output can't be written: {error.strerror}", err=True)
         sys.exit(FAILED)
     except (Exception, KeyboardInterrupt) as error:
-        if interrupts:  # a library may have turned the interrupt into an error of its own
+        if interrupts:  # a library may raise its own error for an interrupt
             sys.exit(INTERRUPTED)
         if not isinstance(error, KybflowError):
             raise
@@ -147,7 +147,7 @@ def main() -> None:
 
 
 def _counted_interrupts() -> list[int]:
-    """Make SIGTERM and a closed terminal what Ctrl-C is, KeyboardInterrupt; the signals so far."""
+    """Raise KeyboardInterrupt for SIGTERM and SIGHUP as for Ctrl-C; return the list of signals."""
     numbers: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  # as handlers are
@@ -161,7 +161,7 @@ def _counted_interrupts() -> list[int]:
 
 
 def _open(stream: TextIO | None) -> TextIO:
-    """`stream`, able to write every character; /dev/null for one that was closed (`>&-`)."""
+    """Return a stream that can write every character, /dev/null for a closed one (`>&-`)."""
     if stream is None:
         return open(os.devnull, "w", encoding="utf-8")
     reconfigure = getattr(stream, "reconfigure", None)

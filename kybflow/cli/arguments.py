@@ -1,4 +1,4 @@
-"""What several commands share: parameters, each declared once, and what becomes of their values."""
+"""The parameters that commands share, and the handling of their values and errors."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ if TYPE_CHECKING:
 
 
 class WrongUsage(BadParameter):
-    """Parameters that don't go together. Its message needs no words before it."""
+    """Parameters that don't go together. Its message has no prefix."""
 
     def format_message(self) -> str:
         return self.message
 
 
 def wrong(option: str | None, message: str) -> BadParameter:
-    """The refusal of what was given for `option`, an argument perhaps; None where that is known."""
+    """Return an error about an option or argument; None where the context names it."""
     return BadParameter(message, param_hint=option)
 
 
 class Emitted(NamedTuple):
-    """An event that somebody gives while it flies."""
+    """An event to give at a time of the run."""
 
     seconds: float
     name: str
 
 
 class Change(NamedTuple):
-    """Another value for a parameter of a part."""
+    """A value for a parameter of a part."""
 
     name: str
     value: str
 
 
 def quantity(text: str, dimension: Dimension, option: str | None = None) -> float:
-    """A quantity in SI. option: what it was given for, where that isn't known by itself."""
+    """Parse a quantity to SI. option: its option, where the context doesn't name it."""
     try:
         return parse_quantity(text, dimension)
     except UnitError as error:
@@ -56,12 +56,12 @@ def quantity(text: str, dimension: Dimension, option: str | None = None) -> floa
 
 
 def duration(text: str) -> float:
-    """A duration in seconds."""
+    """Parse a duration to seconds."""
     return quantity(text, DURATION)
 
 
 def emitted(text: str) -> Emitted:
-    """The event of `NAME@TIME`."""
+    """Parse `NAME@TIME`."""
     name, at, time = text.rpartition("@")
     if not at or not name.strip():
         raise BadParameter(f"`{text}` is not NAME@TIME")
@@ -70,12 +70,12 @@ def emitted(text: str) -> Emitted:
     except BadParameter as error:
         raise BadParameter(f"`{text}`: {error.message}") from None
     if seconds < 0.0:
-        raise BadParameter(f"`{text}` is before the run")
+        raise BadParameter(f"`{text}` has a negative time")
     return Emitted(seconds, name.strip())
 
 
 def change(text: str) -> Change:
-    """The change of `NAME=VALUE`."""
+    """Parse `NAME=VALUE`."""
     name, equals, value = text.partition("=")
     if not equals:
         raise BadParameter(f"`{text}` is not NAME=VALUE")
@@ -83,22 +83,22 @@ def change(text: str) -> Change:
 
 
 def repeated(flag: str, **settings: Any) -> Any:
-    """An option that may stand several times; without it the list of its values is empty."""
+    """Return an option that may be repeated; its default is an empty list."""
     return Option(flag, default_factory=list, show_default=False, **settings)
 
 
-Target = Annotated[str | None, Option(help="Where to fly; `sim` by default.")]
+Target = Annotated[str | None, Option(help="The target to fly on; `sim` by default.")]
 Sets = Annotated[
     list[str], repeated("--set", metavar="NAME=VALUE", help="Set a parameter of the mission.")
 ]
-Seed = Annotated[int, Option(help="Seed of everything that is drawn by chance.")]
+Seed = Annotated[int, Option(help="Seed of all random numbers.")]
 Emits = Annotated[
     list[Emitted],
     repeated(
         "--emit",
         parser=emitted,
         metavar="NAME@TIME",
-        help="Give an event while it flies, like operator.go@2s; TIME is that of the run. "
+        help="Give an event at a time of the run, like operator.go@2s. "
         "operator.pause, .resume, .land, .reset and .stop act on every vehicle.",
     ),
 ]
@@ -114,16 +114,16 @@ Changes = Annotated[
 Out = Annotated[Path | None, Option(help="Run folder; runs/MISSION-TIME by default.")]
 Format = Annotated[
     Literal["text", "json", "sarif", "github"],
-    Option(help="For people, programs, code scanning or GitHub Actions."),
+    Option(help="Output for people, programs, code scanning or GitHub Actions."),
 ]
-WriteTo = Annotated[Path | None, Option("--write", help="Write it to this file.")]
-Check = Annotated[Path | None, Option(help="Fail unless this file is current.")]
+WriteTo = Annotated[Path | None, Option("--write", help="Write the output to this file.")]
+Check = Annotated[Path | None, Option(help="Fail if this file is out of date.")]
 
 
 def compiled(
     mission: Path, target: str | None = None, sets: Sequence[str] = ()
 ) -> tuple[Plan, Result]:
-    """Compile a mission and print its findings. Exits with INVALID where it has no plan."""
+    """Compile a mission and print its findings. Exits with INVALID where it is invalid."""
     from kybflow.api.validation import findings
     from kybflow.dsl.compiler import compile_mission
     from kybflow.parts.catalog import load_catalog
@@ -138,7 +138,7 @@ def compiled(
 
 @contextmanager
 def failing(code: int, *errors: type[KybflowError], word: str = "error: ") -> Iterator[None]:
-    """Tell an error of such a kind, after `word`, and exit with `code`."""
+    """Print an error of these types after `word`, and exit with `code`."""
     try:
         yield
     except errors as error:
@@ -148,7 +148,7 @@ def failing(code: int, *errors: type[KybflowError], word: str = "error: ") -> It
 
 @contextmanager
 def refusing(option: str, *errors: type[KybflowError]) -> Iterator[None]:
-    """Tell an error of such a kind as one of what was given for `option`."""
+    """Turn an error of these types into one about `option`."""
     try:
         yield
     except errors as error:
@@ -157,7 +157,7 @@ def refusing(option: str, *errors: type[KybflowError]) -> Iterator[None]:
 
 @contextmanager
 def writing(path: Path, option: str) -> Iterator[None]:
-    """Tell where `path`, which `option` names, can't be written."""
+    """Turn an OSError into one about `option`, which names `path`."""
     try:
         yield
     except OSError as error:
@@ -167,19 +167,19 @@ def writing(path: Path, option: str) -> Iterator[None]:
 def published(
     make: Callable[[], str], command: str, write_to: Path | None, check: Path | None
 ) -> bool:
-    """Write what is made to `write_to`, or exit with INVALID unless `check` is that; whether either
-    was asked for. command: what makes it, for the message."""
+    """Write the text to `write_to`, or exit with INVALID unless `check` has this text; return
+    whether either is given. command: that makes the text, for the message."""
     if write_to is not None:
         with writing(write_to, "--write"):
             write_whole(write_to, make().encode())
     elif check is not None and not (
         check.is_file() and check.read_text(encoding="utf-8") == make()
     ):
-        echo(f"{check} is not current; mend it with: {command} --write {check}", err=True)
+        echo(f"{check} is out of date; update it: {command} --write {check}", err=True)
         raise Exit(INVALID)
     return write_to is not None or check is not None
 
 
 def unknown(what: str, name: str, known: Iterable[str], option: str) -> BadParameter:
-    """The refusal of a name that nothing has. what: such as `there is no camera`."""
+    """Return an error about an unknown name. what: such as `there is no camera`."""
     return wrong(option, f"{what} `{name}`; {did_you_mean(name, known)}")

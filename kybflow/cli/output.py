@@ -1,4 +1,4 @@
-"""How the commands print: to streams whose reader may go away, in colour on a terminal."""
+"""Output of the commands: to streams whose reader may go away, in colour on a terminal."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _STYLES = (
 
 
 class Unwritable(OSError):
-    """Output that must be written can't be."""
+    """The output of a command can't be written."""
 
 
 class GuardedStream:
-    """A stream that drops everything from its first error on, so that a reader that goes away
-    (`| head`) or a full disk neither ends a flight nor changes its exit code. Errors other than
-    `ignored` are raised once, as Unwritable."""
+    """A stream that drops all output after its first error, so that a reader that goes away
+    (`| head`) or a full disk neither ends a flight nor changes its exit code. The first error that
+    isn't `ignored` raises Unwritable."""
 
     def __init__(self, stream: IO[str], ignored: type[OSError] = OSError) -> None:
         self._stream, self._ignored = stream, ignored
@@ -68,7 +68,7 @@ def echo(text: str, err: bool = False) -> None:
 
 
 def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
-    """The values of each key, both in their order."""
+    """Group values by key, in order."""
     groups: dict[Key, list[Value]] = {}
     for key, value in pairs:
         groups.setdefault(key, []).append(value)
@@ -76,34 +76,33 @@ def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
 
 
 def columns(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:
-    """Rows of cells as lines. Every cell but a row's last is as wide as the widest above and below
-    it."""
+    """Format rows of cells as lines with aligned columns; the last cell has no padding."""
     cells = list(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)][:-1]
     filled = ([*(f"{c:<{w}}" for c, w in zip(r, widths, strict=False)), r[-1]] for r in cells)
     return [indent + "  ".join(row) for row in filled]
 
 
-def teller(stream: IO[str]) -> Callable[[str], None]:
-    """What prints a line in a flight: no error of the stream reaches the writer."""
+def printer(stream: IO[str]) -> Callable[[str], None]:
+    """Return a function that prints a line, and raises no error of the stream in a flight."""
     guarded = GuardedStream(stream)
 
-    def tell(line: str) -> None:
+    def write(line: str) -> None:
         guarded.write(f"{line}\n")
         guarded.flush()
 
-    return tell
+    return write
 
 
 def console(stream: IO[str]) -> Console:
-    """A console for a flight: no error of its stream reaches the writer."""
+    """Return a console that raises no error of the stream in a flight."""
     from rich.console import Console
 
     return Console(file=cast(IO[str], GuardedStream(stream)), emoji=False)
 
 
 def coloured(text: str) -> str:
-    """`text` of a finding with the terminal's colour codes."""
+    """Add colour codes to the text of findings."""
     from rich.console import Console
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""What a run leaves: the recorder, as an observer of the engine, and the run folder beside it. The
-runtime never imports it; `kybflow.api` puts the two together and `kybflow.report` reads what is
-left.
+"""The files of a run: `recorder` writes the recording as an observer of the engine, `run_folder`
+the other files, `earlier_run` reads them to repeat a run. `kybflow.api` uses them and
+`kybflow.report` reads the result; the runtime never imports this package.
 """

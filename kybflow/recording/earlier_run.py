@@ -1,5 +1,4 @@
-"""An earlier run, read from its folder to fly it again: what was asked for, and the commands that
-were given while it flew."""
+"""Reads an earlier run from its folder to repeat it: its request, its commands and its inputs."""
 
 from __future__ import annotations
 
@@ -19,8 +18,8 @@ from kybflow.runtime.commanding.lease import SCHEDULE
 
 
 class EarlierRun(NamedTuple):
-    """sets, options, emits: as the command line takes them. commands: those that weren't scheduled
-    when the run began, in the order in which they were heard. inputs: what each said, a table."""
+    """sets, options, emits: as on the command line. commands: those that weren't scheduled before
+    the run, in the order of their arrival. inputs: the table of each."""
 
     target: str
     seed: int
@@ -32,7 +31,7 @@ class EarlierRun(NamedTuple):
 
 
 def read_earlier_run(folder: Path) -> EarlierRun:
-    """Return the run in `folder`. Raises RunFolderError where its files can't be read."""
+    """Read the run in `folder`. Raises RunFolderError."""
     try:
         asked = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
         events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
@@ -42,20 +41,24 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             sets=tuple(asked["set"]),
             options=tuple(asked["option"]),
             emits=tuple(asked["emit"]),
-            commands=tuple(_command(e) for e in events if _is_command(e)),
+            commands=tuple(
+                _command(e["fields"], e["t_s"])
+                for e in events
+                if e["event"] == "command_given" and e["fields"]["by"] != SCHEDULE
+            ),
             inputs=dict(_tables(folder / INPUTS)),
         )
     except OSError as error:
         reason = f"`{error.filename}`: {error.strerror}"
-        raise RunFolderError(f"`{folder}` is no run that can be flown again: {reason}") from error
+        raise RunFolderError(f"`{folder}` is no run that can be repeated: {reason}") from error
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        reason = f"`{PROVENANCE}` or `{EVENTS}` is not as a run writes it"
-        raise RunFolderError(f"`{folder}` can't be flown again: {reason}") from error
+        reason = f"`{PROVENANCE}` or `{EVENTS}` is damaged"
+        raise RunFolderError(f"`{folder}` can't be repeated: {reason}") from error
 
 
 def _tables(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield each input that said something, with its table. Raises RunFolderError where it is
-    none."""
+    """Yield (input, table) for each table with rows. Raises RunFolderError for one that can't be
+    read."""
     for path in sorted(folder.glob("*.csv")):
         lines = whole_lines(path)
         try:
@@ -66,11 +69,6 @@ def _tables(folder: Path) -> Iterator[tuple[str, str]]:
             raise RunFolderError(f"`{path}`, line {error.line}: {error}") from error
 
 
-def _is_command(event: dict[str, Any]) -> bool:
-    return bool(event["event"] == "command_given" and event["fields"]["by"] != SCHEDULE)
-
-
-def _command(event: dict[str, Any]) -> RecordedCommand:
-    fields = event["fields"]
-    heard = round(fields.get("heard_s", event["t_s"]) * NS)
-    return RecordedCommand(heard, fields["command"], fields["by"], fields.get("take", False))
+def _command(fields: dict[str, Any], seconds: float) -> RecordedCommand:
+    arrived = round(fields.get("heard_s", seconds) * NS)
+    return RecordedCommand(arrived, fields["command"], fields["by"], fields.get("take", False))

@@ -9,23 +9,24 @@ from stat import S_ISREG
 
 
 class GrowingFile:
-    """A file that is appended to while a run flies, unbuffered, so that what is written survives
-    this program.
+    """An unbuffered file that a run appends to, so that its contents survive a crash.
 
-    An error is kept in `failed` and ends the file: what comes later is dropped. So is the loss of
-    what was written, when somebody removes, replaces or shortens the file. what: the name of its
-    contents in `failed`. Raises OSError when the file can't be opened.
+    The first error ends the file: `failed` holds the reason and later data is dropped. A file that
+    another program removes, replaces or truncates is such an error. what: the name of the contents
+    in `failed`. Raises OSError when the file can't be opened.
     """
 
     def __init__(self, path: Path, what: str) -> None:
         self._path, self._what = path, what
-        # appending: a file that somebody shortened would else be filled up with zeros
-        self._file = FileIO(path, "w", opener=_appending)
+        # appends, because writing at a position would fill a truncated file up with zeros
+        self._file = FileIO(
+            path, "w", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666)
+        )
         self._size = 0
         self.failed: str | None = None
 
     def write(self, data: bytes) -> int:
-        """Append `data`; its length, whether or not it could be written."""
+        """Append `data`; return its length, even if it can't be written."""
         left = memoryview(data)
         try:
             while left and self.failed is None:
@@ -36,14 +37,14 @@ class GrowingFile:
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Where the file ends; with seeking disabled the MCAP writer only asks for that."""
+        """Return the end of the file: with seeking disabled the MCAP writer asks for no more."""
         return self._size
 
     def flush(self) -> None:
-        """There is nothing to flush: the file is unbuffered."""
+        """Do nothing: the file is unbuffered."""
 
-    def look(self) -> None:
-        """Look whether what was written is still in its place."""
+    def check(self) -> None:
+        """Check that the file still holds what was written."""
         if self.failed is None and not self._file.closed:
             lost = self._lost()
             if lost:
@@ -51,7 +52,7 @@ class GrowingFile:
 
     def close(self) -> None:
         """Close the file; may be called again."""
-        self.look()
+        self.check()
         try:
             self._file.close()
         except OSError as error:
@@ -59,7 +60,7 @@ class GrowingFile:
                 self._fail(error.strerror or str(error))
 
     def _lost(self) -> str | None:
-        """What somebody else did to the file, None where nothing was done."""
+        """Return what another program did to the file, None for nothing."""
         ours = os.fstat(self._file.fileno())
         if not S_ISREG(ours.st_mode):
             return None
@@ -77,12 +78,8 @@ class GrowingFile:
         self.failed = f"the {self._what} stopped: {reason}"
 
 
-def _appending(name: str, flags: int) -> int:
-    return os.open(name, flags | os.O_APPEND, 0o666)
-
-
 def whole_lines(path: Path) -> list[str]:
-    """Return the lines of a file that was written as the run went: the last one of a run that was
-    killed may be a part only, and is left out. None where there is no file."""
+    """Return the complete lines of a growing file, none where there is no file. The last line of a
+    run that was killed may be incomplete."""
     text = path.read_text(encoding="utf-8") if path.exists() else ""
     return text.split("\n")[:-1]

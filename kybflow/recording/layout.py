@@ -1,9 +1,8 @@
 """The layout of a recording's messages.
 
-From it follow the ROS 1 message definition that is stored in the file (and lets any tool read it),
-the `struct` format that the recorder packs with, and the NumPy type that the report reads with. The
-ROS 1 encoding of numbers and nested messages is their little-endian bytes in order, with nothing
-between (https://wiki.ros.org/msg).
+It gives the ROS 1 message definition in the file, with which any tool can read it, the `struct`
+format of the recorder, and the NumPy type of the report. ROS 1 encodes numbers and nested messages
+as their little-endian bytes in order, without padding (https://wiki.ros.org/msg).
 """
 
 from __future__ import annotations
@@ -36,16 +35,16 @@ OBSTACLES_TOPIC = "/obstacles"
 METADATA = "kybflow"
 
 RATE = 50
-"""Hz: the highest rate at which estimators are recorded and the report reads ticks."""
+"""The highest rate at which the recorder writes estimators and the report reads ticks, Hz."""
 
 SETPOINT_KINDS = {kind: number for number, kind in enumerate(SetpointKind, start=1)}
-"""The number of each kind of setpoint in a recording; 0 says that there was no setpoint."""
+"""The number of each kind of setpoint in a recording; 0 is no setpoint."""
 
 COMMAND_KINDS = {kind: number for number, kind in enumerate(CommandKind, start=1)}
 """The number of each kind of command in a recording."""
 
 SWITCHES = 32
-"""How many switches of a transmitter are recorded."""
+"""The most recorded switches of a transmitter."""
 
 HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_JERK, HAS_HEADING = 1, 2, 4, 8, 16
 
@@ -167,12 +166,12 @@ _ARRAYS = {
 
 
 def kept_every(control_rate: int) -> int:
-    """Every how many ticks one is kept, so that at most `RATE` a second are."""
+    """Return n to keep every n-th tick, at most `RATE` per second."""
     return max(1, control_rate // RATE)
 
 
 def event_record(event: Event) -> dict[str, Any]:
-    """An event as `/events` and events.jsonl hold it; `t_s` is seconds since the run began."""
+    """Return an event as in `/events` and `events.jsonl`; `t_s` is in seconds since the start."""
     return {
         "t_s": event.time / NS,
         "event": event.name,
@@ -183,8 +182,8 @@ def event_record(event: Event) -> dict[str, Any]:
 
 
 def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
-    """The moving obstacles as `/obstacles` holds them: when each was seen last, in seconds since
-    the run began, and where; metres, world frame."""
+    """Return the moving obstacles as in `/obstacles`: the last time at which each was seen, in
+    seconds since the start, and its position; metres, world frame."""
     return {
         name: {"seen_s": one.time / NS, "position": one.position, "radius": one.radius}
         for name, one in seen.items()
@@ -192,7 +191,7 @@ def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
 
 
 def head(plan: Plan) -> dict[str, Any]:
-    """The facts of the mission that a reader of the file needs, for the file's metadata."""
+    """Return the metadata of a recording: what its readers need to know of the mission."""
     return {
         "mission": plan.mission,
         "summary": plan.summary,
@@ -222,17 +221,16 @@ def _vehicle(vehicle: VehiclePlan, plan: Plan) -> dict[str, Any]:
 
 
 def _kept_apart(vehicle: VehiclePlan, other: VehiclePlan) -> float:
-    """The distance (m) to another vehicle below which a supervisor alarms at first; 0 for none."""
+    """Return the initial distance (m) below which a supervisor alarms; 0 for none."""
     own, theirs = vehicle.airframe.diameter, other.airframe.diameter
     bounds = (s.cls.keeps_apart(s.params, own, theirs) for s in vehicle.supervisors)
     return max(bounds, default=0.0)
 
 
 class MeasurementLayout:
-    """How the measurements of one kind are recorded, by the annotations of its class
-    (`kybflow.core.signals.Measurement`). `message` and `fields`: the message's name and what is in
-    it. `packed` makes the message of a measurement. Raises TypeError for a field that can't be
-    recorded."""
+    """The message of one kind of measurement, by the annotations of its class
+    (`kybflow.core.signals.Measurement`). message, fields: its name and fields. packed: encodes a
+    measurement. Raises TypeError for a field that can't be recorded."""
 
     def __init__(self, kind: MeasurementKind) -> None:
         self.message, self._topic = kind.__name__, kind_name(kind)
@@ -240,36 +238,35 @@ class MeasurementLayout:
         self._keys: list[int] = []
         pieces: list[_Piece] = []
         for index, (name, hint) in enumerate(get_type_hints(kind, include_extras=True).items()):
-            plain, *said = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+            plain, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
             if plain is str:
                 self._keys.append(index)
             elif plain is not Any:
-                fields, piece = _recorded(name, plain, said[-1] if said else "", index)
+                fields, piece = _recorded(name, plain, notes[-1] if notes else "", index)
                 self.fields += fields
                 pieces.append(piece)
         self.packed = _packed(Struct("<" + _codes(self.fields)), pieces, index + 1)
 
     def topic(self, measurement: Any) -> str:
-        """The topic below the vehicle's; one for each camera."""
+        """Return the topic below the vehicle's, one for each camera."""
         return "/".join((self._topic, *(measurement[key] for key in self._keys)))
 
     @property
     def has_topics(self) -> bool:
-        """Whether its measurements go to several topics."""
         return bool(self._keys)
 
 
 _Field = tuple[str, str, str]
 _Piece = int | slice | Callable[[Any], tuple[float, ...]]
-"""What of a measurement gives the numbers of one field, in a tuple."""
+"""Takes the numbers of one field from a measurement, as a tuple."""
 _flat = chain.from_iterable
 _SCALARS = {int: "int64", float: "float64", bool: "bool"}
 _TUPLES = {Vec3: "Vector", Quat: "Quaternion"}
 
 
 def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any], bytes]:
-    """What packs a measurement of `width` fields: fast where all that is recorded can be taken from
-    it at once, and fastest where that is all of it, the vectors last."""
+    """Return the encoder of a measurement of `width` fields. It is fast where no field needs a
+    call, and fastest where it records all fields and vectors come last."""
     pack = struct.pack
     if any(map(callable, pieces)):
         return lambda m: pack(*_flat(p(m) if callable(p) else m[p] for p in pieces))
@@ -280,20 +277,20 @@ def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any],
     return lambda m: pack(*_flat(items(m)))
 
 
-def _recorded(name: str, plain: Any, said: Any, index: int) -> tuple[tuple[_Field, ...], _Piece]:
-    """The fields of the message that hold one field of a measurement, and what gives them."""
+def _recorded(name: str, plain: Any, note: Any, index: int) -> tuple[tuple[_Field, ...], _Piece]:
+    """Return the message's fields for one field of a measurement, and how to take their numbers."""
     if plain in _SCALARS:
-        return ((_SCALARS[plain], name, said),), slice(index, index + 1)
+        return ((_SCALARS[plain], name, note),), slice(index, index + 1)
     if plain in _TUPLES:
-        return ((_TUPLES[plain], name, said),), index
-    if isinstance(said, Recorded):
+        return ((_TUPLES[plain], name, note),), index
+    if isinstance(note, Recorded):
         if get_origin(plain) in (Union, types.UnionType):
             scalar = next(_SCALARS[t] for t in get_args(plain) if t in _SCALARS)
-            extra = ("bool", said.extra, said.extra_comment)
-            return (extra, (scalar, name, said.comment)), _optional(index)
+            extra = ("bool", note.extra, note.extra_comment)
+            return (extra, (scalar, name, note.comment)), _optional(index)
         if plain == tuple[float, ...]:
-            extra = ("uint8", said.extra, said.extra_comment)
-            return (extra, (f"float64[{SWITCHES}]", name, said.comment)), _several(index)
+            extra = ("uint8", note.extra, note.extra_comment)
+            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), _several(index)
     raise TypeError(f"`{name}: {plain}` can't be recorded")
 
 
@@ -311,7 +308,6 @@ def _several(index: int) -> Callable[[Any], tuple[float, ...]]:
 
 @cache
 def layout_of(kind: MeasurementKind) -> MeasurementLayout:
-    """The layout of a kind of measurement."""
     return MeasurementLayout(kind)
 
 
@@ -320,8 +316,8 @@ def _fields_of(message: str | MeasurementKind) -> tuple[_Field, ...]:
 
 
 def definition(message: str | MeasurementKind) -> bytes:
-    """The ROS 1 message definition: the message's own fields, then each nested type after a line of
-    `=`."""
+    """Return the ROS 1 message definition: the message's fields, then each nested type after a line
+    of `=`."""
     fields = _fields_of(message)
     texts = [_text(fields)]
     for name in _parts(fields):
@@ -330,13 +326,12 @@ def definition(message: str | MeasurementKind) -> bytes:
 
 
 def struct_format(message: str | MeasurementKind) -> str:
-    """The format of `struct` that packs the message's numbers in order."""
+    """Return the `struct` format of a message."""
     return "<" + _codes(_fields_of(message))
 
 
 def dtype_spec(message: str | MeasurementKind) -> list[Any]:
-    """The argument of `numpy.dtype` for the message: vectors and quaternions are arrays of 3 and
-    4."""
+    """Return the argument of `numpy.dtype` for a message; vectors and quaternions are arrays."""
     spec: list[Any] = []
     for kind, name, _ in _fields_of(message):
         if kind in _PLAIN:

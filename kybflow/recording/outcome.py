@@ -4,17 +4,16 @@ The summary is stable: fields are added, never renamed. Lengths are metres, spee
 seconds; numbers have six significant digits; null is "not known" or "does not apply".
 
 - `outcome`: succeeded, failed, interrupted or driver_failed; `reason`: why it did not succeed.
-- `world`: what its vehicles flew in: `a lab`, `still air`, `real`; figures are good for that.
-- `vehicles.NAME.final`: ground or air, in simulation as the truth has it. Errors are between what
-  the behavior wanted, before processors, and the true position (the estimate on hardware), while
-  the vehicle was in the air: over the intervals `airborne_s`, the last of which ends with null
-  where the run ended first.
+- `world`: the environment in which the figures hold, such as `a lab`, `still air` or `real`.
+- `vehicles.NAME.final`: ground or air, in simulation by the truth. Errors are between the
+  behavior's setpoint, before processors, and the true position (the estimate on hardware), over the
+  intervals `airborne_s` in the air. The last interval ends with null where the run ended first.
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
   failed, within, refused, asked, failsafe or run_ended.
-- `vehicles.NAME.estimators`: from when on each was used; an empty name: none was healthy.
-- `vehicles.NAME.foreign_commands`: what somebody else commanded it, beside this program.
+- `vehicles.NAME.estimators`: the start of each estimator's use; an empty name: none was healthy.
+- `vehicles.NAME.foreign_commands`: commands of another program.
 - `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
-  (its vehicles have left what it asked for), asked, operator or run_ended.
+  (its vehicles have left the requested states), asked, operator or run_ended.
 - `expectations`: each line of `expect:`; `margin` is positive when it held, in the value's `unit`.
 - `recording`: null when complete, else why the recording stopped.
 """
@@ -47,10 +46,9 @@ EXIT_CODES: Mapping[Outcome, int] = {
 class Ending:
     """How the engine stopped.
 
-    reason: why the mission was not flown to its end, None when it was. driver: what a driver or
-    device said when it failed. recording: why the recording stopped before the run did. airborne:
-    the vehicles that were not on the ground at the end. expected_faults:
-    those that the mission expects to end in `fault`.
+    reason: why the mission did not reach its end, None where it did. driver: the error of a driver
+    or device. recording: why the recording stopped early. airborne: the vehicles in the air at the
+    end. expected_faults: the vehicles that the mission expects to end in `fault`.
     """
 
     reason: str | None = None
@@ -62,20 +60,24 @@ class Ending:
 
 
 def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[Outcome, str | None]:
-    """The outcome, the most serious one that applies, and its reason; None for a success."""
+    """Return the most serious outcome that applies, and its reason, None for a success."""
     if ending.driver is not None:
         return "driver_failed", ending.driver
     if ending.interrupted:
         return "interrupted", ending.reason or "interrupted"
-    reasons = [
-        ending.reason,
-        _failures(score),
-        _faults(score, ending.expected_faults),
-        _in_the_air(ending.airborne),
-        _broken(verdicts),
-        ending.recording,
-    ]
-    found = [reason for reason in reasons if reason]
+    vehicles, expected = score.vehicles.values(), ending.expected_faults
+    found = [ending.reason] if ending.reason else []
+    found += [f"{v.name}: {failure}" for v in vehicles for failure in v.failures]
+    ended = {v.name: v.behaviors[-1].name for v in vehicles if v.behaviors}
+    faults = [name for name, state in ended.items() if state == "fault" and name not in expected]
+    if faults:
+        found.append(f"{' and '.join(faults)} ended in `fault`")
+    if ending.airborne:
+        found.append(f"{' and '.join(ending.airborne)} ended in the air")
+    if broken := [verdict.text for verdict in verdicts if not verdict.held]:
+        count = f"{len(broken)} of {len(verdicts)} expectations did not hold"
+        found.append(f"{count}: {'; '.join(broken)}")
+    found += [ending.recording] if ending.recording else []
     return ("failed", "; ".join(found)) if found else ("succeeded", None)
 
 
@@ -90,8 +92,10 @@ def summarise(
     wall_time_s: float,
     flows: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The content of `summary.json`."""
+    """Return the content of `summary.json`."""
     outcome, reason = decide(score, verdicts, ending)
+    drivers = [vehicle.driver for vehicle in plan.vehicles]
+    worlds = dict.fromkeys(driver.cls.world(driver.params) or "real" for driver in drivers)
     return {
         "kybflow": 1,
         "mission": plan.mission,
@@ -99,7 +103,7 @@ def summarise(
         "reason": reason,
         "seed": seed,
         "target": plan.target,
-        "world": "; ".join(_worlds(plan)),
+        "world": "; ".join(worlds),
         "sim_time_s": rounded(sim_time_s),
         "wall_time_s": rounded(wall_time_s),
         "real_time_factor": rounded(sim_time_s / wall_time_s) if wall_time_s > 0.0 else None,
@@ -108,50 +112,18 @@ def summarise(
             for name, vehicle in score.vehicles.items()
         },
         "flows": dict(flows or {}),
-        "expectations": [_expectation(verdict) for verdict in verdicts],
+        "expectations": [
+            {
+                "text": verdict.text,
+                "held": verdict.held,
+                "value": _number(verdict.value),
+                "margin": _number(verdict.margin),
+                "unit": verdict.unit,
+                "at": verdict.at,
+            }
+            for verdict in verdicts
+        ],
         "recording": ending.recording,
-    }
-
-
-def _worlds(plan: Plan) -> list[str]:
-    """What its vehicles fly in."""
-    drivers = [vehicle.driver for vehicle in plan.vehicles]
-    found = [driver.cls.world(driver.params) or "real" for driver in drivers]
-    return list(dict.fromkeys(found))
-
-
-def _failures(score: Score) -> str:
-    """Behaviors that failed where the mission has no `failed` transition for it."""
-    found = [f"{v.name}: {failure}" for v in score.vehicles.values() for failure in v.failures]
-    return "; ".join(found)
-
-
-def _faults(score: Score, expected: Collection[str]) -> str:
-    """Vehicles that ended in `fault` where the mission does not expect it."""
-    ended = {v.name: v.behaviors[-1].name for v in score.vehicles.values() if v.behaviors}
-    names = [name for name, state in ended.items() if state == "fault" and name not in expected]
-    return f"{' and '.join(names)} ended in `fault`" if names else ""
-
-
-def _in_the_air(names: Collection[str]) -> str:
-    return f"{' and '.join(names)} ended in the air" if names else ""
-
-
-def _broken(verdicts: Sequence[Verdict]) -> str:
-    broken = [verdict.text for verdict in verdicts if not verdict.held]
-    if not broken:
-        return ""
-    return f"{len(broken)} of {len(verdicts)} expectations did not hold: " + "; ".join(broken)
-
-
-def _expectation(verdict: Verdict) -> dict[str, Any]:
-    return {
-        "text": verdict.text,
-        "held": verdict.held,
-        "value": _number(verdict.value),
-        "margin": _number(verdict.margin),
-        "unit": verdict.unit,
-        "at": verdict.at,
     }
 
 

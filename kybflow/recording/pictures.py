@@ -1,13 +1,13 @@
-"""Pictures of what cameras saw, in the run folder: an observer of the engine.
+"""Writes camera pictures into the run folder, as an observer of the engine.
 
-It keeps a few frames of each camera of each estimator: some evenly over the flight, however long it
-becomes, and some at which the vehicle changed the estimator that it flies on. They are files
+It keeps a few frames of each camera of each estimator: some spread evenly over the flight, however
+long it is, and some at changes of the estimator that the vehicle flies on. The files are
 
     frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-9-used-1-rejected.jpg
     frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-no-pose.jpg
 
-named by the time of the frame and the tags that the pose rests on. Where a file can't be written,
-the observer raises RunFolderError; the engine reports that, drops the observer and flies on.
+named by the time of the frame and the numbers of tags. Where a file can't be written, the observer
+raises RunFolderError; the engine reports the error, drops the observer and flies on.
 """
 
 from __future__ import annotations
@@ -20,18 +20,15 @@ from kybflow.recording.run_folder import FRAMES, RunFolder
 
 if TYPE_CHECKING:
     from kybflow.runtime.engine import Engine
-    from kybflow.runtime.vehicle.vehicle import Vehicle
     from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
 
 EVENLY, AT_CHANGES = 8, 4
-"""The most pictures of a camera of either kind."""
+"""The most pictures of a camera of each kind."""
 _FIRST_PACE = NS
 
 
 class Pictures:
-    """The engine calls it with itself between ticks."""
-
     def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
         self._albums: dict[str, _Album] = {}
@@ -40,18 +37,13 @@ class Pictures:
     def __call__(self, engine: Engine) -> None:
         if engine.flying:
             for vehicle in engine.vehicles:
-                changed = self._has_changed(vehicle)
+                used = vehicle.estimator
+                changed = self._used.setdefault(vehicle.name, used) != used
+                self._used[vehicle.name] = used
                 for label, part in vehicle.knowledge.parts().items():
                     if part.sighting is not None:
                         place = f"{FRAMES}/{vehicle.name}/{label.rpartition('.')[2]}"
                         self._offer(place, part.sighting, changed)
-
-    def _has_changed(self, vehicle: Vehicle) -> bool:
-        """Whether the vehicle flies on another estimator than at the last look."""
-        used = vehicle.estimator
-        before = self._used.setdefault(vehicle.name, used)
-        self._used[vehicle.name] = used
-        return used != before
 
     def _offer(self, place: str, sighting: Sighting, changed: bool) -> None:
         for frame in sighting.frames:
@@ -62,8 +54,8 @@ class Pictures:
 
 
 class _Album:
-    """The pictures of one camera. When there are too many, it deletes every other one, and makes
-    them half as often from then on."""
+    """The pictures of one camera. When there are too many, it deletes every other one and doubles
+    the time to the next one."""
 
     def __init__(self, folder: RunFolder, place: str) -> None:
         self._folder, self._place = folder, place
@@ -84,10 +76,10 @@ class _Album:
         if is_due:
             self._evenly.append(name)
             if len(self._evenly) > EVENLY:
-                self._thin()
+                self._delete_every_other()
             self._due = frame.time + self._pace
 
-    def _thin(self) -> None:
+    def _delete_every_other(self) -> None:
         self._pace *= 2
         dropped, self._evenly = self._evenly[1::2], self._evenly[::2]
         for name in dropped:

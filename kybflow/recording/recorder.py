@@ -1,15 +1,15 @@
-"""Records a run into one MCAP file while it goes; the only user of the foxglove SDK.
+"""Records a run into one MCAP file; the only user of the foxglove SDK.
 
-Each vehicle has `/NAME/tick` (one message a control tick, `kybflow.recording.layout`) and
-`/NAME/KIND` for each kind of measurement: each measurement as it arrived, but of a frame, in
-`/NAME/frame/CAMERA`, only when it was taken. `pose`, `battery` and `imu` are always there, the
-others once one arrived. `/NAME/wanted` has what the behavior asked for in each tick in which
-something else was followed, `/NAME/command` the setpoint of each command that has one, and
-`/NAME/estimator/ESTIMATOR` what each of its estimators says, flown on or not, fifty times a second
-at most. `/events` holds every event as JSON, `/obstacles` where the moving obstacles are, twenty
-times a second. A message's log and publish time are the tick's time,
-so the file holds no other clock: two runs with the same seed give the same bytes. Why the messages
-are encoded as they are: docs/adr/0001-recording-encoding.md.
+- `/NAME/tick`: one message per control tick (`kybflow.recording.layout`).
+- `/NAME/KIND`: each measurement as it arrives; of a frame, in `/NAME/frame/CAMERA`, only its time.
+  `pose`, `battery` and `imu` always exist, the others from the first measurement on.
+- `/NAME/wanted`: the behavior's setpoint in each tick in which the tracker followed another one.
+- `/NAME/command`: the setpoint of each command that has one.
+- `/NAME/estimator/ESTIMATOR`: each estimator's estimate, at most 50 times a second.
+- `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
+
+Log and publish times are the tick's time, so that two runs with the same seed give the same bytes.
+docs/adr/0001-recording-encoding.md explains the encoding.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ from kybflow.recording.run_folder import RunUnwritten
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
-"""The most flight time in a chunk, which is lost when the program is killed."""
+"""The most flight time in a chunk, which is lost if the program is killed."""
 
 _TICK = Struct(struct_format("Tick"))
 _pack_tick = _TICK.pack
@@ -78,7 +78,7 @@ _pack_candidate = Struct(struct_format("Candidate")).pack
 _Message = str | MeasurementKind
 _Log = Callable[[bytes, int], None]
 _Measured = tuple[Callable[[Measurement], bytes], _Log | None]
-"""What packs the measurements of one kind, and logs them."""
+"""Encodes the measurements of one kind, and logs them."""
 
 _LARGEST = (2.0 - 2.0**-23) * 2.0**127
 """The largest number of type float32."""
@@ -96,7 +96,7 @@ _POSITION_NUMBER = SETPOINT_KINDS[_POSITION]
 
 
 class Recorder:
-    """A recording of one run. `failed` is None, or the reason why the recording stopped: no method
+    """The recording of a run. failed: why the recording stopped, None while it goes on; no method
     raises for it. Raises RunUnwritten when the file can't be opened."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
@@ -133,9 +133,9 @@ class Recorder:
     def failed(self) -> str | None:
         return self._file.failed
 
-    def look(self) -> None:
-        """Look whether the recording is still in its place."""
-        self._file.look()
+    def check(self) -> None:
+        """Check that the file still holds the recording."""
+        self._file.check()
 
     def vehicle(self, name: str) -> VehicleChannel:
         return self._vehicles[name]
@@ -144,12 +144,11 @@ class Recorder:
         self._events.base.log(json.dumps(event_record(event)).encode(), event.time)
 
     def obstacles(self, now: Time, seen: SeenObstacles) -> None:
-        """Where the moving obstacles were seen last."""
         if self._obstacles is not None:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
 
     def close(self) -> None:
-        """Write what is left and the index; may be called again."""
+        """Write the pending data and the index; may be called again."""
         if not self._closed:
             self._closed = True
             self._writer.close()
@@ -157,7 +156,7 @@ class Recorder:
 
 
 class VehicleChannel(VehicleObserver):
-    """Records one vehicle: everything it hears, of the estimators each `every`-th tick."""
+    """Records one vehicle; its estimators in every `every`-th tick."""
 
     def __init__(self, name: str, every: int, context: Context) -> None:
         self._every, self._ticks = every, 0
@@ -179,8 +178,7 @@ class VehicleChannel(VehicleObserver):
         truth: Truth | None,
         estimation: EstimationState,
     ) -> None:
-        """One control tick: the estimate, the setpoint before and after the processors, the command
-        that was sent, the simulator's truth where there is one, and the estimators."""
+        """Record a control tick. wanted, setpoint: before and after the processors."""
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
         attitude, thrust, rates, heading, armed, kind, sent = command
         number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
@@ -212,7 +210,6 @@ class VehicleChannel(VehicleObserver):
         self._log_optional(topic, "Setpoint", data, now)
 
     def _candidates(self, now: Time, estimation: EstimationState) -> None:
-        """What each estimator says in this tick."""
         source, logs = estimation.source, self._estimators
         for candidate in estimation.candidates:
             name, estimate = candidate.name, candidate.estimate
@@ -224,7 +221,6 @@ class VehicleChannel(VehicleObserver):
             logs[name](data, now)
 
     def measurement(self, now: Time, measurement: Measurement) -> None:
-        """A measurement that arrived at `now`."""
         kind = type(measurement)
         packed, log = self._measured.get(kind) or self._open(kind)
         if log is None:
@@ -234,7 +230,7 @@ class VehicleChannel(VehicleObserver):
             log(packed(measurement), now)
 
     def _open(self, kind: MeasurementKind) -> _Measured:
-        """The channel of a kind of measurement, None where it has several."""
+        """Open the channel of a kind of measurement, unless the kind has several."""
         layout = layout_of(kind)
         log = None
         if not layout.has_topics:
@@ -243,15 +239,14 @@ class VehicleChannel(VehicleObserver):
         return layout.packed, log
 
     def _log_optional(self, topic: str, message: _Message, data: bytes, now: Time) -> None:
-        """A topic that most vehicles don't have gets its channel with its first message."""
+        """Log to a topic whose channel opens with its first message."""
         if topic not in self._optional:
             self._optional[topic] = _log(self._context, f"/{self._name}/{topic}", message)
         self._optional[topic](data, now)
 
 
 def _numbers(setpoint: Setpoint | None) -> tuple[float, ...]:
-    """What is recorded of a setpoint: its kind, which fields it has, and these, zero where
-    absent."""
+    """Return a setpoint's kind, its present fields, and all fields with zeros where absent."""
     if setpoint is None:
         return _NO_SETPOINT
     kind, position, velocity, acceleration, jerk, heading, rate = setpoint
@@ -276,8 +271,8 @@ def _numbers(setpoint: Setpoint | None) -> tuple[float, ...]:
 
 
 def _within_float32(value: Any) -> Any:
-    """The number, or the nearest one that fits: a setpoint or a command of a part may be absurd. A
-    whole number stays one, when compiled too."""
+    """Return the nearest number that fits, because a part's setpoint or command may be absurd.
+    Integers stay integers, also when compiled."""
     return max(-_LARGEST, min(value, _LARGEST))
 
 
@@ -285,4 +280,4 @@ def _log(context: Context, topic: str, message: _Message) -> _Log:
     name = message if isinstance(message, str) else message.__name__
     schema = Schema(name=f"{PACKAGE}/{name}", encoding="ros1msg", data=definition(message))
     channel = Channel(topic, message_encoding="ros1", schema=schema, context=context)
-    return channel.base.log  # without the wrapper, which looks at each message's type
+    return channel.base.log  # without the wrapper, which checks each message's type

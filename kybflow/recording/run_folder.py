@@ -1,9 +1,9 @@
-"""The folder that a run leaves, and the files beside the recording.
+"""The run folder and its files beside the recording.
 
-`events.jsonl` is written as the run goes, a line an event; `mission.resolved.yaml`, the files that
-it names and `provenance.json` before it, `summary.json` and `report.html` after it. Points in
-wall-clock time stand in `provenance.json` and in the folder's name only, how long it took in
-`summary.json`; the other files depend on plan and seed alone.
+Before the run: `mission.resolved.yaml`, the files that it names, and `provenance.json`. During the
+run: `events.jsonl`, one line per event, and a table per input. After the run: `summary.json` and
+`report.html`. Only `provenance.json`, `summary.json` and the folder's name depend on the wall
+clock; the other files depend on plan and seed alone.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
 FRAMES = "frames"
-"""The folder of what cameras saw."""
+"""The folder of camera pictures."""
 INPUTS = "inputs"
-"""The folder of what inputs said, a table of each (`kybflow.inputs.script`)."""
+"""The folder of the inputs' tables (`kybflow.inputs.script`)."""
 FILES = frozenset({CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES, INPUTS})
 FLOWN_FROM = "files"
-"""The key of `provenance.json` for the mission's files that are in the run folder."""
+"""The key of `provenance.json` for the copies of the mission's files."""
 _VERSION = re.compile(r"^Version: *(.*)$", re.MULTILINE)
 _PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
 
@@ -48,11 +48,11 @@ class RunFolderError(KybflowError):
 
 
 class RunUnwritten(RunFolderError):
-    """A file of a run can't be written: the disk is full, or nobody may write there."""
+    """A file of a run can't be written, for example on a full or read-only disk."""
 
 
 class RunFolder:
-    """The folder of one run. `failed` is None, or why something of it could not be written."""
+    """The folder of one run. failed: why a file can't be written, None while all can."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -67,26 +67,26 @@ class RunFolder:
 
     @property
     def log(self) -> Path:
-        """Where the recording goes."""
+        """The path of the recording."""
         return self.path / LOG
 
     def event(self, event: Event) -> None:
-        """Append one event. Raises nothing: an error is kept in `failed` and ends the file."""
+        """Append an event. Raises nothing; an error goes to `failed` and ends the file."""
         line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
         self._events.write(line.encode())
 
     def input(self, name: str, now: Time, reading: InputReading | None, why: str) -> None:
-        """Append what an input says, or why it says nothing, to its table. Raises nothing."""
+        """Append a reading of an input, or why there is none, to its table. Raises nothing."""
         row = InputRow(now, {}, lost=why) if reading is None else InputRow(now, *reading[1:3])
         if name in self._inputs:
             file, axes = self._inputs[name]
             file.write(line(row, axes).encode())
 
-    def look(self) -> None:
-        """Look whether what grows is still in its place."""
-        self._events.look()
+    def check(self) -> None:
+        """Check that the growing files still hold what was written."""
+        self._events.check()
         for file, _ in self._inputs.values():
-            file.look()
+            file.check()
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
         """Write the resolved mission, the files that it names, and `provenance.json`. Raises
@@ -111,15 +111,14 @@ class RunFolder:
         file.write(head(axes).encode())
 
     def add(self, name: str, data: bytes) -> Path:
-        """Write one more file, `name` being its path within the folder; its whole path. Raises
-        RunUnwritten, and leaves no half of the file then."""
+        """Write one more file and return its path. name: the path within the folder. Raises
+        RunUnwritten and leaves no incomplete file."""
         path = self.path / name
         write_file(path, data)
         return path
 
     def finish(self, summary: dict[str, Any]) -> bool:
-        """Close the folder and write the summary. Raises nothing; returns False when the summary
-        can't be written, and leaves none then."""
+        """Close the folder and write the summary; return whether the summary is written."""
         self.close()
         try:
             write_file(self.path / SUMMARY, _json(summary))
@@ -129,17 +128,17 @@ class RunFolder:
         return True
 
     def close(self) -> None:
-        """Close what grows; may be called again."""
+        """Close the growing files; may be called again."""
         self._events.close()
         for file, _ in self._inputs.values():
             file.close()
 
 
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
-    """`out`, or `runs/<mission>-<time>` in the present folder, with a number behind it if taken.
+    """Create `out`, or `runs/<mission>-<time>` with a number appended if it exists.
 
-    `out` may be new or empty. Raises RunFolderError for any other folder, an earlier run's too, and
-    RunUnwritten where none can be made.
+    `out` must be new or empty. Raises RunFolderError for a folder with files, RunUnwritten where
+    the folder can't be created.
     """
     path = (
         out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
@@ -160,21 +159,21 @@ def _free(parent: Path, name: str) -> Path:
 
 
 def _check_empty(path: Path) -> None:
-    """Raise RunFolderError for a folder with anything in it: nothing is ever replaced."""
+    """Raise RunFolderError for a folder with files: a run never replaces any."""
     found = sorted(entry.name for entry in path.iterdir())
     ours = FILES | _copied(path)
     foreign = [name for name in found if name not in ours or EVENTS not in found]
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise RunFolderError(
-            f"`{path}` holds what no run has written (`{foreign[0]}`{more}); name another folder"
+            f"`{path}` holds files of no run (`{foreign[0]}`{more}); name another folder"
         )
     if found:
         raise RunFolderError(f"`{path}` holds an earlier run; name another folder, or remove it")
 
 
 def _copied(path: Path) -> set[str]:
-    """The entries of an earlier run's folder that are files of its mission."""
+    """Return the entries of an earlier run's folder that are files of its mission."""
     try:
         names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
         return {PurePath(name).parts[0] for name in names}
@@ -183,10 +182,9 @@ def _copied(path: Path) -> set[str]:
 
 
 def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
-    """The files that a mission names, by their place in the run folder, which is the name that the
-    resolved mission gives them, so that it flies from there. A file is left out where its place is
-    not its own, because it is `taken` by the run itself, or another file of the mission names a
-    different file by it: a missing file is refused, a wrong one would fly."""
+    """Return the mission's files by their path in the run folder, which is the path in the resolved
+    mission, so that the mission flies from there. A file is left out where its path is `taken` by
+    the run or by another file: the compiler refuses a missing file, but would fly a wrong one."""
     placed: dict[str, dict[str, File]] = {}
     for file in files:
         placed.setdefault(os.path.normpath(file.name), {})[file.sha256] = file
@@ -199,7 +197,7 @@ def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
 
 
 def contents(file: File) -> bytes:
-    """The bytes of a file as they were read: its text, after a byte order mark if it had one."""
+    """Return the bytes of a file as they were read, with the byte order mark if there was one."""
     data = file.data
     same = hashlib.sha256(data).hexdigest() == file.sha256
     return data if same else BOM_UTF8 + data
@@ -208,8 +206,10 @@ def contents(file: File) -> bytes:
 def provenance(
     plan: Plan, request: Mapping[str, Any], started: datetime, files: Iterable[str]
 ) -> dict[str, Any]:
-    """The content of `provenance.json`: what the run was made of and the `request` for it, sources
-    with their SHA-256, the copied `files`, versions, machine."""
+    """Return the content of `provenance.json`: the request, the sources with their SHA-256, the
+    copied `files`, versions and machine."""
+    # as `platform.platform()`, which would start `uname -p`
+    kernel, libc = f"{platform.system()}-{platform.release()}", "".join(platform.libc_ver())
     return {
         "kybflow": 1,
         "mission": plan.mission,
@@ -220,7 +220,7 @@ def provenance(
         FLOWN_FROM: [*files],
         "versions": {"python": platform.python_version(), **_versions(_packages(plan))},
         "machine": {
-            "system": _system(),
+            "system": f"{kernel}-{platform.machine()}-{libc or 'unknown'}",
             "processor": platform.machine(),
             "cores": os.cpu_count(),
         },
@@ -228,7 +228,7 @@ def provenance(
 
 
 def _packages(plan: Plan) -> Iterator[str]:
-    """The packages that every run uses, then those that its sensors and estimators need."""
+    """Yield the packages of every run, then those of its sensors, estimators and inputs."""
     yield from _PACKAGES
     for vehicle in plan.vehicles:
         parts: list[SensorPlan | EstimatorPlan] = [*vehicle.sensors, *vehicle.estimators]
@@ -239,24 +239,18 @@ def _packages(plan: Plan) -> Iterator[str]:
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:
-    """The versions of the packages that are installed, read from the head of what they say of
-    themselves; `importlib.metadata.version` parses the whole of it as an e-mail."""
+    """Return the versions of the installed packages. It reads only the head of their metadata,
+    because `importlib.metadata.version` is slow: it parses all of it as an e-mail."""
     found = {}
     for package in dict.fromkeys(packages):
         try:
             files = distribution(package)
         except PackageNotFoundError:
             continue
-        said = files.read_text("METADATA") or files.read_text("PKG-INFO") or ""
-        if version := _VERSION.search(said):
+        metadata = files.read_text("METADATA") or files.read_text("PKG-INFO") or ""
+        if version := _VERSION.search(metadata):
             found[package] = version[1]
     return found
-
-
-def _system() -> str:
-    """Kernel, processor and C library, as `platform.platform` has them, which starts `uname -p`."""
-    libc = "".join(platform.libc_ver()) or "unknown"
-    return f"{platform.system()}-{platform.release()}-{platform.machine()}-{libc}"
 
 
 def _json(value: dict[str, Any]) -> str:
@@ -264,7 +258,7 @@ def _json(value: dict[str, Any]) -> str:
 
 
 def write_file(path: Path, what: str | bytes) -> None:
-    """Write a file of a run, or leave none. Raises RunUnwritten."""
+    """Write a whole file of a run, or none. Raises RunUnwritten."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, what if isinstance(what, bytes) else what.encode())

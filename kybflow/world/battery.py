@@ -1,7 +1,8 @@
-"""The charge of a battery that a hovering vehicle empties in the airframe's endurance.
+"""The charge of a battery that lasts for the airframe's endurance in hover.
 
-Power goes with thrust^1.5 (momentum theory). Voltage falls with the charge by the airframe's
-`voltage_spread` and with the load by a tenth of that at hover; rotor thrust goes with its square.
+Power is proportional to thrust^1.5 (momentum theory). An empty battery has lost the airframe's
+`voltage_spread`, the load of a hover a tenth of that. Rotor thrust is proportional to the square of
+the voltage.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ FULL = 4.2 * 4
 
 
 class BatteryCharge:
-    """level: the voltage over that of a full battery. sag: part of the charge that is missing."""
+    """level: the voltage relative to a full battery's. sag: the missing share of the charge."""
 
     def __init__(self, airframe: Airframe, remaining: float) -> None:
         self.sag = 0.0
@@ -25,16 +26,15 @@ class BatteryCharge:
 
     @property
     def remaining(self) -> float:
-        """0 to 1."""
+        """The charge, from 0 to 1."""
         return max(0.0, self._charge - self.sag)
 
     @property
     def voltage(self) -> float:
-        """Volts."""
         return FULL * self.level
 
     def drain(self, thrust: float, seconds: float) -> None:
-        """Give `thrust` newtons for `seconds`."""
+        """Use the charge for `thrust` (newtons) during `seconds`."""
         load = max(0.0, thrust / self._weight) ** 1.5
         self._charge = max(0.0, self._charge - load * seconds * self._per_second)
         self.level = 1.0 - self._spread * (1.0 - self.remaining + 0.1 * load)

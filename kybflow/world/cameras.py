@@ -15,7 +15,7 @@ DOWN: Quat = (0.0, 0.7071067811865476, -0.7071067811865476, 0.0)
 
 
 LEAST_SIDE = 12.0
-"""Side of the smallest tag in an image that is looked for, pixels."""
+"""Side of the smallest tag to detect in an image, pixels."""
 
 
 class Lens(NamedTuple):

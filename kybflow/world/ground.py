@@ -1,7 +1,7 @@
-"""How far a vehicle is above whatever could carry it: the floor, where it started, an obstacle.
+"""The height of a vehicle above the floor, its start or an obstacle that could carry it.
 
-A claim of touch-down is checked by it, against the estimate in flight and against the simulator's
-truth at the end of a run. Metres, world frame.
+It checks a reported touchdown, in flight against the estimate, and at the end of a run against the
+simulator's truth. Metres, world frame.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 FLOOR = 0.0
 BESIDE = 0.5
-"""How far beside its start, from its own edge, a vehicle may stand on what it started from."""
+"""How far beyond the vehicle's edge the ground of its start extends."""
 STANDS = 0.05
-"""A vehicle that is higher than this above where it could stand is in the air."""
+"""A vehicle that is higher than this above its ground is in the air."""
 SPREADS = 2.0
 FRESH = 0.3
-"""Seconds; an older estimate contradicts nothing."""
+"""Seconds; an older estimate proves nothing."""
 
 
 def height_above_ground(
     context: VehicleContext, position: Vec3, attitude: Quat, tops: Iterable[float] = ()
 ) -> float:
-    """Return how far a vehicle is above the highest place below it where it could stand; a tilted
-    one may lie on an arm there. tops: the heights of vehicles that stand on something else."""
+    """Return the height of a vehicle above the highest ground below it; a tilted vehicle may lie on
+    an arm. tops: heights at which it would stand on other things."""
     x, y, z = position
     reach = 0.5 * context.airframe.diameter
     sx, sy, start = context.start
@@ -41,8 +41,8 @@ def height_above_ground(
 
 
 def height_in_the_air(context: VehicleContext, estimate: Estimate, tops: Iterable[float]) -> float:
-    """Return the height above the ground of a vehicle that must be in the air by its estimate; zero
-    where it may be on the ground, and for an estimate that is old."""
+    """Return the height above the ground where the estimate proves that the vehicle is in the air,
+    zero where it may be on the ground or the estimate is old."""
     if estimate.age > FRESH:
         return 0.0
     height = height_above_ground(context, estimate.position, estimate.attitude, tops)

@@ -1,14 +1,14 @@
-"""What answers a tracker's commands: the attitude loop on board, and the delays around it.
+"""The inner loop that follows a tracker's commands: the on-board attitude loop and its delays.
 
 With the attitude's error e, the loop about body x and y is (`kybflow.drivers.sim.steps.onboard`)
 
     angular acceleration = P e + I integral(e) + D (rates - gyro).
 
-An airframe that declares nothing has a loop as fast as its rotors allow, with rotors that are led.
-One that declares a gain has PX4's cascade: the attitude loop asks for rates of K e, the rate loop
-for an angular acceleration of D (K e + rates - gyro), so that P = K D, and nothing is led. K is
-`MC_ROLL_P`, 6.5 1/s as PX4 comes. D is `MC_ROLLRATE_P` times the angular acceleration that a whole
-unit of torque gives, which depends on the vehicle (PX4 guide, "Controller Diagrams").
+An airframe without gains has a loop as fast as its rotors allow, with lead compensation of the
+rotors. An airframe with a gain has PX4's cascade without compensation: the attitude loop commands
+rates of K e, the rate loop an angular acceleration of D (K e + rates - gyro), so that P = K D. K is
+`MC_ROLL_P`, 6.5 1/s by default. D is `MC_ROLLRATE_P` times the angular acceleration at full torque,
+which depends on the vehicle (PX4 guide, "Controller Diagrams").
 """
 
 from __future__ import annotations
@@ -20,17 +20,16 @@ STIFFNESS = 1.0
 """Natural frequency of roll and pitch times the rotors' time constant."""
 DAMPING = 0.8
 INTEGRAL = 8.0
-"""How many times slower than its loop's frequency an integral is. Of PX4's cascade, whose rate loop
-has one of 0.2 beside a P of 0.15, it is 8.1."""
+"""The loop's frequency over that of its integral; 8.1 for PX4's cascade with I 0.2 and P 0.15."""
 LEAD = 4.0
-"""How many times faster a led rotor answers."""
+"""How many times faster a rotor with lead compensation responds."""
 ATTITUDE_GAIN, RATE_GAIN = 6.5, 18.0
-"""Of a cascade that declares the other one alone, 1/s."""
+"""Gains of a cascade by default, 1/s."""
 
 
 class AttitudeLoop(NamedTuple):
-    """P, 1/s^2; D, 1/s; I, 1/s^3. lead: how many times faster its rotors answer than their time
-    constant says, 1 for rotors that are not led."""
+    """P, 1/s^2; D, 1/s; I, 1/s^3. lead: the rotors' time constant over their response time, 1
+    without lead compensation."""
 
     proportional: float
     derivative: float
@@ -39,14 +38,13 @@ class AttitudeLoop(NamedTuple):
 
 
 class InnerLoop(NamedTuple):
-    """What a driver declares of a vehicle, seconds unless it says otherwise.
+    """What a driver declares of a vehicle; seconds unless stated otherwise.
 
-    rotor_time: time constant of the rotors. cut_off: of the second-order low-pass that the
-    gyroscope passes on its way to the loop, Hz; 0 for none. dead_time: from the gyroscope's sample
-    to the rotors' control. command_latency: from a command's sending to its use on board.
-    pose_latency: the age at which a pose arrives. pose_period: between two poses. imu_delay: by
-    which what the IMU measures lies behind its stamp. climb_time: time constant with which a
-    vehicle that is commanded climb rates follows them.
+    rotor_time: time constant of the rotors. cut_off: of the gyroscope's second-order low-pass
+    filter, Hz; 0 for none. dead_time: from the gyroscope's sample to the rotors' control.
+    command_latency: from the sending of a command to its use on board. pose_latency: the age at
+    which a pose arrives. pose_period: between two poses. imu_delay: of an IMU measurement behind
+    its stamp. climb_time: time constant of the response to a commanded climb rate.
     """
 
     attitude: AttitudeLoop
@@ -63,7 +61,7 @@ class InnerLoop(NamedTuple):
 def attitude_loop(
     rotor_time: float, attitude_gain: float | None, rate_gain: float | None
 ) -> AttitudeLoop:
-    """The loop of an airframe with these rotors, which declares these gains."""
+    """Return the loop of an airframe with these rotors and declared gains."""
     if attitude_gain is None and rate_gain is None:
         frequency = STIFFNESS / rotor_time
         derivative, lead = 2.0 * DAMPING * frequency, LEAD

@@ -1,4 +1,4 @@
-"""A ball that moves: where it is simulated, along straight lines. Metres, world frame (ENU)."""
+"""A moving ball; a simulated one follows straight lines. Metres, world frame (ENU)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, add, distance, scale, sub
 
 _ACCELERATION = 1.5
-"""With which it starts and stops at each point, m/s^2."""
+"""Acceleration at each point, m/s^2."""
 
 
 @dataclass(frozen=True)
 class MovingSphere:
-    """A ball that goes along straight lines through `along`, there and back, at up to `speed`
-    (m/s); it starts and stops with 1.5 m/s^2 at each point. body: its name in motion capture, None
-    where that is its own."""
+    """A ball that moves back and forth through the points `along` at up to `speed` (m/s), and stops
+    at each of them. body: its name in motion capture, None for its own name."""
 
     along: tuple[Vec3, ...]
     radius: float
@@ -26,7 +25,7 @@ class MovingSphere:
     body: str | None = None
 
     def at(self, seconds: float) -> Vec3:
-        """Return where its centre is so long after the start."""
+        """Return the centre at a time after the start."""
         whole = sum(leg.duration for leg in self._legs)
         left = seconds % whole if whole > 0.0 else 0.0
         for leg in self._legs:
@@ -42,7 +41,8 @@ class MovingSphere:
 
 
 class _Leg(NamedTuple):
-    """A line from rest to rest: its speed rises for `ramp` seconds to `speed`, and falls so."""
+    """A line from rest to rest. The speed rises to `speed` and falls again in `ramp` seconds
+    each."""
 
     start: Vec3
     end: Vec3

@@ -1,8 +1,8 @@
-"""A map of occupied cells as ROS's map_server has it: a small YAML file, which names its image, and
-a picture (PGM, 8 bits). A cell is occupied where its darkness, (255 - value) / 255, or where
-`negate` is set value / 255, is more than `occupied_thresh`; what is unknown is taken for free. The
-picture's lower left corner is at `origin`: x, y, and how the map is turned about it. Everything
-raises FileError.
+"""Reads an occupancy map of ROS's map_server: a YAML file and its image (PGM, 8 bits).
+
+A cell is occupied where its darkness, (255 - value) / 255 or with `negate` value / 255, is more
+than `occupied_thresh`; unknown cells are free. The image's lower left corner is at `origin`: x, y
+and the map's rotation. Everything raises FileError.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ _WORD = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(\S+)")
 
 
 class MapInfo(NamedTuple):
-    """What the YAML file says. image: the picture's file, as seen from its own. resolution: metres
-    a cell. origin: x, y, and the angle (rad). occupied: the least darkness. negate: whether white
-    is occupied."""
+    """The content of the YAML file. image: relative to that file. resolution: metres per cell.
+    origin: x, y and rotation (rad). occupied: the least darkness. negate: white is occupied."""
 
     image: str
     resolution: float
@@ -38,14 +37,13 @@ class MapInfo(NamedTuple):
 
 
 def read_info(file: File) -> MapInfo:
-    """What a map's YAML file says."""
     if len(file.text) > _LONGEST:
         raise FileError("it is too long for a map's YAML file")
     try:
-        said: Any = yaml.safe_load(file.text)
-        image, resolution = said["image"], float(said["resolution"])
-        x, y, turned = map(float, said["origin"])
-        occupied, negate = float(said["occupied_thresh"]), bool(int(said.get("negate", 0)))
+        info: Any = yaml.safe_load(file.text)
+        image, resolution = info["image"], float(info["resolution"])
+        x, y, turned = map(float, info["origin"])
+        occupied, negate = float(info["occupied_thresh"]), bool(int(info.get("negate", 0)))
     except (
         yaml.YAMLError, RecursionError, AttributeError, KeyError, TypeError, ValueError,
         OverflowError,
@@ -62,7 +60,7 @@ def read_info(file: File) -> MapInfo:
 
 
 def read_image(file: File) -> NDArray[Any]:
-    """The values of a picture, its uppermost row first."""
+    """Return the values of an image, the top row first."""
     import numpy as np
 
     words, place, data = list[bytes](), 0, file.data
@@ -86,7 +84,7 @@ def read_image(file: File) -> NDArray[Any]:
 
 
 def occupied_places(info: MapInfo, image: NDArray[Any]) -> NDArray[Any]:
-    """The centres of the occupied cells, (n, 2), metres, in the world."""
+    """Return the centres of the occupied cells in the world, (n, 2), metres."""
     import numpy as np
 
     dark = image / 255.0 if info.negate else (255.0 - image) / 255.0

@@ -1,8 +1,7 @@
-"""Whether an airframe's numbers are those of a quadrotor: how they stand to each other.
+"""Whether an airframe's numbers are those of a quadrotor, judged by their ratios.
 
-Each ratio is held against what it is on the airframes of the library, on those of RotorPy (both
-Crazyflies and the Hummingbird), on RotorS's Hummingbird, and on the quadrotor of PX4's simulation
-in hardware as RotorPy has it:
+The references are the airframes of the library, those of RotorPy (both Crazyflies and the
+Hummingbird), RotorS's Hummingbird, and RotorPy's copy of the quadrotor in PX4's SIH simulation:
 
     thrust to weight     1.7 to 10.2
     disc loading         m g / 4 pi r^2, N/m^2: 51 to 108
@@ -12,8 +11,8 @@ in hardware as RotorPy has it:
     drag                 0.12 to 0.45 1/s
     rotor time           5 to 72 ms; 107 ms without a speed loop (hector_quadrotor)
 
-The bounds of what is usual and of what can't be are chosen, with room around these. SI; r is a
-quarter of the diameter.
+The bounds of usual and of possible values are chosen with a margin. SI; r is a quarter of the
+diameter.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from kybflow.world.vehicle_context import Airframe, Parcel
 
 
 class Range(NamedTuple):
-    """Where a value usually is, and beyond which it can't be."""
+    """The usual range of a value, `low` to `high`, and the possible one, `least` to `most`."""
 
     least: float
     low: float
@@ -40,7 +39,8 @@ class Range(NamedTuple):
 
 
 class Implausible(NamedTuple):
-    """The parameters, the first of which is most likely wrong, what was found, what is usual."""
+    """An implausible value: the parameters, the most likely wrong one first, the value found and
+    the usual ones."""
 
     parameters: tuple[str, ...]
     found: str
@@ -55,14 +55,14 @@ _TORQUE = Range(0.005, 0.03, 2.0, 10.0)
 _ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
 _DRAG = Range(0.0, 0.0, 2.0, 10.0)
 _POWERFUL = 15.0
-"""Half as much again as any of these has."""
+"""1.5 times the largest reference."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
 _DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
-"""Of a payload, kg/m^3: lead has 11,300, nothing more than 22,600."""
+"""Of a payload, kg/m^3: lead has 11,300, osmium, the densest metal, 22,600."""
 
 
 def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
-    """What is implausible of an airframe that can lift itself."""
+    """Yield the implausible values of an airframe that can lift itself."""
     radius, diameter, mass = airframe.rotor_radius, airframe.diameter, airframe.mass
     loading = airframe.hover_thrust / (4.0 * pi * radius**2)
     if not _LOADING.has(loading, False):
@@ -73,18 +73,13 @@ def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
         for moment in dict.fromkeys(airframe.inertia):
             share = sqrt(moment / mass) / diameter
             if moment > 0.0 and not _GYRATION.has(share, False):
-                yield _inertia(airframe, moment, not _GYRATION.has(share, True))
+                low, high = (mass * (of * diameter) ** 2 for of in _GYRATION[1:3])
+                found = f"a moment of inertia of {moment:.3g} kg m^2"
+                usual = f"{low:.2g} to {high:.2g} kg m^2 for its mass and diameter"
+                yield Implausible(("inertia",), found, usual, not _GYRATION.has(share, True))
                 break
     yield from _rotors(airframe)
     yield from _limits(airframe)
-
-
-def _inertia(airframe: Airframe, moment: float, is_certain: bool) -> Implausible:
-    low, high = (airframe.mass * (share * airframe.diameter) ** 2 for share in _GYRATION[1:3])
-    usual = f"{low:.2g} to {high:.2g} kg m^2 for its mass and diameter"
-    return Implausible(
-        ("inertia",), f"a moment of inertia of {moment:.3g} kg m^2", usual, is_certain
-    )
 
 
 def _rotors(airframe: Airframe) -> Iterator[Implausible]:
@@ -120,8 +115,8 @@ def _unusual(name: str, value: float, usual: Range, dimension: Dimension) -> Ite
 
 
 def of_parcel(parcel: Parcel, airframe: Airframe) -> Iterator[Implausible]:
-    """What is implausible of a payload under an airframe: its corners, which point along the arms,
-    should end where the rotors begin, and must where the hubs are."""
+    """Yield the implausible values of a payload: its corners, which point along the arms, should
+    stay inside the rotors and must stay inside the hubs."""
     size, reach = parcel.size, parcel.size / sqrt(2.0)
     free, most = airframe.arm - airframe.rotor_radius, airframe.arm
     if reach > free:

@@ -1,12 +1,12 @@
-"""A scanned thing: balls of one radius around the points of a cloud. Metres, world frame (ENU).
+"""A scanned obstacle: balls of one radius around the points of a cloud. Metres, world frame (ENU).
 
-Unlike the other shapes it is not convex, so one distance and one direction don't say what is around
-a place. `around` gives what does: the nearest point, then the nearest of those that are not behind
-the plane at right angles to the way there, and so on, as in Liu et al., *Planning Dynamically
-Feasible Trajectories for Quadrotors Using Safe Flight Corridors* (RA-L 2017). Whoever stays before
-these planes meets no point.
+The cloud is not convex, so one distance and one direction don't describe it around a place.
+`around` returns planes instead: the plane before the nearest point, at right angles to the way
+there, then the plane before the nearest point that is not behind it, and so on, as in Liu et al.,
+*Planning Dynamically Feasible Trajectories for Quadrotors Using Safe Flight Corridors* (RA-L 2017).
+The space before all planes holds no point.
 
-numpy and scipy are loaded with the first question, for most missions have no cloud.
+numpy and scipy are imported on first use, because most missions have no cloud.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 MOST = 20_000
-"""Points of one cloud."""
+"""The most points of one cloud."""
 FARTHEST = 10_000.0
-"""How far along an axis one may be."""
+"""The largest coordinate of a point, metres."""
 METRES = {"m": 1.0, "mm": 1e-3}
-"""What a scan may be measured in."""
+"""The units of a scan."""
 _PLANES = 8
-"""Directions in which something is looked for around a place."""
+"""The most planes around a place."""
 
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Balls around points, one at least."""
+    """Balls around one or more points."""
 
     points: tuple[Vec3, ...] = field(repr=False)
     radius: float
 
     @classmethod
     def of(cls, points: Array, radius: float) -> PointCloud:
-        """Return the cloud of points, (n, 3)."""
+        """Make the cloud of points, (n, 3)."""
         return cls(tuple(map(tuple, points.tolist())), radius)
 
     def distance(self, p: Vec3) -> float:
@@ -55,13 +55,12 @@ class PointCloud:
         return _away(p, self.points[index], float(apart))
 
     def around(self, p: Vec3, reach: float) -> list[tuple[float, Vec3]]:
-        """Return what is within `reach` of `p`, the nearest first: the distance to a ball, and the
-        way out of it."""
+        """Return (distance, way out) of the planes within `reach` of `p`, the nearest first."""
         ways = self.array[self._tree.query_ball_point(p, reach + self.radius)] - p
         return planes(ways, (ways**2).sum(axis=1) ** 0.5, self.radius)
 
     def nearest_on(self, a: Vec3, b: Vec3) -> tuple[float, Vec3]:
-        """Return the least distance from the line between two places, and where on it."""
+        """Return the least distance from the line between two places, and its place on the line."""
         import numpy as np
 
         start, way = np.array(a), np.subtract(b, a)
@@ -74,8 +73,7 @@ class PointCloud:
         return sqrt(float(apart[least])) - self.radius, (x, y, z)
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which it carries what is at (x, y), as `Box.top`: its highest there,
-        whatever is below."""
+        """Return the height of its highest top at (x, y), as `Box.top`."""
         import numpy as np
 
         aside = np.hypot(self.array[:, 0] - x, self.array[:, 1] - y) - reach
@@ -87,7 +85,7 @@ class PointCloud:
 
     @cached_property
     def bounds(self) -> tuple[Vec3, Vec3]:
-        """The lowest and the highest corner of a box around it."""
+        """The lowest and the highest corner of its bounding box."""
         low, high = self.array.min(axis=0) - self.radius, self.array.max(axis=0) + self.radius
         return tuple(low.tolist()), tuple(high.tolist())
 
@@ -113,9 +111,8 @@ def _away(p: Vec3, point: Vec3, apart: float) -> Vec3:
 
 
 def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]:
-    """Return before what one must stay to meet none of some places, the nearest first: how far each
-    plane is, and the unit vector out of it. ways, apart: the way to each, and its length. radius:
-    of what is around each."""
+    """Return planes with all places behind them, the nearest first: (distance, unit vector out of
+    it). ways, apart: the way to each place, and its length. radius: of the ball around each."""
     found: list[tuple[float, Vec3]] = []
     while len(ways) and len(found) < _PLANES:
         first = int(apart.argmin())
@@ -129,8 +126,8 @@ def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]
 
 
 def placed(points: Array, metres: float, at: Vec3, heading: float, above: float | None) -> Array:
-    """Return a scan's points in the world. metres: its unit. at, heading: where its origin is, and
-    how it is turned there. above: what is not higher is left out."""
+    """Return a scan's points in the world. metres: its unit. at, heading: the pose of its origin.
+    above: only points higher than this are kept."""
     import numpy as np
 
     c, s = cos(heading), sin(heading)
@@ -140,8 +137,8 @@ def placed(points: Array, metres: float, at: Vec3, heading: float, above: float 
 
 
 def thinned(points: Array, radius: float) -> Array:
-    """Return one of the points of each cube with the diagonal `radius`, so that none that is left
-    out is further than that from one that is kept. Those that come first are kept."""
+    """Return the first point of each cube with the diagonal `radius`, so that no dropped point is
+    further than that from a kept one."""
     import numpy as np
 
     cells = np.floor(points * (sqrt(3.0) / radius)).astype(np.int64)

@@ -1,10 +1,9 @@
-"""The points of a scan, from a PLY file (ASCII or binary) or from text: three numbers a line, or a
-table (`kybflow.core.tables`) with the columns x, y and z.
+"""Reads the points of a scan from a PLY file (ASCII or binary) or from text: three numbers per
+line, or a table (`kybflow.core.tables`) with the columns x, y and z.
 
-Of PLY the element `vertex` with its properties x, y and z is read; what stands beside them, and
-what comes after, is passed over. Points that no scanner saw are written as NaN by some; they are
-refused, for nobody knows what is there. Everything raises FileError, which names the line where
-there is one.
+From PLY it reads x, y and z of the element `vertex` and skips the rest. Some programs write NaN
+where the scanner saw nothing; such points are refused, because an obstacle may be there. Everything
+raises FileError, with the line where there is one.
 """
 
 from __future__ import annotations
@@ -42,8 +41,8 @@ _LONGEST_HEADER, _LONGEST_COUNT = 10_000, 18
 
 
 class _Header(NamedTuple):
-    """What a PLY file says of its vertices. order: of their bytes, empty for text. lines: of the
-    header itself. size: its bytes."""
+    """The header of a PLY file. order: the byte order of vertices, empty for text. lines, size: of
+    the header, the size in bytes."""
 
     order: str
     many: int
@@ -53,7 +52,7 @@ class _Header(NamedTuple):
 
 
 def read_points(file: File) -> NDArray[Any]:
-    """The points of a file, (n, 3), metres where the file has no other unit; one at least."""
+    """Return the one or more points of a file, (n, 3), in metres where it has no other unit."""
     import numpy as np
 
     if file.text.startswith("ply"):
@@ -137,7 +136,7 @@ def _header(text: str) -> _Header:
 
 
 def _vertices(head: str) -> tuple[int, dict[str, str]]:
-    """How many points there are, and the type of each of their properties."""
+    """Return the number of points, and the type of each of their properties."""
     many, element, properties = -1, "", dict[str, str]()
     for number, line in enumerate(head.splitlines(), start=1):
         match line.split():

@@ -1,7 +1,7 @@
 """Solid shapes of the world: the fence's box and the obstacles. Metres, world frame (ENU).
 
-Each tells its distance from a point, negative inside, and the way out of it there: the unit vector
-along which that distance grows fastest, upwards where all are alike.
+Each has a distance from a point, negative inside, and a way out: the unit vector along which that
+distance grows fastest, upwards where all directions are equal.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ class Box(NamedTuple):
         return min(faces, key=lambda face: face[0])[1]
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which it carries what is at (x, y) and as wide as `reach` on each
-        side; -inf beside it."""
+        """Return the height of its top below something at (x, y) that extends `reach` to each side;
+        -inf beside it."""
         (x0, y0, _), (x1, y1, z1) = self.low, self.high
         beside = max(x0 - x, x - x1, y0 - y, y - y1)
         return z1 if beside <= reach else -inf
@@ -166,8 +166,8 @@ Shape = Convex | Scanned
 
 
 def around(shape: Shape, p: Vec3, reach: float) -> Iterable[tuple[float, Vec3]]:
-    """Return what of a shape is within `reach` of `p`, nothing where none is: distances, and the
-    way out at each. Of what is convex the nearest place says all."""
+    """Return (distance, way out) of each surface of a shape within `reach` of `p`; a convex shape
+    has at most one."""
     if isinstance(shape, PointCloud | Columns):
         return shape.around(p, reach)
     room = shape.distance(p)

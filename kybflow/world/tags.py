@@ -49,8 +49,8 @@ class Tag(NamedTuple):
 
 
 class TagMap:
-    """The world's tags, in a spatial index: a look-up near a place doesn't slow down with tags
-    elsewhere. Raises ValueError if two tags have the same family and id."""
+    """The world's tags in a spatial index, so that tags elsewhere don't slow down a look-up near a
+    place. Raises ValueError if two tags have the same family and id."""
 
     def __init__(self, tags: Iterable[Tag]) -> None:
         self._tags: dict[Key, Tag] = {}

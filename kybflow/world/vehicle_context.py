@@ -27,7 +27,7 @@ def hull_of(diameter: float) -> float:
 
 @params
 class Airframe:
-    """A quadrotor's nominal data; the simulated one may differ from it, as real ones do."""
+    """A quadrotor's nominal data; the simulated vehicle may differ, like a real one."""
 
     mass: Mass = param("Mass, ready to fly.", above=0.0)
     diameter: Length = param("From rotor hub to rotor hub, diagonally.", above=0.0)
@@ -52,13 +52,13 @@ class Airframe:
         "Voltage lost from full to empty.", default=0.2, at_least=0.0, below=0.5
     )
     attitude_gain: Damping | None = param(
-        "Of an on-board cascade as PX4's: body rate per angle of the attitude's error, about body x"
-        " and y, 6.5 1/s unless given. An airframe that has neither gain has a loop as fast as its"
+        "Gain of an on-board cascade like PX4's: body rate per angle of the attitude error, about"
+        " body x and y; 6.5 1/s by default. An airframe with neither gain has a loop as fast as its"
         " rotors allow.",
         default=None, above=0.0, at_most=50.0,
     )  # fmt: skip
     rate_gain: Damping | None = param(
-        "Of that cascade: angular acceleration per body rate's error, 18 1/s unless given.",
+        "Gain of that cascade: angular acceleration per error of the body rate; 18 1/s by default.",
         default=None, above=0.0, at_most=200.0,
     )  # fmt: skip
 
@@ -99,7 +99,7 @@ class Parcel:
     """A payload that a vehicle carries and can release: a box under its rotors, its lower side
     level with the legs."""
 
-    mass: Mass = param("Mass; no controller is told of it.", above=0.0)
+    mass: Mass = param("Mass; controllers don't know it.", above=0.0)
     size: Length = param("Side of the box, a cube.", above=0.0)
     channel: int = param(
         "Channel of the servo that holds it, from 1; of an autopilot the auxiliary output.",
@@ -114,10 +114,9 @@ class VehicleContext(NamedTuple):
     vehicle: its name. start, heading: its declared start. dt: seconds per tick. home: where
     `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
     airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
-    what the vehicle carries, None for nothing. loop: what its driver declares of the loop that
-    answers commands, None for nothing. starts: every vehicle's declared start, by vehicle. groups:
-    the mission's, each with its vehicles. touchable: the obstacles that are there to be touched.
-    moving: those that move.
+    what the vehicle carries, None for nothing. loop: the inner loop that its driver declares, None
+    for none. starts: every vehicle's declared start, by vehicle. groups: the mission's, each with
+    its vehicles. touchable: the obstacles that vehicles may touch. moving: the moving ones.
     """
 
     vehicle: str

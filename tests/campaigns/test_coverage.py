@@ -16,7 +16,7 @@ from kybflow.dsl.plan import TransitionPlan
 def told(*events: tuple[str, dict[str, str], str]) -> set[StateItem | TransitionItem]:
     traces = CoverageListener()
     for time, (name, fields, at) in enumerate(events):
-        traces.hear(Event(time, name, "a", dict(fields), at))
+        traces.on_event(Event(time, name, "a", dict(fields), at))
     return traces.taken
 
 

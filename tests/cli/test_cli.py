@@ -78,7 +78,7 @@ def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str,
 def test_a_path_at_which_nothing_can_be_is_refused(words: tuple[str, ...]) -> None:
     result = run(*words, "a" * 300)
     assert result.exit_code == 2
-    assert f"`{'a' * 100}` is no path: File name too long" in result.output
+    assert f"`{'a' * 100}` can't be a path: File name too long" in result.output
 
 
 def test_a_command_that_is_misspelt_gets_the_nearest() -> None:
@@ -203,7 +203,7 @@ def test_an_unknown_option_is_refused_before_anything_is_written(tmp_path: Path)
         ("operator.go", "is not NAME@TIME"),
         ("@2s", "is not NAME@TIME"),
         ("operator.go@2 m", "`2 m` is a length, but a duration is needed"),
-        ("operator.go@-1", "is before the run"),
+        ("operator.go@-1", "has a negative time"),
         ("operator.lnad@2s", "did you mean `operator.land`?"),
         ("nano.landed@2s", "the mission doesn't wait for `nano.landed`"),
     ],
@@ -230,7 +230,7 @@ def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
 def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
     words = ("--emit", "operator.land@1s", "--emit", "operator.pause@9000s", "--no-report")
     result = run("run", FIRST, "--out", str(tmp_path), *words)
-    assert "`operator.pause` at 9000 s was never given: the run had ended" in result.output
+    assert "`operator.pause` at 9000 s was never given: the run ended before" in result.output
     assert "`operator.land` at" not in result.output
 
 
@@ -269,7 +269,7 @@ def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) ->
     ("events", "words", "said"),
     [
         ((), ("--seed", "4"), "--again takes target, seed, --set, --option and --emit from the"),
-        (("[]",), (), "can't be flown again: `provenance.json` or `events.jsonl` is not as a run"),
+        (("[]",), (), "can't be repeated: `provenance.json` or `events.jsonl` is damaged"),
         ((command_given(1.0, command="fly", by="a"),), (), "there is no command `fly`"),
     ],
 )

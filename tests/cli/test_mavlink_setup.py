@@ -113,7 +113,7 @@ def test_where_all_is_right_nothing_is_written(
     assert Table(peer).set_up(name, write=True)
     out = capsys.readouterr().out
     assert out.startswith(f"system 7: {name}, ")
-    assert out.endswith("\n\nall is right\n")
+    assert out.endswith("\n\nall parameters are right\n")
     assert (peer.writes, peer.hears_ground) == ([], True)
 
 
@@ -136,7 +136,7 @@ def test_what_is_wrong_is_shown_and_left_alone(capsys: pytest.CaptureFixture[str
     lines = [line.split() for line in out.splitlines()]
     assert ["COM_OBL_RC_ACT", "0", "4", "or", "5", "WRONG", "it"] in [w[:7] for w in lines]
     assert ["COM_RCL_EXCEPT", "1", "with", "bits", "4", "WRONG"] in [w[:6] for w in lines]
-    assert out.endswith("\n2 to write: the same command with --write\n")
+    assert out.endswith("\n2 to write: repeat the command with --write\n")
     assert peer.writes == []
 
 
@@ -148,8 +148,8 @@ def test_what_is_wrong_is_written_and_read_back(capsys: pytest.CaptureFixture[st
     assert peer.parameters["EKF2_EV_CTRL"] == 15
     assert peer.parameters["COM_RCL_EXCEPT"] == 5
     out = capsys.readouterr().out
-    assert "start the autopilot anew before it flies: EKF2_HGT_REF count only then\n" in out
-    assert out.endswith("all is right\n")
+    assert "restart the autopilot before it flies, for EKF2_HGT_REF\n" in out
+    assert out.endswith("all parameters are right\n")
 
 
 def test_ardupilot_gets_plain_numbers_and_our_system_id() -> None:
@@ -169,7 +169,7 @@ def test_what_is_missing_is_said_and_the_rest_is_written(
     assert peer.writes == ["VISO_TYPE"]
     out = capsys.readouterr().out
     assert "\nmissing: COMPASS_ENABLE. Many parameters only appear once" in out
-    assert "all is right" not in out
+    assert "all parameters are right" not in out
 
 
 def test_what_it_keeps_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -210,7 +210,7 @@ def test_one_of_several_is_chosen_by_its_system() -> None:
 
 
 def test_several_without_a_choice_are_named() -> None:
-    with pytest.raises(BadParameter, match="systems 1, 2 are heard"):
+    with pytest.raises(BadParameter, match="there are systems 1, 2"):
         Table(Peer(1), Peer(2)).set_up()
 
 
@@ -244,7 +244,7 @@ def test_listening_names_all_and_what_they_say(capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().out.splitlines() == [
         "system 1: px4, HOLD, disarmed",
         "system 2: ardupilot, GUIDED, armed",
-        "system 3: an autopilot that kybflow does not fly (MAV_AUTOPILOT 5), disarmed",
+        "system 3: an unsupported autopilot (MAV_AUTOPILOT 5), disarmed",
     ]
 
 
@@ -279,7 +279,7 @@ def test_where_a_system_was_looked_for_without_an_address_is_told(monkeypatch) -
     monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", refused)
     words = ["mavlink", "setup", "--vehicle", "ardupilot", "--system", "7"]
     assert CliRunner().invoke(app, words).output == (
-        "error: tcp:127.0.0.1:5820 refuses; without --address system 7 is looked for there\n"
+        "error: tcp:127.0.0.1:5820 refuses; that is the default address of system 7, see --address\n"
     )
     words += ["--address", "tcp:127.0.0.1:5760"]
     assert CliRunner().invoke(app, words).output == "error: tcp:127.0.0.1:5760 refuses\n"
@@ -299,8 +299,8 @@ def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewher
     monkeypatch.setattr("kybflow.cli.commands.mavlink.meeting.ticks", table.ticks)
     words = ["mavlink", "setup", "--vehicle", "px4", "--system", "7"]
     assert CliRunner().invoke(app, words).output == (
-        "error: nothing is heard at udpin:127.0.0.1:14546; without --address system 7 is looked for"
-        " there; at udpin:127.0.0.1:14540 is system 1\n"
+        "error: nothing is heard at udpin:127.0.0.1:14546; that is the default address of"
+        " system 7, see --address; at udpin:127.0.0.1:14540 is system 1\n"
     )
 
 

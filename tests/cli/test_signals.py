@@ -269,4 +269,4 @@ def test_an_interrupt_while_a_command_loads_is_no_traceback(
     if module == "kybflow.report.page":
         assert not (tmp_path / "report.html").exists()
         assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "succeeded"
-        assert done.stderr == f"interrupted: there is no report, all else is in {tmp_path}\n"
+        assert done.stderr == f"interrupted: the run is in {tmp_path}, without a report\n"

@@ -97,7 +97,7 @@ def test_an_interrupt_while_the_report_is_written_loses_the_report_only(
     assert fly(tmp_path) == 130
     told = capfd.readouterr()
     assert "first_flight succeeded\n" in told.out
-    assert told.err == f"interrupted: there is no report, all else is in {tmp_path}\n"
+    assert told.err == f"interrupted: the run is in {tmp_path}, without a report\n"
     files = {path.name for path in tmp_path.iterdir()}
     assert files >= {"log.mcap", "events.jsonl", "summary.json", "provenance.json"}
     assert "report.html" not in files

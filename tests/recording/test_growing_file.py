@@ -23,13 +23,13 @@ def shorten(path: Path) -> None:
 def test_what_nobody_touches_is_whole(tmp_path: Path) -> None:
     file = GrowingFile(tmp_path / "log", "recording")
     assert [file.write(b"one"), file.write(b"two"), file.seek(0)] == [3, 3, 6]
-    file.look()
+    file.check()
     file.close()
     file.close()
     assert (file.failed, (tmp_path / "log").read_bytes()) == (None, b"onetwo")
 
 
-@pytest.mark.parametrize("notices", [GrowingFile.look, GrowingFile.close])
+@pytest.mark.parametrize("notices", [GrowingFile.check, GrowingFile.close])
 @pytest.mark.parametrize(
     ("loses", "words"),
     [

@@ -94,7 +94,7 @@ def test_an_earlier_run_that_holds_copies_is_an_earlier_run(folder: Path) -> Non
     with pytest.raises(RunFolderError, match="holds an earlier run"):
         flown(mission, out)
     (out / "thesis.tex").write_text("precious")
-    with pytest.raises(RunFolderError, match=r"no run has written \(`thesis.tex`\)"):
+    with pytest.raises(RunFolderError, match=r"files of no run \(`thesis.tex`\)"):
         flown(mission, out)
 
 

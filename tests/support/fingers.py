@@ -41,10 +41,10 @@ class Person:
         self.see(engine)
         for name in names:
             self.keys.typed += b"\r" if name == "enter" else self.offer(name).key.encode()
-        self.commander.hear()
+        self.commander.read_keys()
 
     def see(self, engine: Engine) -> None:
-        self.commander.look(engine.commander.situation(engine.clock.now, flying=engine.flying))
+        self.commander.update(engine.commander.situation(engine.clock.now, flying=engine.flying))
 
     def offer(self, name: str) -> Offer:
         """The offer of `name`, or of `vehicle name`."""
@@ -53,4 +53,4 @@ class Person:
         return found
 
     def says(self) -> str:
-        return self.commander.saying.text
+        return self.commander.message.text

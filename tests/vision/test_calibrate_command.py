@@ -91,7 +91,7 @@ def test_a_walk_corrects_a_mission(tmp_path: Path) -> None:
     result = given(mission, "--frames", frames, "--poses", poses, "--write", lab)
     assert result.exit_code == 0, result.output
     assert "frames: 8 of 8 show tags, out of 8" in result.output
-    assert "clock: that of the poses is +5.000 s from that of the frames" in result.output
+    assert "clock: the poses' is +5.000 s from the frames'" in result.output
     (roll,) = re.findall(r"^  roll +(\S+) deg", result.output, re.MULTILINE)
     assert float(roll) == pytest.approx(0.6, abs=0.05)
     text = (lab / "tags.csv").read_text(encoding="utf-8")
@@ -128,7 +128,7 @@ def test_frames_alone_say_what_they_do_not_tell(tmp_path: Path) -> None:
     result = given(mission, "--frames", tmp_path / "walk.avi")
     assert result.exit_code == 0, result.output
     assert "mount of `down`: frames alone don't tell it" in result.output
-    assert "not told: focal; tilt the camera by 20 to 30 degrees" in result.output
+    assert "not observable: focal; tilt the camera by 20 to 30 degrees" in result.output
 
 
 SAID = {
@@ -187,7 +187,7 @@ def test_a_mission_without_a_camera_or_tags_is_told(tmp_path: Path) -> None:
     lost = text.replace(f"  tags: {{floor: {{{GRID}}}}}\n", "").replace("[tag_camera]", "[mocap]")
     (tmp_path / "floor.yaml").write_text(lost, encoding="utf-8")
     result = given(tmp_path / "floor.yaml", "--frames", tmp_path)
-    assert "has no tags; they stand in `world: {tags: ...}`" in " ".join(result.output.split())
+    assert "has no tags; add them in `world: {tags: ...}`" in " ".join(result.output.split())
     assert result.exit_code == 2
 
 
@@ -195,7 +195,7 @@ def test_several_cameras_must_be_told_apart(tmp_path: Path) -> None:
     mission = written(tmp_path, GRID, ", front: {at: [0, 0, 0], facing: forward, width: 64, "
                       "height: 48, field_of_view: 60 deg}")  # fmt: skip
     result = given(mission, "--frames", tmp_path)
-    assert "say which: `down`, `front`" in result.output
+    assert "name one of `down`, `front`" in result.output
     assert result.exit_code == 2
 
 

@@ -90,7 +90,7 @@ def test_frames_alone_tell_lens_and_map_but_no_mount() -> None:
     assert numpy.allclose(found.adjusted.x[LENS : LENS + MOUNT], 0.0, atol=1e-9)
     assert not found.is_told(found.spreads[LENS], "mount position")
     lines = "\n".join(calibration_lines(found, 30, 30))
-    assert "mount of `down`: frames alone don't tell it; say where the body was" in lines
+    assert "mount of `down`: not observable from frames alone; give the body's poses" in lines
 
 
 @pytest.mark.thorough

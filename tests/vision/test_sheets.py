@@ -182,29 +182,29 @@ def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
     [
         (
             ("--ids", "0-600", "--size", "4cm"),
-            "`0-600` is no range of 36h11, whose tags are 0 to 586",
+            "`0-600` is not within 0 to 586, the tags of 36h11",
         ),
-        (("--ids", "5-2", "--size", "4cm"), "`5-2` is no range of 36h11"),
-        (("--ids", "x", "--size", "4cm"), "`x` is no number and no range; write it like 0-9,12"),
+        (("--ids", "5-2", "--size", "4cm"), "`5-2` is not within 0 to 586"),
+        (("--ids", "x", "--size", "4cm"), "`x` is neither a number nor a range such as 0-9"),
         (
             ("--ids", "0", "--size", "19.5cm"),
             "Invalid value for --paper: a tag of 195 mm takes 243.75 mm with its quiet zone, and A4"
-            " has 194 mm to print on; take --paper a3, or a smaller --size",
+            " has 194 mm to print on; use --paper a3 or a smaller --size",
         ),
         (
             ("--ids", "0", "--size", "1m"),
             "Invalid value for --size: a tag of 1 m takes 1.25 m with its quiet zone, and A4 has"
-            " 194 mm to print on; make it smaller",
+            " 194 mm to print on; use a smaller one",
         ),
         (
             ("--ids", "0", "--size", "5", "--paper", "a3"),
             "Invalid value for --size: a tag of 5 m takes 6.25 m with its quiet zone, and A3 has"
-            " 281 mm to print on; a number alone is metres: write the unit, such as 5cm",
+            " 281 mm to print on; a number without a unit is in metres; write 5cm",
         ),
         (
             (f"{MISSIONS}/courier.yaml",),
             "Invalid value for --paper: a tag of 195 mm takes 243.75 mm with its quiet zone, and A4"
-            " has 194 mm to print on; take --paper a3",
+            " has 194 mm to print on; use --paper a3",
         ),
         (("--ids", "0", "--size", "4deg"), "`4deg` is an angle, but a length is needed"),
         (("--ids", "0", "--size", "0"), "`0` must be above 0"),
@@ -212,8 +212,8 @@ def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
             ("--ids", "0", "--size", "4cm", "--family", "36h12"),
             "there is no family `36h12`; there are",
         ),
-        (("--ids", "0"), "say which tags: MISSION, or --ids and --size"),
-        ((f"{MISSIONS}/windy.yaml",), "has no tags; they stand in `world: {tags: ...}`"),
+        (("--ids", "0"), "give a MISSION, or --ids and --size"),
+        ((f"{MISSIONS}/windy.yaml",), "has no tags; add them in `world: {tags: ...}`"),
         ((f"{MISSIONS}/courier.yaml", "--ids", "0"), "a mission says its tags itself"),
     ],
 )
@@ -229,4 +229,4 @@ def test_the_command_says_what_is_wrong(
 def test_the_command_writes_only_what_it_can() -> None:
     result = run("--ids", "0", "--size", "4cm", "--out", "x.doc")
     assert result.exit_code == 2
-    assert "should end in .pdf or .png" in result.output
+    assert "doesn't end in .pdf or .png" in result.output

@@ -1,6 +1,6 @@
-"""The commands: each is the function `command` of the module of its name, and the signature of that
-function declares its parameters. A package is a command that has further ones; its docstring is the
-help. `COMMANDS` are in the order of the help."""
+"""The commands. Each is the function `command` of the module of its name; its signature declares
+the parameters. A package is a command with subcommands; its docstring is the help. `COMMANDS` has
+the order of the help."""
 
 COMMANDS = (
     "run", "command", "validate", "rehearse", "test", "preflight", "record-input", "explain",

@@ -16,26 +16,29 @@ from kybflow.vision import WAY_OUT
 
 
 def command(
-    mission: Annotated[Path, Argument(help="A mission with tags and camera as they are believed.")],
+    mission: Annotated[Path, Argument(help="A mission with the uncorrected tags and camera.")],
     *,
     frames: Annotated[Path, Option(help="A video of the walk, or a folder of images.")],
     poses: Annotated[Path | None, Option(help="A table of poses, or the folder of a run.")] = None,
-    standing: Annotated[bool, Option("--standing", help="First it stands on its start.")] = False,
-    vehicle: Annotated[str | None, Option(help="Which vehicle's camera it is.")] = None,
-    camera: Annotated[str | None, Option(help="Which of its cameras it is.")] = None,
+    standing: Annotated[
+        bool, Option("--standing", help="The vehicle stands on its start at first.")
+    ] = False,
+    vehicle: Annotated[str | None, Option(help="The vehicle with the camera.")] = None,
+    camera: Annotated[str | None, Option(help="The camera of the vehicle.")] = None,
     folder: Annotated[Path | None, Option("--write", help="Folder for the corrections.")] = None,
     target: Target = None,
     sets: Sets,
 ) -> None:
-    """Find what is wrong with lens, mount and map from frames of a walk over the tags.
+    """Correct a camera's lens and mount and the map of tags from frames of a walk over the tags.
 
-    Where the body was meanwhile say --poses, or --standing: the first frame shows the vehicle on
-    its start. What is written is the corrected map and camera, and what to change in the mission.
+    --poses gives the body's poses during the walk; --standing says that the first frame shows the
+    vehicle on its start. --write saves the corrected map and camera, and the changes of the
+    mission.
 
     \b
     Exit codes:
-    0: it found the corrections.
-    1: the frames tell none.
+    0: corrections were found.
+    1: the frames yield no corrections.
     2: the mission is invalid, or a file can't be read.
 
     \b
@@ -54,14 +57,14 @@ def command(
     whose = flying[_chosen(vehicle, flying, "vehicle with a camera", "--vehicle")]
     lens = whose.cameras[_chosen(camera, whose.cameras, "camera", "--camera")]
     if poses is not None and standing:
-        raise wrong(None, "say where the body was once: --poses, or --standing")
+        raise wrong(None, "give --poses or --standing, not both")
     if not len(plan.tags):
-        raise wrong("MISSION", f"`{mission}` has no tags; they stand in `world: {{tags: ...}}`")
+        raise wrong("MISSION", f"`{mission}` has no tags; add them in `world: {{tags: ...}}`")
     if not frames.exists():
-        raise wrong("--frames", f"`{frames}` is not there; it is a video, or a folder of images")
+        raise wrong("--frames", f"`{frames}` doesn't exist; give a video or a folder of images")
     if is_of_a_run(frames):
-        what = "of a run, whose few frames are made smaller and drawn over for people"
-        raise wrong("--frames", f"`{frames}` is {what}; record a video")
+        what = "belongs to a run, which keeps only a few frames, scaled and drawn on"
+        raise wrong("--frames", f"`{frames}` {what}; record a video")
     with refusing("--poses", FileError):
         track = None if poses is None else recorded_track(poses, whose.name)
     try:
@@ -87,10 +90,10 @@ def command(
 
 
 def _chosen(name: str | None, known: Iterable[str], what: str, option: str) -> str:
-    """One of the names that are known; the only one where none is said."""
+    """Return the named one of `known`, or the only one where no name is given."""
     names = list(known)
     if name is not None and name not in names:
         raise unknown(f"there is no {what}", name, names, option)
     if name is None and len(names) > 1:
-        raise wrong(option, f"say which: {', '.join(f'`{one}`' for one in names)}")
+        raise wrong(option, f"name one of {', '.join(f'`{one}`' for one in names)}")
     return name or names[0]

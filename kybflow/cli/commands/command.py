@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STATE, WATCH = "state", "watch"
 SETTINGS = {"ignore_unknown_options": True}
-"""`set OPTION -0.5m` is no option."""
+"""Values such as `-0.5m` are no options of the command line."""
 _TO_VEHICLES = ("pause", "resume", "reset", "land")
 
 
@@ -29,41 +29,41 @@ def command(
     words: Annotated[
         list[str], Argument(metavar="[RUN] COMMAND...", help="The run, then the command.")
     ],
-    take: Annotated[bool, Option("--take", help="Take the lease from another commander.")] = False,
-    as_json: Annotated[bool, Option("--json", help="`state` and `watch` as JSON.")] = False,
+    take: Annotated[bool, Option("--take", help="Take the lease from another client.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print `state` and `watch` as JSON.")] = False,
 ) -> None:
-    """Give a command to a mission that flies.
+    """Give a command to a running mission.
 
-    RUN is its folder, its name or its mission's; left out, it is the only run that flies.
+    RUN is the run's folder, its name or its mission's name; by default the only run.
 
     \b
     emit EVENT                        give an event that the mission waits for
     switch VEHICLE STATE [NAME=VALUE ...]
-                                      let a vehicle enter a state, with other values
+                                      let a vehicle enter a state, with values
     set OPTION VALUE                  change a parameter of a part
     enable VEHICLE.processors.NAME    switch a processor on
     disable VEHICLE.processors.NAME   switch it off
     perform VEHICLE ACT               let a vehicle perform an act of its driver
     phase FLOW PHASE                  let a flow enter a phase
-    pause [VEHICLE ...]               hold, until `resume`
-    resume [VEHICLE ...]              go on; ask back from a pilot who took over
-    reset [VEHICLE ...]               out of `fault`, on the ground
+    pause [VEHICLE ...]               hold until `resume`
+    resume [VEHICLE ...]              continue; take control back from a pilot
+    reset [VEHICLE ...]               leave `fault`, on the ground
     land [VEHICLE ...]                land for the rest of the run
     stop [REASON]                     land everything and end the run
     track VEHICLE time=S position=[X, Y, Z] ...
-                                      a point of the trajectory that it takes
+                                      send a point of its trajectory
     release                           give up the lease
-    state                             what it does and what is legal now
-    watch                             events as they come
+    state                             print the run's state and legal commands
+    watch                             print events as they happen
 
-    Who commands first holds the lease: others are refused until it is released, or they `--take`
-    it. `land`, `pause` and `stop` are heard from anyone.
+    The first client to give a command holds the lease. Commands of others are refused until the
+    lease is released or taken with --take. `land`, `pause` and `stop` need no lease.
 
     \b
     Exit codes:
-    0: accepted.
-    1: refused, the reason is on stderr.
-    2: no such command, or no such run.
+    0: the command was accepted.
+    1: it was refused; the reason is on stderr.
+    2: the command or the run doesn't exist.
 
     \b
     Examples:
@@ -79,48 +79,48 @@ def command(
     from kybflow.runtime.commanding.orders import WORDS, parse
 
     known = (*WORDS, STATE, WATCH)
-    run, spoken = (None, words) if words[0] in known else (words[0], words[1:])
-    if not spoken:
+    run, given = (None, words) if words[0] in known else (words[0], words[1:])
+    if not given:
         hint = did_you_mean(words[0], known)
-        raise WrongUsage(f"`{words[0]}` is no command, and nothing follows it; {hint}")
-    asked = " ".join(spoken)
-    if asked not in (STATE, WATCH):
+        raise WrongUsage(f"`{words[0]}` is no command, or a run without a command; {hint}")
+    line = " ".join(given)
+    if line not in (STATE, WATCH):
         try:
-            parse(asked)
+            parse(line)
         except CommandUnreadable as error:
             raise WrongUsage(str(error)) from None
     with (
         failing(FAILED, CommandRefused, word="refused: "),
         RunClient(find_run(run), commander_here(), keeps_lease=True) as client,
     ):
-        if asked == STATE:
+        if line == STATE:
             found = client.state()
             echo(json.dumps(found, indent=2) if as_json else "\n".join(described(found)))
-        elif asked == WATCH:
+        elif line == WATCH:
             _watch(client, as_json=as_json)
         else:
-            answer = client.command(asked, take=take)
+            answer = client.command(line, take=take)
             echo(f"accepted, but {answer.reason}" if answer.reason else "accepted")
 
 
 def _watch(client: RunClient, *, as_json: bool) -> None:
-    """Print the events of a run as they come."""
+    """Print the events of a run as they happen."""
     from kybflow.cli.printing.run import sentence
     from kybflow.core.signals import NS, Event
 
-    for said in client.watch():
+    for one in client.watch():
         if as_json:
-            echo(json.dumps(said))
+            echo(json.dumps(one))
         else:
-            time = round(said["t_s"] * NS)
-            echo(sentence(Event(time, said["event"], said["vehicle"], said["fields"], said["at"])))
+            time = round(one["t_s"] * NS)
+            echo(sentence(Event(time, one["event"], one["vehicle"], one["fields"], one["at"])))
         sys.stdout.flush()
 
 
 def described(situation: Mapping[str, Any]) -> Iterator[str]:
-    """What a run does and what may be asked of it now, in lines. situation: as JSON has it."""
+    """Describe the state of a run and its legal commands in lines. situation: as in JSON."""
     holder = situation["holder"]
-    commander = f"commanded by {holder}" if holder else "nobody holds the lease"
+    commander = f"commanded by {holder}" if holder else "no client holds the lease"
     flying = "" if situation["flying"] else ", preflight"
     yield f"{situation['mission']}   {situation['time']:.1f} s{flying}, {commander}"
     for vehicle in situation["vehicles"]:
@@ -140,13 +140,13 @@ def described(situation: Mapping[str, Any]) -> Iterator[str]:
 
 _HELD = {
     "holders": "held by {}",
-    "braking": "brakes: {}",
-    "latched": "failsafe: {}, until a reset",
-    "override": "somebody else has control: {}",
-    "retired": "lands for the rest of the run: {}",
+    "braking": "braking: {}",
+    "latched": "failsafe until a reset: {}",
+    "override": "under other control: {}",
+    "retired": "landing for the rest of the run: {}",
     "driver": "driven by the flow {}",
 }
-"""Why a vehicle doesn't do what its state says."""
+"""Why a vehicle doesn't follow its state."""
 
 
 def _vehicle(vehicle: Mapping[str, Any]) -> Iterator[str]:
@@ -175,7 +175,7 @@ def _vehicle(vehicle: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _entries(enter: Mapping[str, str | None], what: str) -> Iterator[str]:
-    """What may be entered, then the rest by the reason why not."""
+    """Yield what may be entered, then the rest by the reason why not."""
     reasons = grouped((reason or "", name) for name, reason in enter.items())
     if legal := reasons.pop("", None):
         yield f"  {what} {', '.join(legal)}"

@@ -15,9 +15,9 @@ def command(
     write_to: WriteTo = None,
     check: Check = None,
 ) -> None:
-    """What a finding means and how to mend it; without a code, all of them by family.
+    """Explain a finding and its fix; without a code, list all findings.
 
-    What is written is the page of all codes.
+    --write and --check are for the page of all codes.
 
     \b
     Examples:

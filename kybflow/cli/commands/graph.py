@@ -15,7 +15,9 @@ from kybflow.core.files import write_whole
 def command(
     mission: Annotated[Path, Argument(help="The mission to draw.")],
     *,
-    format: Annotated[Literal["mermaid", "svg"], Option(help="How to draw it.")] = "mermaid",
+    format: Annotated[
+        Literal["mermaid", "svg"], Option(help="The format of the drawing.")
+    ] = "mermaid",
     out: Annotated[Path | None, Option(help="Write it to this file.")] = None,
     target: Target = None,
     sets: Sets,

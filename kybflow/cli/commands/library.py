@@ -16,11 +16,11 @@ from kybflow.core.exit_codes import INVALID
 def command(
     name: Annotated[
         str | None,
-        Argument(help="A library, a mission, an entry, a file or an import's name; else all."),
+        Argument(help="A library, mission, entry, file or import; without it, all are listed."),
     ] = None,
 ) -> None:
-    """What installed packages ship: airframes, vehicles, chains, stacks, worlds and missions. Of a
-    file: what it offers, and what it imports.
+    """Show what installed packages ship: airframes, vehicles, chains, stacks, worlds and missions;
+    or what a file offers and imports.
 
     \b
     Examples:
@@ -44,5 +44,5 @@ def command(
     with failing(INVALID, KybflowError, word=""):
         text = show_file(Path(name)) if is_file else show_shipped(name) or show_import(name)
     if text is None:
-        raise unknown("nothing at hand is called", name, known_names(), "NAME")
+        raise unknown("there is no library, mission, entry or import", name, known_names(), "NAME")
     echo(text)

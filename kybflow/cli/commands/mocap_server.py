@@ -5,16 +5,13 @@ from __future__ import annotations
 from contextlib import suppress
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 from typer import Argument, BadParameter, Exit, Option
 
 from kybflow.cli.arguments import Out, Seed, Sets, Target, compiled, refusing, repeated, wrong
 from kybflow.cli.output import echo
 from kybflow.core.geometry import Vec3
-
-if TYPE_CHECKING:
-    pass
 
 
 class StillBody(NamedTuple):
@@ -25,7 +22,7 @@ class StillBody(NamedTuple):
 
 
 def still_body(text: str) -> StillBody:
-    """The body of `NAME=X,Y,Z`."""
+    """Parse `NAME=X,Y,Z`."""
     name, _, numbers = text.rpartition("=")
     try:
         x, y, z = map(float, numbers.split(","))
@@ -37,24 +34,28 @@ def still_body(text: str) -> StillBody:
 
 
 def command(
-    mission: Annotated[Path | None, Argument(help="The mission that is flown.")] = None,
+    mission: Annotated[Path | None, Argument(help="The mission to fly.")] = None,
     *,
     still: Annotated[
         list[StillBody],
         repeated("--still", parser=still_body, metavar="NAME=X,Y,Z", help="A body at rest."),
     ],
-    host: Annotated[str, Option(help="Where to listen; 0.0.0.0 lets everybody in.")] = "127.0.0.1",
-    port: Annotated[int, Option(min=0, max=65535, help="TCP and UDP; 0 takes a free one.")] = 3883,
+    host: Annotated[
+        str, Option(help="Where to listen; 0.0.0.0 is open to the network.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, Option(min=0, max=65535, help="Of TCP and UDP; 0 picks a free one.")
+    ] = 3883,
     target: Target = None,
     sets: Sets,
     seed: Seed = 0,
     out: Out = None,
 ) -> None:
-    """Fly a mission in real time and publish its simulated vehicles over VRPN, as a motion-capture
-    system would.
+    """Fly a mission in real time and publish its simulated vehicles over VRPN, like a
+    motion-capture system.
 
-    Each vehicle is the tracker of its name, sensor 0, in metres, z up, noise and faults included.
-    Bodies at rest, in metres, are published instead of a mission until Ctrl-C.
+    Each vehicle is the tracker of its name, sensor 0, in metres, z up, with noise and faults.
+    --still publishes bodies at rest, in metres, instead of a mission until Ctrl-C.
 
     \b
     Examples:
@@ -63,7 +64,7 @@ def command(
       kybflow mocap-server --still courier=0,0,0.1 --still pillar=1,2,0
     """
     if (mission is None) == (not still):
-        raise wrong("MISSION", "give a mission, or bodies with --still")
+        raise wrong("MISSION", "give either a mission or bodies with --still")
     from kybflow.api.emulation import publish_at_rest
     from kybflow.api.flight import RunRequest
     from kybflow.cli.commands.run import fly_plan

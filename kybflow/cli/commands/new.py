@@ -14,15 +14,14 @@ from kybflow.core.exit_codes import INVALID
 
 
 def command(
-    name: Annotated[str, Argument(help="Its name; NAME.yaml is written beside you.")],
+    name: Annotated[str, Argument(help="Its name; the file is NAME.yaml in the current folder.")],
     origin: Annotated[
-        str, Option("--from", metavar="MISSION", help="The shipped mission to begin from.")
+        str, Option("--from", metavar="MISSION", help="The shipped mission to copy.")
     ] = "first_flight",
 ) -> None:
-    """Begin a mission of your own from one that is shipped; overwrites nothing.
+    """Start a mission from a shipped one; never overwrites a file.
 
-    The files that the mission names are written beside it, and the schema that editors complete
-    from.
+    It also writes the files that the mission uses, and the schema for editors.
 
     \b
     Examples:

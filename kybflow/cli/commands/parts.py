@@ -15,10 +15,10 @@ def command(
     write_to: WriteTo = None,
     check: Check = None,
 ) -> None:
-    """What behaviors, estimators, processors, trackers, supervisors, drivers, faults and actions
-    there are.
+    """List the behaviors, estimators, processors, trackers, supervisors, drivers, faults and
+    actions, or document one.
 
-    What is written is the page of kybflow's own parts.
+    --write and --check are for the page of kybflow's own parts.
 
     \b
     Examples:
@@ -38,4 +38,4 @@ def command(
         echo(text)
     else:
         known = (known for kind in catalog.kinds() for known in catalog.names(kind))
-        raise unknown("no part is called", name, known, "NAME")
+        raise unknown("there is no part", name, known, "NAME")

@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 
 def command(
-    mission: Annotated[Path, Argument(help="The mission that is to fly.")],
+    mission: Annotated[Path, Argument(help="The mission to check.")],
     *,
     target: Target = None,
     sets: Sets,
     seed: Seed = 0,
 ) -> None:
-    """Look at everything that must be well before take-off; nothing arms.
+    """Run all checks before take-off; no vehicle arms.
 
     \b
     Exit codes:
     0: every line is green.
-    1: one is red.
+    1: a line is red.
     2: the mission is invalid.
     3: a driver or device failed.
 
@@ -59,8 +59,8 @@ def command(
 
 
 def table(lines: Sequence[PreflightResult]) -> list[str]:
-    """The lines in columns: red or green, vehicle, check, reason, mission line; below a line the
-    table that its reason carries."""
+    """Format the lines in columns: red or green, vehicle, check, reason, mission line; below a line
+    the table of its reason."""
     rows = [
         (
             "green" if line.green else "RED  ",

@@ -18,25 +18,27 @@ if TYPE_CHECKING:
 
 
 def command(
-    mission: Annotated[Path, Argument(help="The mission whose input it is.")],
-    name: Annotated[str | None, Argument(metavar="[INPUT]", help="Which of its inputs.")] = None,
+    mission: Annotated[Path, Argument(help="The mission with the input.")],
+    name: Annotated[
+        str | None, Argument(metavar="[INPUT]", help="The input; by default the only one.")
+    ] = None,
     *,
     target: Target = None,
     sets: Sets,
     out: Annotated[Path, Option(help="The table to write, for `use: script`.")],
     lasts: Annotated[
         float | None,
-        Option("--for", parser=duration, metavar="TIME", help="How long; else until Ctrl-C."),
+        Option("--for", parser=duration, metavar="TIME", help="How long; by default until Ctrl-C."),
     ] = None,
 ) -> None:
-    """Write down what a person does with a gamepad, a keyboard or another input.
+    """Record a gamepad, a keyboard or another input of a mission.
 
-    Nothing flies. `{use: script, file: ...}` flies it, at the times that count from here.
+    Nothing flies. A mission replays the record with `{use: script, file: ...}`.
 
     \b
     Exit codes:
     0: the table is written.
-    1: it can't be written.
+    1: the table can't be written.
     2: the mission or the command line is invalid.
     3: the device can't be opened.
 
@@ -49,7 +51,6 @@ def command(
     from kybflow.recording.run_folder import RunUnwritten
 
     def show(now: Time, reading: InputReading | None, why: str) -> None:
-        """Print what is new."""
         if reading is None:
             echo(f"{now / NS:8.2f} s  {why}")
             return

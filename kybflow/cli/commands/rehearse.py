@@ -22,14 +22,15 @@ def command(
     emits: Emits,
     format: Format = "text",
 ) -> None:
-    """Fly a mission on ideal vehicles, in a moment, and say what goes wrong in it.
+    """Fly a mission on ideal vehicles, as fast as possible, and print the findings.
 
-    A person's events come two seconds after they are waited for, unless --emit says when.
+    The rehearsal gives a person's event two seconds after the mission begins to wait for it, unless
+    --emit sets its time.
 
     \b
     Exit codes:
-    0: nothing goes wrong, whatever it warns of.
-    1: something does.
+    0: no finding is an error.
+    1: a finding is an error.
     2: the mission or the command line is invalid.
 
     \b

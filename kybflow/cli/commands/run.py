@@ -26,7 +26,7 @@ from kybflow.cli.arguments import (
     failing,
     refusing,
 )
-from kybflow.cli.output import console, echo, teller
+from kybflow.cli.output import console, echo, printer
 from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 
@@ -50,27 +50,30 @@ def command(
     speed: Annotated[float | None, Option(min=0.01, help="Pace; 1 is real time.")] = None,
     options: Changes,
     emits: Emits,
-    again: Annotated[Path | None, Option(metavar="RUN", help="Fly as in this earlier run.")] = None,
+    again: Annotated[Path | None, Option(metavar="RUN", help="Repeat this earlier run.")] = None,
     live: Annotated[bool, Option("--live", help="Show the simulation in a window.")] = False,
-    plain: Annotated[bool, Option("--plain", help="Events as lines, no table.")] = False,
+    plain: Annotated[
+        bool, Option("--plain", help="Print events as lines, without a table.")
+    ] = False,
     report: Annotated[bool, Option(help="Write report.html.")] = True,
-    commands: Annotated[bool, Option(help="Take `kybflow command`s.")] = True,
+    commands: Annotated[bool, Option(help="Accept `kybflow command`.")] = True,
     rehearses: Annotated[
-        bool | None, Option("--rehearse/--no-rehearsal", help="Fly it on ideal vehicles first.")
+        bool | None,
+        Option("--rehearse/--no-rehearsal", help="Rehearse it on ideal vehicles first."),
     ] = None,
 ) -> None:
-    """Fly a mission and report.
+    """Fly a mission and write its report.
 
-    A simulation flies as fast as it goes unless --speed says its pace. On hardware the mission is
-    flown on ideal vehicles first, as with --rehearse, and not at all if that goes wrong. With
-    --again it is flown as an earlier run's folder says: with its target, seed, --set, --option and
-    --emit, and each command given, each input moved, at the same time.
+    A simulation flies as fast as possible unless --speed sets its pace. Hardware flies only after
+    a rehearsal on ideal vehicles, as with --rehearse, that finds no error. --again repeats an
+    earlier run from its folder: its target, seed, --set, --option and --emit, and its commands and
+    inputs at the same times.
 
     \b
     Exit codes:
-    0: it ended as it should and every expectation held.
-    1: it did not, or its record could not be written.
-    2: the mission or the command line is invalid, or its rehearsal went wrong.
+    0: the run succeeded and every expectation held.
+    1: the run failed, or its record can't be written.
+    2: the mission or the command line is invalid, or the rehearsal failed.
     3: a driver or device failed.
     130: interrupted.
 
@@ -84,7 +87,7 @@ def command(
     from kybflow.api.flight import RunRequest
 
     given: tuple[RecordedCommand, ...] = ()
-    said: dict[str, str] = {}
+    inputs: dict[str, str] = {}
     if again is not None:
         from kybflow.recording.earlier_run import read_earlier_run
         from kybflow.recording.run_folder import RunFolderError
@@ -94,7 +97,7 @@ def command(
             raise WrongUsage(f"--again takes {asked} from the earlier run")
         with refusing("--again", RunFolderError):
             earlier = read_earlier_run(again)
-        target, seed, given, said = earlier.target, earlier.seed, earlier.commands, earlier.inputs
+        target, seed, given, inputs = earlier.target, earlier.seed, earlier.commands, earlier.inputs
         is_resolved = mission.resolve().parent == again.resolve()
         sets = [] if is_resolved else [*earlier.sets]
         options, emits = [*map(change, earlier.options)], [*map(emitted, earlier.emits)]
@@ -104,14 +107,14 @@ def command(
         _rehearse(plan, result, emits, options)
     pace = 1.0 if live and speed is None else speed
     asked_for = (tuple(options), tuple(emits), tuple(sets))
-    request = RunRequest(seed, out, pace, *asked_for, given, said, skips)
+    request = RunRequest(seed, out, pace, *asked_for, given, inputs, skips)
     raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=commands))
 
 
 def _rehearse(
     plan: Plan, result: Result, emits: Sequence[Emitted], options: Sequence[Change]
 ) -> None:
-    """Rehearse a plan and say what came of it. Exits with INVALID where it went wrong."""
+    """Rehearse a plan and print the findings. Exits with INVALID where one is an error."""
     from kybflow.api.rehearsal.rehearse import rehearse
     from kybflow.api.rehearsal.report import reports
 
@@ -120,8 +123,7 @@ def _rehearse(
     for text in reports(rehearsal, result.texts):
         echo(text, err=True)
     if not rehearsal.is_clean:
-        why = "the rehearsal went wrong (--no-rehearsal flies all the same)"
-        echo(f"nothing has armed: {why}", err=True)
+        echo("nothing has armed: the rehearsal failed (fly anyway: --no-rehearsal)", err=True)
         raise Exit(INVALID)
 
 
@@ -134,14 +136,15 @@ def fly_plan(
     report: bool = True,
     serves: bool = False,
 ) -> int:
-    """Fly a plan, show it and write its report; the exit code. live: in the drivers' own window.
-    plain: events as lines also on a terminal. serves: take those of `kybflow command`."""
+    """Fly a plan, show it, write its report and return the exit code. live: show it in the drivers'
+    own window. plain: print events as lines also on a terminal. serves: accept `kybflow
+    command`."""
     from kybflow.api.flight import fly
     from kybflow.api.opening import with_window
     from kybflow.cli.printing.run import outcome, sentence
     from kybflow.recording.run_folder import RunUnwritten
 
-    tell, complain = teller(sys.stdout), teller(sys.stderr)
+    out, err = printer(sys.stdout), printer(sys.stderr)
     listeners: list[Callable[[Event], None]] = []
     observers: list[Observer] = []
     servers: list[Server] = []
@@ -155,26 +158,23 @@ def fly_plan(
         plan = with_window(plan) if live else plan
         with ExitStack() as stack:
             if plain or not sys.stdout.isatty():
-                listeners.append(lambda event: tell(sentence(event)))
+                listeners.append(lambda event: out(sentence(event)))
             else:
                 panel = stack.enter_context(_panel(plan))
-                listeners.append(panel.hear)
-                observers.append(panel.look)
+                listeners.append(panel.on_event)
+                observers.append(panel.on_tick)
                 servers += [] if panel.commander is None else [panel.commander.serve]
             flown = fly(plan, request, listeners, observers, servers)
-    except RunUnwritten as error:
-        complain(f"error: {error}")
-        return FAILED
     except KybflowError as error:
-        complain(f"error: {error}")
-        return INVALID
+        err(f"error: {error}")
+        return FAILED if isinstance(error, RunUnwritten) else INVALID
     for line in outcome(flown, has_pace=plan.simulated):
-        tell(line)
-    return _reported(flown, tell, complain) if report else flown.exit_code
+        out(line)
+    return _report(flown, out, err) if report else flown.exit_code
 
 
 def _panel(plan: Plan) -> LivePanel:
-    """The table of the flight, with keys below it where there is a keyboard that no input reads."""
+    """Make the table of the flight, with keys below it where no input reads the keyboard."""
     from kybflow.cli.printing.live import LivePanel
 
     person = None
@@ -187,17 +187,18 @@ def _panel(plan: Plan) -> LivePanel:
     return LivePanel(console(sys.stdout), person)
 
 
-def _reported(flown: Flown, tell: Callable[[str], None], complain: Callable[[str], None]) -> int:
-    """Write the report, now that the verdict can be read: plotly takes its time. The exit code."""
+def _report(flown: Flown, out: Callable[[str], None], err: Callable[[str], None]) -> int:
+    """Write the report and return the exit code. The outcome is printed before, because plotly is
+    slow."""
     try:
         from kybflow.report.page import write_report
 
         page = write_report(flown.folder)
     except KybflowError as error:
-        complain(f"error: {error}")
+        err(f"error: {error}")
         return flown.exit_code or FAILED
     except KeyboardInterrupt:
-        complain(f"interrupted: there is no report, all else is in {flown.folder}")
+        err(f"interrupted: the run is in {flown.folder}, without a report")
         return INTERRUPTED
-    tell(f"report: {page}")
+    out(f"report: {page}")
     return flown.exit_code

@@ -8,8 +8,8 @@ from kybflow.cli.arguments import Check, WriteTo, published, unknown
 
 
 def command(write_to: WriteTo = None, check: Check = None) -> None:
-    """The JSON Schema of a mission, made from the parts that are installed; editors complete from
-    it. With a Markdown file, the tables of keys that it has places for.
+    """Print the JSON Schema of missions with all installed parts, for editors. With a Markdown
+    file, update its tables of keys.
 
     \b
     Examples:
@@ -26,6 +26,6 @@ def command(write_to: WriteTo = None, check: Check = None) -> None:
         has_tables = page is not None and page.suffix == ".md" and page.is_file()
         text = with_tables(page) if page and has_tables else schema_text(load_catalog())
     except KeyError as title:
-        raise unknown("no record is called", title.args[0], records(), "--write") from None
+        raise unknown("there is no record", title.args[0], records(), "--write") from None
     if not published(lambda: text, "kybflow schema", write_to, check):
         sys.stdout.write(text)

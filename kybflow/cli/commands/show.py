@@ -14,13 +14,13 @@ from kybflow.cli.output import echo
 def command(
     mission: Annotated[Path, Argument(help="The mission to show.")],
     *,
-    resolved: Annotated[bool, Option("--resolved", help="All of it, line by line.")] = False,
+    resolved: Annotated[bool, Option("--resolved", help="Show the resolved mission.")] = False,
     target: Target = None,
     sets: Sets,
 ) -> None:
-    """What a mission does: its vehicles, states and parameters; or all of it, line by line.
+    """Show a mission's vehicles, states and parameters.
 
-    All of it is the mission after imports and defaults, with the origin of each line.
+    --resolved shows the mission after imports and defaults, with the origin of each line.
 
     \b
     Examples:

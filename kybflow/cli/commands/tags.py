@@ -22,15 +22,15 @@ _RANGE = re.compile(r"\s*(\d{1,6})\s*(?:-\s*(\d{1,6})\s*)?\Z")
 
 
 def command(
-    mission: Annotated[Path | None, Argument(help="A mission, whose tags are all printed.")] = None,
+    mission: Annotated[Path | None, Argument(help="A mission, to print all of its tags.")] = None,
     *,
-    out: Annotated[Path, Option(help="The file to write: .pdf, or .png, a file a page.")],
-    ids: Annotated[str | None, Option(help="Which tags: numbers, ranges, such as 0-9,12.")] = None,
+    out: Annotated[Path, Option(help="The .pdf to write, or .png, one per page.")],
+    ids: Annotated[str | None, Option(help="Tags as numbers and ranges, such as 0-9,12.")] = None,
     size: Annotated[str | None, Option(help="Side of the black square, such as 19.5cm.")] = None,
-    family: Annotated[str | None, Option(help="The tags' family; 36h11 unless said.")] = None,
-    paper: Annotated[Literal["a4", "a3"], Option(help="What it is printed on.")] = "a4",
+    family: Annotated[str | None, Option(help="The tags' family; 36h11 by default.")] = None,
+    paper: Annotated[Literal["a4", "a3"], Option(help="The paper.")] = "a4",
 ) -> None:
-    """Write sheets of tags to print, true to scale: those of a mission, or some of a family.
+    """Write sheets of tags for printing to scale: those of a mission, or some of a family.
 
     \b
     Examples:
@@ -45,7 +45,7 @@ def command(
             f"tags are drawn with OpenCV and ReportLab ({error}); {WAY_OUT}"
         ) from None
     if out.suffix not in (".pdf", ".png"):
-        raise wrong("--out", f"`{out}` should end in .pdf or .png")
+        raise wrong("--out", f"`{out}` doesn't end in .pdf or .png")
     sorts = _requested(mission, ids, size, family)
     pages: list[Page] = []
     for (sort, side), numbers in sorts.items():
@@ -66,64 +66,62 @@ def command(
         with writing(file, "--out"):
             file.write_bytes(data)
         echo(f"wrote {file}")
-    echo("print at 100 %, not fitted to the page; the bar must measure 100 mm")
+    echo("print at 100 %, not fitted to the page; the bar must be 100 mm long")
 
 
 def _way_out(
     family: str, side: float, paper: str, mission: Path | None, size: str | None
 ) -> tuple[str, str]:
-    """(option or argument, advice) for a tag that is too large for the paper."""
+    """Return (option or argument, advice) for a tag that is too large for the paper."""
     from kybflow.vision.sheets import lay_out
 
     if size is not None and _BARE.match(size):
-        return "--size", f"a number alone is metres: write the unit, such as {size.strip()}cm"
+        return "--size", f"a number without a unit is in metres; write {size.strip()}cm"
     if paper != "a3":
         with suppress(ValueError):
             lay_out(family, [0], side, "a3")
-            return "--paper", "take --paper a3" + ("" if mission else ", or a smaller --size")
+            return "--paper", "use --paper a3" + ("" if mission else " or a smaller --size")
     if mission is None:
-        return "--size", "make it smaller"
-    return "MISSION", "make the tags of its world smaller"
+        return "--size", "use a smaller one"
+    return "MISSION", "use smaller tags in its world"
 
 
 def _requested(
     mission: Path | None, ids: str | None, size: str | None, family: str | None
 ) -> dict[tuple[str, float], list[int]]:
-    """The numbers of the tags to print by family and size (m), the largest first."""
+    """Return the numbers of the tags to print by family and size (m), the largest first."""
     if mission is None:
         if ids is None or size is None:
-            raise wrong(None, "say which tags: MISSION, or --ids and --size")
+            raise wrong(None, "give a MISSION, or --ids and --size")
         side = quantity(size, LENGTH, "--size")
         if side <= 0.0:
-            raise wrong("--size", f"`{size}` must be above 0")
+            raise wrong("--size", f"`{size}` is not above 0")
         family = family or "36h11"
         return {(family, side): _numbers(ids, family)}
     if ids or size or family:
-        raise wrong(None, "a mission says its tags itself; leave out --ids, --size and --family")
+        raise wrong(None, "MISSION has tags of its own; leave out --ids, --size and --family")
     sorts = grouped(((tag.family, tag.size), tag.id) for tag in compiled(mission)[0].tags)
     if not sorts:
-        raise wrong("MISSION", f"`{mission}` has no tags; they stand in `world: {{tags: ...}}`")
+        raise wrong("MISSION", f"`{mission}` has no tags; add them in `world: {{tags: ...}}`")
     order = sorted(sorts, key=lambda sort: (-sort[1], sort[0]))
     return {sort: sorted(sorts[sort]) for sort in order}
 
 
 def _numbers(text: str, family: str) -> list[int]:
-    """The numbers of `0-9,12`, which must be of the family."""
+    """Parse the numbers of `0-9,12`, which must be in the family."""
     from kybflow.vision.families import FAMILIES
 
     if family not in FAMILIES:
         known = ", ".join(FAMILIES)
-        raise wrong("--family", f"there is no family `{family}`; there are {known}")
+        raise wrong("--family", f"there is no family `{family}`; the families are {known}")
     most = FAMILIES[family][1]
     numbers: list[int] = []
     for part in text.split(","):
         match = _RANGE.match(part)
         if match is None:
-            raise wrong("--ids", f"`{part}` is no number and no range; write it like 0-9,12")
+            raise wrong("--ids", f"`{part}` is neither a number nor a range such as 0-9")
         first, last = int(match[1]), int(match[2] or match[1])
         if not first <= last < most:
-            raise wrong(
-                "--ids", f"`{part}` is no range of {family}, whose tags are 0 to {most - 1}"
-            )
+            raise wrong("--ids", f"`{part}` is not within 0 to {most - 1}, the tags of {family}")
         numbers += range(first, last + 1)
     return numbers

@@ -22,23 +22,25 @@ _MOST = 100_000
 def command(
     paths: Annotated[list[Path], Argument(help="Missions, or folders with missions below.")],
     *,
-    seeds: Annotated[str, Option(help="Of each mission: `0..99`, `3`, or `0,7,20..29`.")] = "0",
-    jobs: Annotated[int | None, Option(min=1, help="Flights at a time; else one a core.")] = None,
+    seeds: Annotated[str, Option(help="For each mission: `0..99`, `3` or `0,7,20..29`.")] = "0",
+    jobs: Annotated[
+        int | None, Option(min=1, help="Parallel flights; by default one per core.")
+    ] = None,
     junit: Annotated[Path | None, Option(help="Write JUnit XML to this file.")] = None,
-    full: Annotated[bool, Option("--full", help="Fail on what no flight has taken.")] = False,
-    out: Annotated[Path, Option(help="Where flights that fail are kept.")] = Path("runs"),
+    full: Annotated[bool, Option("--full", help="Fail on untaken states or transitions.")] = False,
+    out: Annotated[Path, Option(help="Where to keep failed flights.")] = Path("runs"),
     keep: Annotated[bool, Option("--keep", help="Keep every run folder.")] = False,
     target: Target = None,
     sets: Sets,
 ) -> None:
-    """Fly missions as tests, and tell which states and transitions no flight has taken.
+    """Fly missions as tests, and list the states and transitions that no flight takes.
 
     \b
     Exit codes:
     0: every flight succeeded.
-    1: one failed.
+    1: a flight failed.
     2: a mission or the command line is invalid.
-    3: a driver or device failed, or a process that flew died.
+    3: a driver or device failed, or the process of a flight died.
     130: interrupted.
 
     \b
@@ -58,14 +60,14 @@ def command(
     numbers = _seeds(seeds)
     found = list(missions_under(paths))
     if not found:
-        echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
+        echo(f"{', '.join(map(str, paths))}: no missions found", err=True)
         raise Exit(INVALID)
     cases = [
         FlightCase(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets), keep)
         for n, path in enumerate(found)
         for seed in numbers
     ]
-    if junit is not None:  # before anything flies
+    if junit is not None:  # fails before the flights
         with writing(junit, "--junit"):
             write_junit(junit, ())
     with writing(folder, "--out"):
@@ -75,7 +77,7 @@ def command(
         with progress(screen, len(cases)) as done:
             results = run_cases(cases, jobs or os.cpu_count() or 1, done)
     finally:
-        with suppress(OSError):  # where something was kept in it
+        with suppress(OSError):  # it holds kept flights
             folder.rmdir()
     coverage = coverage_of(results)
     show_table(screen, results, coverage)
@@ -89,7 +91,7 @@ def command(
 
 
 def _seeds(text: str) -> list[int]:
-    """`0..99`, `3`, `0,7,20..29` as numbers, each once."""
+    """Parse `0..99`, `3` or `0,7,20..29`, without duplicates."""
     numbers: dict[int, None] = {}
     for item in text.split(","):
         match = _SEEDS.fullmatch(item.strip())
@@ -97,7 +99,7 @@ def _seeds(text: str) -> list[int]:
         if not 0 <= last - first < _MOST:
             raise wrong(
                 "--seeds",
-                f"`{item.strip()}` is no seed and no range of seeds; write `7` or `0..99`",
+                f"`{item.strip()}` is neither a seed such as `7` nor a range such as `0..99`",
             )
         numbers.update(dict.fromkeys(range(first, last + 1)))
     return list(numbers)

@@ -19,15 +19,15 @@ def command(
     target: Target = None,
     sets: Sets,
 ) -> None:
-    """Prove all of a mission that can be proven before take-off.
+    """Check missions without flying them.
 
-    A folder stands for the missions and libraries in it and below: the YAML files with `kybflow`,
-    `mission` or `library` at the top level. Hidden folders and those of runs are left out.
+    In a folder and below, it checks the YAML files with `kybflow`, `mission` or `library` at the
+    top level, except in hidden folders and run folders.
 
     \b
     Exit codes:
     0: every mission is valid.
-    2: one is not.
+    2: a mission is invalid.
 
     \b
     Examples:
@@ -49,5 +49,5 @@ def command(
     if whole is not None:
         echo(whole(files))
     if not valid:
-        echo(f"no mission is under {', '.join(map(str, paths))}", err=True)
+        echo(f"{', '.join(map(str, paths))}: no missions found", err=True)
     raise Exit(0 if valid and all(valid) else INVALID)

@@ -1,8 +1,8 @@
-"""What a person may ask for now, each with its key.
+"""The commands that are legal now, each with its key.
 
-A few letters mean the same in every run. The mission's events, the states of its vehicles and the
-phases of its flows get digits, then the other letters, in their order, and keep them: no key
-changes its meaning while a finger is on its way to it.
+A few letters have the same meaning in every run. Events, states and phases of the mission get
+digits and then the other letters in order, and keep them, so that no key changes its meaning while
+a person presses it.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ FIXED: dict[str, Order] = {
     "s": Stop(""),
 }
 AT_ONCE = (PauseOrder, LandOrder)
-"""What calms the flight acts at once; everything else waits for Enter."""
+"""The orders that act at once; all others wait for Enter."""
 KEYS = tuple(key for key in string.digits[1:] + string.ascii_letters if key not in FIXED)
 _OF_ANY_VEHICLE = frozenset({"hover", "auto_home"})
-"""The built-in states that are offered; `land` and the failsafes lead to the others."""
+"""The built-in states with a key; `land` and the failsafes lead to the others."""
 
 
 class Offer(NamedTuple):
-    """A command that is legal now. group: what it is of: nothing, `events`, a vehicle or a flow.
-    key: empty where there are more commands than keys."""
+    """A command that is legal now. group: empty, `events`, a vehicle or a flow. key: empty where
+    there are more commands than keys."""
 
     group: str
     name: str
@@ -51,8 +51,8 @@ class Offer(NamedTuple):
 
 
 class OfferedKeys:
-    """Assigns the keys. Where there are more commands than keys, one that becomes legal takes the
-    key of that which has been illegal for longest, if that is longer than `rest` seconds."""
+    """Assigns keys to commands. Where there are more commands than keys, a new one takes the key of
+    the command that has been illegal for longest, at least `rest` seconds."""
 
     def __init__(self, rest: float = 10.0) -> None:
         self._rest = rest
@@ -60,7 +60,7 @@ class OfferedKeys:
         self._legal: dict[Order, float] = {}
 
     def assign(self, situation: Situation, now: float) -> tuple[Offer, ...]:
-        """Return what is legal at `now` (s), each command with its key."""
+        """Return the commands that are legal at `now` (s), with their keys."""
         free = [key for key in KEYS if key not in self._keys.values()]
         legal = []
         for offer, is_legal in _known(situation):
@@ -102,7 +102,7 @@ def _fixed(situation: Situation) -> Iterator[Offer]:
 
 
 def _known(situation: Situation) -> Iterator[tuple[Offer, bool]]:
-    """Yield everything that may ever be offered, each with whether it is legal now."""
+    """Yield every possible command, and whether it is legal now."""
     for name, waits in situation.emit.items():
         if name not in COMMANDS:
             yield Offer("events", name, Emit(name)), waits

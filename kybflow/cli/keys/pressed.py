@@ -1,4 +1,4 @@
-"""From the bytes that a terminal sends to the keys that were pressed."""
+"""Decodes the bytes of a terminal to pressed keys."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ _PASTE, _PASTED = "\x1b[200~", "\x1b[201~"
 _UNIT = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO[^\x1b]|\x1b[^\[O\x1b]|\x1b(?=\x1b)|[^\x1b]", re.DOTALL
 )
-"""An arrow or another named key, one with Alt, an escape before another, or a letter."""
+"""A named key such as an arrow, a key with Alt, an escape before another one, or a letter."""
 _NAMED = {"\r": ENTER, "\n": ENTER, "\x1b": ESCAPE}
 
 
 class PressedKeys:
-    """Cuts what a terminal sends into keys, however it arrives. Arrows, function keys and whatever
-    is pasted are no keys: who pastes a text commands nothing."""
+    """Splits the bytes of a terminal into keys. Arrows, function keys and pasted text are ignored,
+    so that pasting gives no command."""
 
     def __init__(self) -> None:
         self._rest = ""
         self._pastes = False
 
     def read(self, data: bytes) -> list[str]:
-        """Return the keys in `data`: a printed letter, ENTER or ESCAPE each. Empty data says that
-        nothing follows what came last."""
+        """Return the keys in `data`: printable letters, ENTER and ESCAPE. Empty data ends a pending
+        escape sequence."""
         text = self._rest + data.decode("utf-8", errors="ignore")
         keys: list[str] = []
         end = 0

@@ -1,8 +1,7 @@
-"""The person at the run's own terminal, a commander like others.
+"""Gives the commands of the person at the run's own terminal.
 
-`pause` and `land` act as their keys are pressed. Every other key chooses, and Enter gives what was
-chosen, as the line below the keys says: a slip of the finger moves no vehicle, and an order is
-given only as it was read.
+The keys of `pause` and `land` act at once. Every other key chooses an order, which the line below
+the keys shows and Enter gives, so that a wrong key moves no vehicle.
 """
 
 from __future__ import annotations
@@ -21,21 +20,21 @@ from kybflow.runtime.commanding.orders import Answer, Order, text
 from kybflow.runtime.commanding.situation import Situation
 
 BY = "terminal"
-"""The commander's name, for the record and for others that are refused meanwhile."""
-SAID_FOR = 10.0
-"""Seconds for which a choice waits for Enter, and an answer is shown."""
+"""The commander's name in the record and for other clients."""
+SHOWN_FOR = 10.0
+"""Seconds for which a choice waits for Enter and a message is shown."""
 
 
-class Saying(NamedTuple):
-    """What the line below the keys says, and whether that is `asked`, `accepted` or `refused`."""
+class Message(NamedTuple):
+    """The line below the keys, of the kind `asked`, `accepted` or `refused`."""
 
     text: str
     kind: str
 
 
 class TerminalCommander:
-    """`fly` is given `serve` as a server. Whoever shows the run calls `hear` often, `look` when it
-    draws. offers: what is legal, as of the last look. read: the time, s."""
+    """Give `fly` its `serve` as a server. The display calls `read_keys` often and `update` before
+    it draws. offers: the legal commands at the last update. read: returns the time, s."""
 
     def __init__(self, terminal: Terminal, read: Callable[[], float] = time.monotonic) -> None:
         self.offers: tuple[Offer, ...] = ()
@@ -44,7 +43,7 @@ class TerminalCommander:
         self._commands: CommandQueue | None = None
         self._holder: str | None = None
         self._chosen: tuple[Order, bool] | None = None
-        self._said = Saying("", "")
+        self._message = Message("", "")
         self._until = 0.0
 
     @contextmanager
@@ -57,8 +56,8 @@ class TerminalCommander:
             finally:
                 self._commands, self.offers = None, ()
 
-    def hear(self) -> bool:
-        """Do what the keys say that were pressed since the last time; whether there were any."""
+    def read_keys(self) -> bool:
+        """Handle the keys pressed since the last call; return whether there were any."""
         if self._commands is None:
             return False
         keys = self._pressed.read(self._terminal.read())
@@ -66,36 +65,36 @@ class TerminalCommander:
             self._press(key)
         return bool(keys)
 
-    def look(self, situation: Situation) -> None:
-        """Take in what is legal now."""
+    def update(self, situation: Situation) -> None:
+        """Update the offers."""
         if self._commands is not None:
             self._holder = situation.holder
             self.offers = self._offered.assign(situation, self._read())
 
     @property
-    def saying(self) -> Saying:
-        """What was chosen, or the last answer."""
+    def message(self) -> Message:
+        """The question about a choice, or the last answer."""
         if self._read() > self._until:
-            self._chosen, self._said = None, Saying("", "")
-        return self._said
+            self._chosen, self._message = None, Message("", "")
+        return self._message
 
     def _press(self, key: str) -> None:
-        """Choose, confirm or leave. What was chosen long ago is forgotten."""
+        """Choose, confirm or cancel an order. A choice expires."""
         chosen = self._chosen if self._read() <= self._until else None
         self._chosen = None
         if key == ENTER:
             if chosen is not None:
                 self._give(*chosen)
         elif key == ESCAPE:
-            self._say("", "")
+            self._show("", "")
         elif (offer := next((one for one in self.offers if one.key == key), None)) is None:
-            self._say(f"`{key}` is no key now", "refused")
+            self._show(f"`{key}` has no command now", "refused")
         elif isinstance(offer.order, AT_ONCE):
             self._give(offer.order)
         else:
             take = self._holder not in (None, BY)
             takes = f" and takes the lease from {self._holder}" if take else ""
-            self._say(f"{text(offer.order)}? Enter gives it{takes}, Esc leaves it", "asked")
+            self._show(f"{text(offer.order)}? Enter gives it{takes}, Esc cancels", "asked")
             self._chosen = offer.order, take
 
     def _give(self, order: Order, take: bool = False) -> None:
@@ -103,11 +102,11 @@ class TerminalCommander:
             kind = "accepted" if answer.accepted else "refused"
             link = ", but " if answer.accepted else ": "
             reason = f"{link}{answer.reason}" if answer.reason else ""
-            self._say(f"{text(order)}: {kind}{reason}", kind)
+            self._show(f"{text(order)}: {kind}{reason}", kind)
 
         if self._commands is not None:
-            self._say(f"{text(order)} ...", "asked")
+            self._show(f"{text(order)} ...", "asked")
             self._commands.ask(order, BY, answered, take=take)
 
-    def _say(self, words: str, kind: str) -> None:
-        self._said, self._until = Saying(words, kind), self._read() + SAID_FOR
+    def _show(self, words: str, kind: str) -> None:
+        self._message, self._until = Message(words, kind), self._read() + SHOWN_FOR

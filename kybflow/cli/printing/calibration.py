@@ -1,4 +1,4 @@
-"""What `kybflow calibrate` prints: what a walk corrects, each with its spread."""
+"""The output of `kybflow calibrate`: the corrections of a walk with their spreads."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _ADVICE = {
     "mount position": "tilt the body to all sides while it is known where it is",
     "mount attitude": "tilt the body to all sides while it is known where it is",
 }
-"""How to walk where a kind of correction is not told."""
-_UNKNOWN = "not told"
+"""How to walk for a kind of correction that is not observable."""
+_UNKNOWN = "not observable"
 _COLUMNS = f"{'now':>12}{'correction':>14}{'spread':>13}"
 _LIMITS = {
     "corners": (0.5, "is it this lens, and this `row_time`?"),
@@ -27,11 +27,11 @@ _LIMITS = {
     "reference position": (0.02, "are these the poses of this body on this walk?"),
     "reference attitude": (0.05, "are these the poses of this body on this walk?"),
 }
-"""Standard deviations above which something is wrong that isn't corrected, in the unit of their
-kind, and what that might be."""
+"""Standard deviations, in the unit of their kind, above which an uncorrected error is likely, and
+its likely cause."""
 _METRES = frozenset({"survey", "reference position"})
 _SURE = 4.0
-"""Standard deviations from what was believed beforehand, above which a correction is doubted."""
+"""Standard deviations of the prior above which a correction is doubtful."""
 _AMISS = {
     "focal": "is it this camera?",
     "centre": "is it this camera?",
@@ -42,8 +42,8 @@ _AMISS = {
 
 
 class _Row(NamedTuple):
-    """A correction, in `unit` with as many digits. is_told: whether the walk says more than was
-    believed before; kind: of what it is."""
+    """A correction, in `unit`. is_told: whether the walk improves on the prior. kind: of the
+    correction."""
 
     name: str
     value: float | None
@@ -64,21 +64,21 @@ class _Row(NamedTuple):
 
 
 def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator[str]:
-    """All that is found. read: how many frames were looked at, of how many."""
+    """Yield all corrections and doubts. read, total: the frames that were read, and all frames."""
     walk, adjusted = found.walk, found.adjusted
     seen, name = walk.seen, walk.camera.name
     yield f"frames: {len(walk.at)} of {read} show tags, out of {total}"
     yield f"tags: {len(walk.tags)}, {len(seen.frame)} corners, {adjusted.sigma['corners']:.2f} px"
     yield from _left_out(found)
     if found.ahead is not None:
-        yield f"clock: that of the poses is {found.ahead:+.3f} s from that of the frames"
+        yield f"clock: the poses' is {found.ahead:+.3f} s from the frames'"
     yield ""
     lens = list(_lens(found))
     yield f"{f'lens of `{name}`':<18}{_COLUMNS}"
     yield from map(str, lens)
     yield ""
     if walk.reference is None:
-        yield f"mount of `{name}`: frames alone don't tell it; say where the body was:"
+        yield f"mount of `{name}`: not observable from frames alone; give the body's poses:"
         yield "  --poses FILE (motion capture), or --standing (on its start in the first frame)"
     else:
         mount = list(_mount(found))
@@ -100,7 +100,7 @@ def _doubts(found: WalkCalibration) -> Iterator[str]:
             yield f"doubtful: {kind}, off by {spread:.2f} {unit}; {question}"
     for kind, columns in CORRECTIONS.items():
         if kind in _AMISS and (abs(found.adjusted.x[columns]) > _SURE * BELIEVED[kind]).any():
-            yield f"doubtful: {kind}, far from what was believed; {_AMISS[kind]}"
+            yield f"doubtful: {kind}, far from its prior; {_AMISS[kind]}"
 
 
 def _left_out(found: WalkCalibration) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What `kybflow library` prints: of what packages ship, of a file, and of a name."""
+"""The output of `kybflow library`: what packages ship, a file, or a name."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 
 _INSTALL = "setuptools installs none without `package-data`"
 _MOST_FILES = 200
-"""Files of a folder that are looked at."""
+"""The most files of a folder to search."""
 
 
 def list_shipped() -> str:
-    """Every library with what it offers, then every mission."""
+    """List every library with its entries, then every mission."""
     blocks = ["\n".join(_contents(one)) for one in libraries()]
     shipped = missions()
     rows = map(str.rstrip, columns([(one.name, one.summary) for one in shipped], indent="  "))
@@ -38,7 +38,7 @@ def list_shipped() -> str:
 
 
 def _contents(one: Shipped) -> Iterator[str]:
-    """The name of a file and what it offers, a line each."""
+    """Yield a line with a file's name, and a line for each kind of its entries."""
     yield f"{one.name}  {one.summary}".rstrip()
     entries = one.entries()
     by_section = grouped((s, f"{name}{_signature(entry.value)}") for s, name, entry in entries)
@@ -49,7 +49,7 @@ def _contents(one: Shipped) -> Iterator[str]:
 
 
 def _signature(node: Node) -> str:
-    """The parameters of a chain or a library in brackets, with their defaults; nothing where it has
+    """Return the parameters of a chain or library in brackets with their defaults, empty for
     none."""
     parameters = entries_of(node.get("parameters")) if isinstance(node, Mapping) else {}
     shown = []
@@ -61,8 +61,7 @@ def _signature(node: Node) -> str:
 
 
 def show_shipped(name: str) -> str | None:
-    """The text of the file called `name`, or of every entry of that name; None when there is
-    none."""
+    """Return the text of the file called `name`, or of every entry of that name; None for none."""
     for one in (*libraries(), *missions()):
         if name in (one.name, one.name.removeprefix(f"{OWN}/")):
             return f"# {one.path}\n{one.source.text}".rstrip()
@@ -76,7 +75,7 @@ def show_shipped(name: str) -> str | None:
 
 
 def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
-    """The lines of an entry; a block of YAML ends before what is indented as its key is."""
+    """Return the lines of an entry: a YAML block ends before the next line at its indentation."""
     key = entry.key.span
     first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]
     inside = list(itertools.takewhile(lambda line: line[: key.column].isspace() or not line, rest))
@@ -85,14 +84,12 @@ def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
 
 
 def known_names() -> list[str]:
-    """What can be shown by its name."""
     known = [one.name for one in (*libraries(), *missions())]
     return known + [own for one in libraries() for _, own, _ in one.entries()]
 
 
 def show_file(path: Path) -> str:
-    """What the file at `path` offers, and what each of its imports does. Raises KybflowError for
-    one that can't be read."""
+    """List the entries of the file at `path` and of its imports. Raises KybflowError."""
     one = read_file(str(path), path)
     if one.root is None:
         first = next(iter(one.source.found), None)
@@ -110,8 +107,8 @@ def show_file(path: Path) -> str:
 
 
 def show_import(name: str) -> str | None:
-    """What the library has that a mission here, or else one that is shipped, imports as `name`; or
-    one entry of it, `name.ENTRY`. None where no mission imports anything by that name."""
+    """List the library that a mission in the current folder, or a shipped one, imports as `name`,
+    or show its entry `name.ENTRY`. None where no mission has such an import."""
     alias, _, inner = name.partition(".")
     files = sorted(itertools.islice(Path().glob("*.yaml"), _MOST_FILES))
     here = (read_file(str(path), path) for path in files)

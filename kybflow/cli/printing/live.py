@@ -1,4 +1,4 @@
-"""What `kybflow run` shows on a terminal while it flies: a table that is redrawn in place."""
+"""The table of `kybflow run` on a terminal, redrawn in place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kybflow.cli.keys.offered import Offer
-from kybflow.cli.keys.terminal_commander import Saying, TerminalCommander
+from kybflow.cli.keys.terminal_commander import Message, TerminalCommander
 from kybflow.cli.output import grouped
 from kybflow.cli.printing.run import sentence
 from kybflow.core.geometry import distance
@@ -25,16 +25,16 @@ _LAST_EVENTS = 6
 _REDRAW = 0.1
 _HELD = {"pause": "paused", "brake": "braked", "pilot": "by pilot"}
 _FRAME, _LEAST_EVENTS = 6, 1
-"""Lines that the table has beside its vehicles, and events that stay in sight below the keys."""
+"""Lines of the table beside those of vehicles, and the fewest events below the keys."""
 _LEFT = ("vehicle", "behavior")
 _GAP, _LABEL = 3, 10
-"""Letters between two keys, and for the name of their group."""
+"""Letters between two keys, and of the column of group names."""
 _STYLES = {"asked": "bold yellow", "accepted": "green", "refused": "bold red"}
 
 
 class LivePanel:
-    """A table that is redrawn in place, with the keys of the terminal's commander and the last
-    events below it."""
+    """A table of the flight, with the keys of the terminal's commander and the last events
+    below."""
 
     def __init__(self, console: Console, commander: TerminalCommander | None = None) -> None:
         self._console, self.commander = console, commander
@@ -50,15 +50,15 @@ class LivePanel:
 
     def __exit__(self, *error: object) -> None:
         self._draw(refresh=False)
-        self._live.__exit__(None, None, None)  # which draws it
+        self._live.__exit__(None, None, None)  # draws it
 
-    def hear(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         self._events.append(sentence(event))
 
-    def look(self, engine: Engine) -> None:
-        """Hear the keys; redraw, ten times a second and after a key."""
+    def on_tick(self, engine: Engine) -> None:
+        """Handle pressed keys; redraw ten times a second and after a key."""
         self._engine = engine
-        pressed = self.commander is not None and self.commander.hear()
+        pressed = self.commander is not None and self.commander.read_keys()
         if pressed or time.monotonic() - self._drawn >= _REDRAW:
             self._draw()
 
@@ -81,18 +81,18 @@ class LivePanel:
         below = [*_below(engine)] if engine.flying else []
         keys: Iterator[Text] = iter(())
         if (person := self.commander) is not None:
-            person.look(engine.commander.situation(engine.clock.now, flying=engine.flying))
+            person.update(engine.commander.situation(engine.clock.now, flying=engine.flying))
             if person.offers:
                 lines = _FRAME + len(engine.vehicles) + len(below) + _LEAST_EVENTS
                 room = self._console.height - lines
-                keys = keys_drawn(person.offers, person.saying, self._console.width, room)
+                keys = keys_drawn(person.offers, person.message, self._console.width, room)
         cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
         events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
         return Group(table, *cut, *keys, *events)
 
 
 def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
-    """A vehicle: the state that it is in, what keeps it from going on, and its measures."""
+    """Return a vehicle's state, what holds it, and its measured values."""
     estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.wanted
     wanted, hold = setpoint.position if setpoint is not None else None, vehicle.runner.hold
     held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
@@ -107,7 +107,7 @@ def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
 
 
 def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
-    """How far the nearest other vehicle is, by the estimates, and which."""
+    """Return the distance to the nearest other vehicle by the estimates, and its name."""
     others = ((other.estimate, other.name) for other in vehicles if other is not vehicle)
     own = vehicle.estimate
     if own is None:
@@ -118,7 +118,7 @@ def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
 
 
 def _below(engine: Engine) -> Iterator[str]:
-    """The flows that are in a phase, then what vehicles wait for, each reason once."""
+    """Yield the phases of active flows, then what vehicles wait for."""
     running = (engine.flows.running(flow.name) for flow in engine.plan.flows)
     phases = [
         f"{one.plan.name} {one.phase.name} {(engine.clock.now - one.entered) / NS:.0f} s"
@@ -134,9 +134,9 @@ def _below(engine: Engine) -> Iterator[str]:
         yield f"waiting    {'; '.join(whom)}"
 
 
-def keys_drawn(offers: Sequence[Offer], saying: Saying, width: int, most: int) -> Iterator[Text]:
-    """At most `most` lines, each at most `width` letters wide: the offers by their groups, a line
-    ending between two, then what is said of the last key, in as many lines as that takes."""
+def keys_drawn(offers: Sequence[Offer], message: Message, width: int, most: int) -> Iterator[Text]:
+    """Yield at most `most` lines of `width` letters: the offers by group, then the message about
+    the last key."""
     groups = grouped((offer.group, offer) for offer in offers)
     lines: list[Text] = []
     for name, members in groups.items():
@@ -151,11 +151,11 @@ def keys_drawn(offers: Sequence[Offer], saying: Saying, width: int, most: int) -
                 line.append(" " * _GAP)
             line.append_text(Text("", style="not dim").append_text(shown))
         lines.append(line)
-    left = max(most - max(ceil(len(saying.text) / width), 1), 2)
+    left = max(most - max(ceil(len(message.text) / width), 1), 2)
     if len(lines) > left:
-        more = Text("more: `kybflow command state` says all that is legal", style="dim")
+        more = Text("more: see `kybflow command state`", style="dim")
         lines = [*lines[: left - 1], more]
     for line in lines:
         line.no_wrap, line.overflow = True, "ellipsis"
     yield from lines
-    yield Text(saying.text, style=_STYLES.get(saying.kind, ""), overflow="fold")
+    yield Text(message.text, style=_STYLES.get(message.kind, ""), overflow="fold")

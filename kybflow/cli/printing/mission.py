@@ -1,4 +1,4 @@
-"""What `kybflow show` prints: a mission in a few lines."""
+"""The output of `kybflow show`: a summary of a mission."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from kybflow.flight.loops.margins import in_words
 
 
 def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
-    """A mission in a few lines: its parameters, its vehicles with their states, then the rest."""
+    """Summarise a mission: its parameters, its vehicles with their states, then the rest."""
     lines = [f"{plan.mission}, on {plan.target}", *filter(None, [plan.summary])]
     if parameters:
         rows = [(name, shown_parameter(parameter)) for name, parameter in parameters.items()]
@@ -86,7 +86,7 @@ def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
 
 
 def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
-    """The gains of the position loop and the margins that they leave, where they are known."""
+    """Yield the gains and the stability margins of the position loop, where they are known."""
     driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
     inner = driver.cls.inner_loop(driver.params, airframe)
     outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
@@ -103,7 +103,7 @@ def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
 
 
 def _loosened(part: PartPlan) -> Iterator[str]:
-    """Each safety parameter of a part that is less strict than its default."""
+    """Yield the safety parameters of a part that are less strict than their defaults."""
     declaration: Any = type(part.params)
     for field in fields_of(declaration):
         own = getattr(part.params, field.name)
@@ -113,7 +113,7 @@ def _loosened(part: PartPlan) -> Iterator[str]:
 
 
 def _ways(transitions: Iterable[TransitionPlan]) -> str:
-    """Transitions in brackets, without those that the language adds."""
+    """Return the declared transitions in brackets."""
     ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in transitions if not way.implied)
     return f" ({ways})" if ways else ""
 
@@ -145,8 +145,8 @@ def _input(own: InputPlan) -> str:
 
 
 def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list[str]]:
-    """The heading of a flow, and a line for each phase: the states, options and vehicles that it
-    sets, and its transitions."""
+    """Return the heading of a flow, and a line for each phase: the states, options and vehicles
+    that it sets, and its transitions."""
     rows, names = [], {of: name for name, of in groups.items()}
     for name, phase in flow.phases.items():
         states = grouped(
@@ -163,13 +163,13 @@ def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list
 
 
 def _goal(state: str, values: Values) -> str:
-    """A state, and the values (SI) that it is entered with."""
+    """Return a state with its entry values (SI)."""
     shown = ", ".join(f"{name} {_number(value)}" for name, value in values)
     return f"{state} with {shown}" if shown else state
 
 
 def _number(value: Any) -> str:
-    """A value (SI) without the digits that nobody reads."""
+    """Format a value (SI) with four significant digits."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(_number, value))}]"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
@@ -187,27 +187,27 @@ def _callback(callback: CallbackPlan) -> str:
 
 
 def _action(action: ActionPlan) -> str:
-    said = ""
+    words = ""
     match action:
         case Switch(vehicle, state, values):
-            said = f"switch {vehicle} to {_goal(state, values)}"
+            words = f"switch {vehicle} to {_goal(state, values)}"
         case Enable(vehicle, label, on):
-            said = f"{'enable' if on else 'disable'} {label} of {vehicle}"
+            words = f"{'enable' if on else 'disable'} {label} of {vehicle}"
         case Perform(vehicle, act):
-            said = f"let {vehicle} perform {act}"
+            words = f"let {vehicle} perform {act}"
         case SetOption(option, value):
-            said = f"set {option} to {_number(value)}"
+            words = f"set {option} to {_number(value)}"
         case Emit(name):
-            said = f"emit {name}"
+            words = f"emit {name}"
         case EnterPhase(flow, phase):
-            said = f"enter {phase} of {flow}"
+            words = f"enter {phase} of {flow}"
         case LogText(text):
-            said = f"log `{text}`"
+            words = f"log `{text}`"
         case Call(part):
-            said = f"call {part.name}"
+            words = f"call {part.name}"
         case Stop(reason):
-            said = f"stop: {reason}"
-    return said
+            words = f"stop: {reason}"
+    return words
 
 
 def _fault(fault: FaultPlan) -> str:

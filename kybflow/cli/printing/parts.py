@@ -17,11 +17,11 @@ from kybflow.parts.event_table import event_table
 from kybflow.world.vehicle_context import Airframe
 
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
-"""The kinds whose parameters stay what they are when a run begins."""
+"""The kinds whose parameters can't change during a run."""
 
 
 def list_parts(catalog: Catalog) -> str:
-    """Every part by kind, each with its summary."""
+    """List every part by kind, with its summary."""
     blocks = []
     for kind in catalog.kinds():
         if specs := [catalog.get(kind, name) for name in catalog.names(kind)]:
@@ -31,7 +31,7 @@ def list_parts(catalog: Catalog) -> str:
 
 
 def show_part(catalog: Catalog, name: str) -> str:
-    """The documentation of every part called `name`; empty when there is none."""
+    """Return the documentation of every part called `name`, empty for none."""
     kinds = [kind for kind in catalog.kinds() if name in catalog.names(kind)]
     return "\n\n".join("\n".join(_part(catalog.get(kind, name))) for kind in kinds)
 
@@ -54,8 +54,8 @@ def _cells(field: Field) -> tuple[str, str, str, str, str]:
 
 
 def page() -> str:
-    """`docs/parts.md`: kybflow's own parts. Those of installed packages are left out, so that the
-    page is the same on every machine. What it says beside them stands in `parts.md`."""
+    """Return `docs/parts.md` from the template `parts.md`. It has only kybflow's own parts, so that
+    the page is the same on every machine."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     catalog = own_catalog()
@@ -77,7 +77,7 @@ def page() -> str:
 
 
 def _types() -> Iterator[tuple[str, ...]]:
-    """The types that carry a unit: what each is, its name, its values, units and an example."""
+    """Yield the dimension, name, values, units and an example of each type with a unit."""
     shapes = {float: "a number", Vec3: "`[x, y, z]`", tuple[Vec3, ...]: "`[[x, y, z], ...]`"}
     for name, hint in vars(units).items():
         if get_origin(hint) is Annotated:
@@ -99,7 +99,7 @@ def _in_flight(field: Field) -> str:
 
 
 def _facts(spec: PartSpec) -> Iterator[str]:
-    """The facts that the class declares beside its parameters."""
+    """Yield the facts that the class declares beside its parameters."""
     cls: Any = spec.cls
     if spec.kind == "behaviors":
         yield ", ".join(f"{leg.start.value} → {leg.end.value}" for leg in cls.flight)
@@ -138,7 +138,7 @@ def _kinds(kinds: Iterable[MeasurementKind]) -> str:
 
 
 def _values(members: Iterable[Enum]) -> str:
-    """The members' values, in the order of their declaration."""
+    """Return the members' values in the order of their declaration."""
     kept = set(members)
     found = [member for kind in {type(m): None for m in kept} for member in kind if member in kept]
     return ", ".join(str(member.value).replace("_", " and ") for member in found)

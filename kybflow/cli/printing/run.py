@@ -1,4 +1,4 @@
-"""What `kybflow run` prints: events as lines, then the outcome."""
+"""The output of `kybflow run`: events as lines, then the outcome."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _QUIET_FIELDS = frozenset({"behavior", "part"})
 
 
 def sentence(event: Event) -> str:
-    """One event as a line, `  3.24 s  mk     behavior_started up (take_off)`, and below it the
-    table that its fields carry. Why the run ended stands in the outcome that follows."""
+    """Format an event as a line, `  3.24 s  mk     behavior_started up (take_off)`, with the tables
+    of its fields below. The outcome has the reason of the run's end."""
     fields = dict(event.fields)
     words = [event.name]
     if "behavior" in fields:
@@ -39,7 +39,7 @@ def _short(value: object) -> str:
 
 
 def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
-    """The lines that follow a run. has_pace: whether its clock could run faster than real time."""
+    """Yield the lines after a run. has_pace: whether its clock may differ from real time."""
     summary = flown.summary
     for expectation in summary["expectations"]:
         mark = "held  " if expectation["held"] else "FAILED"
@@ -47,11 +47,11 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
         yield f"{mark}  {expectation['text']}{measured}"
     for seconds, name in flown.never_given:
-        yield f"`{name}` at {seconds:g} s was never given: the run had ended"
+        yield f"`{name}` at {seconds:g} s was never given: the run ended before"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     yield f"{summary['mission']} {summary['outcome']}{reason}"
     pace, factor = "", summary["real_time_factor"]
-    if has_pace and factor is not None:  # a slow one with one significant digit
+    if has_pace and factor is not None:  # one significant digit below 1
         pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
     yield (
         f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s{pace}, "

@@ -1,5 +1,5 @@
-"""What `kybflow test` prints: a progress bar in a terminal, a line for each failure, a table of the
-missions, and what no run has taken."""
+"""The output of `kybflow test`: a progress bar on a terminal, the failures, a table of the
+missions, and the states and transitions that no flight has taken."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from kybflow.campaigns.coverage import Coverage
 
 @contextmanager
 def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
-    """The progress of a session as a bar on a terminal. Gives what is called after each flight, and
-    prints one that failed, also where there is no bar."""
+    """Show a progress bar on a terminal. Yields the function to call after each flight, which
+    prints failures, also where there is no bar."""
 
-    def say(text: str) -> None:
+    def show(text: str) -> None:
         console.print(text, markup=False, soft_wrap=True)
 
     def done(result: FlightResult) -> None:
         bar.advance(task)
         if result.passed:
             return
-        say(f"{result.verdict.upper()}  {result.case.name}")
+        show(f"{result.verdict.upper()}  {result.case.name}")
         for reason in result.reason:
-            say("    " + reason.replace("\n", "\n    "))
+            show("    " + reason.replace("\n", "\n    "))
         if result.folder is not None:
-            say(f"    kept in {result.folder}")
+            show(f"    kept in {result.folder}")
 
     shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(
@@ -45,7 +45,7 @@ def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], 
 def show_table(
     console: Console, results: Sequence[FlightResult], coverage: dict[Path, Coverage]
 ) -> None:
-    """A line a mission: how many flights passed, how much of it they took; then what none took."""
+    """Print the passed flights and the coverage of each mission, then what no flight has taken."""
     table = Table(box=None, pad_edge=False)
     for heading in ("mission", "passed", "states and transitions taken"):
         table.add_column(heading, overflow="fold")

@@ -64,7 +64,7 @@ def test_a_mission_that_waits_is_let_go_and_landed(run) -> None:
         (1.3, sees),
         (6.0, lambda engine: person.press(engine, "land")),
     )
-    assert saw == ["emit operator.go? Enter gives it, Esc leaves it", "emit operator.go: accepted"]
+    assert saw == ["emit operator.go? Enter gives it, Esc cancels", "emit operator.go: accepted"]
     assert given(told) == [("terminal", "emit operator.go"), ("terminal", "land")]
     assert path(told, "a") == ["idle", "up", "hold", "auto_land", "landed"]
     assert not person.keys.is_open
@@ -80,8 +80,8 @@ def test_only_pause_and_land_act_without_enter(run) -> None:
     def chooses_and_leaves(engine):
         person.press(engine, "stop")
         person.keys.typed = b"\x1b"
-        person.commander.hear()
-        person.commander.hear()
+        person.commander.read_keys()
+        person.commander.read_keys()
         assert person.says() == ""
         person.press(engine, "enter")
         person.press(engine, "stop")
@@ -115,8 +115,8 @@ def test_a_key_that_means_nothing_is_told(run) -> None:
     def presses(engine):
         person.see(engine)
         person.keys.typed = b"Z"
-        person.commander.hear()
-        assert person.says() == "`Z` is no key now"
+        person.commander.read_keys()
+        assert person.says() == "`Z` has no command now"
 
     stop = (1.0, lambda engine: person.press(engine, "stop", "enter"))
     assert given(flown(run, person, (0.5, presses), stop)) == [("terminal", "stop")]
@@ -138,7 +138,7 @@ def test_the_lease_of_another_is_taken_as_the_choice_says(run) -> None:
         (3.0, lambda engine: person.press(engine, "land")),
         others=(Asked(0.5, "resume", "anna"), Asked(2.0, "switch a down", "anna")),
     )
-    assert saw == ["emit operator.go? Enter gives it and takes the lease from anna, Esc leaves it"]
+    assert saw == ["emit operator.go? Enter gives it and takes the lease from anna, Esc cancels"]
     [taken] = named(told, "lease_taken")
     assert taken.fields == {"by": "terminal", "previous": "anna"}
     refused = [e.fields["reason"] for e in named(told, "command_given") if "reason" in e.fields]

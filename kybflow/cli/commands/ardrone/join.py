@@ -12,16 +12,16 @@ from kybflow.core.exit_codes import DRIVER_FAILED
 
 
 def command(
-    ssid: Annotated[str, Option(help="The network to join; an open one, without WPA.")],
-    address: Annotated[str, Option(help="The address that the drone is to have there.")],
+    ssid: Annotated[str, Option(help="The network to join, without WPA.")],
+    address: Annotated[str, Option(help="The drone's address in that network.")],
     netmask: Annotated[str, Option(help="The network's mask.")] = "255.255.255.0",
-    drone: Annotated[str, Option(help="Where the drone is now.")] = "192.168.1.1",
-    write: Annotated[bool, Option("--write", help="Do it; else it is only shown.")] = False,
+    drone: Annotated[str, Option(help="The drone's present address.")] = "192.168.1.1",
+    write: Annotated[bool, Option("--write", help="Do it; by default it is only shown.")] = False,
 ) -> None:
-    """Take a drone from its own network into another, over its telnet shell.
+    """Move a drone from its own network into another, over its telnet shell.
 
-    It stays there until it is switched off. Join the drone's own network first; shown is what is
-    done there, and nothing is done without --write.
+    The drone stays there until it is switched off. Join the drone's own network first. Without
+    --write the command only prints what it would send.
 
     \b
     Examples:

@@ -1,3 +1,3 @@
-"""Stand in for something that isn't there."""
+"""Emulate vehicles for any client."""
 
 COMMANDS = ("ardrone", "autopilot")

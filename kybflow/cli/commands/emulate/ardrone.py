@@ -1,4 +1,4 @@
-"""`kybflow emulate ardrone`: AR.Drones on simulated vehicles, for any client."""
+"""`kybflow emulate ardrone`."""
 
 from __future__ import annotations
 
@@ -26,11 +26,13 @@ def command(
     *,
     mission: Mission = None,
     count: Count = 1,
-    host: Annotated[str, Option(help="The loopback address of the first.")] = "127.0.0.2",
-    latency: Annotated[float, Option(min=0.0, max=1.0, help="Of a datagram, seconds.")] = 0.0,
-    jitter: Annotated[float, Option(min=0.0, max=1.0, help="How much it differs at most.")] = 0.0,
-    loss: Annotated[float, Option(min=0.0, max=0.9, help="The share that is lost.")] = 0.0,
-    video: Annotated[bool, Option("--video", help="Send what their cameras see.")] = False,
+    host: Annotated[str, Option(help="The first drone's loopback address.")] = "127.0.0.2",
+    latency: Annotated[float, Option(min=0.0, max=1.0, help="Delay of a datagram, seconds.")] = 0.0,
+    jitter: Annotated[
+        float, Option(min=0.0, max=1.0, help="Largest variation of the delay, seconds.")
+    ] = 0.0,
+    loss: Annotated[float, Option(min=0.0, max=0.9, help="Share of lost datagrams.")] = 0.0,
+    video: Annotated[bool, Option("--video", help="Send camera images.")] = False,
     fail: Annotated[
         list[str],
         fails("silent, deaf, drop, battery, cutout, heal"),
@@ -40,10 +42,10 @@ def command(
 ) -> None:
     """Emulate AR.Drones 2.0 on simulated vehicles until Ctrl-C.
 
-    Commands at UDP 5556, navigation data at UDP 5554, the configuration at TCP 5559, video at TCP
-    5555, each drone on a loopback address of its own, the next after that of the one before: any
-    client flies them that can be given an address. With --video each sends what its airframe's
-    camera `front` or `down` sees, to who connects for it.
+    Each drone has its own loopback address, one after the other, with commands at UDP 5556,
+    navigation data at UDP 5554, the configuration at TCP 5559 and video at TCP 5555. Any client
+    that accepts an address can fly them. With --video each drone sends the images of its airframe's
+    camera `front` or `down`.
 
     \b
     Examples:
@@ -56,10 +58,10 @@ def command(
     from kybflow.drivers.emulated_ardrone.onboard.drone import DroneFailures
     from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
 
-    def told(name: str, where: str) -> None:
-        echo(f"{name} (AR.Drone) speaks at {where}; Ctrl-C ends it")
+    def started(name: str, where: str) -> None:
+        echo(f"{name} (AR.Drone) is at {where}; Ctrl-C ends it")
 
-    def told_phase(name: str, seconds: float, phase: str) -> None:
+    def show_phase(name: str, seconds: float, phase: str) -> None:
         echo(f"{seconds:.1f} s: {name} is {phase}")
         sys.stdout.flush()
 
@@ -68,11 +70,11 @@ def command(
     radio = Radio(latency, jitter, loss)
     with (
         failing(DRIVER_FAILED, DriverError),
-        drones(seats, radio, host, seed, told, video=video) as fleet,
+        drones(seats, radio, host, seed, started, video=video) as fleet,
     ):
         names = [seat.context.vehicle for seat in seats]
         for name, member in zip(names, fleet.members, strict=True):
-            member.onboard.on_phase = partial(told_phase, name)
+            member.onboard.on_phase = partial(show_phase, name)
         served(fleet, breaks, speed)
         for name, member in zip(names, fleet.members, strict=True):
             if ignored := member.onboard.drone.ignored:

@@ -1,4 +1,4 @@
-"""`kybflow emulate autopilot`: autopilots on simulated vehicles, for any client of theirs."""
+"""`kybflow emulate autopilot`."""
 
 from __future__ import annotations
 
@@ -35,25 +35,27 @@ class AutopilotParameter(NamedTuple):
 
 
 def setting(text: str) -> AutopilotParameter:
-    """The parameter of `NAME=VALUE`."""
+    """Parse `NAME=VALUE`."""
     name, _, value = text.partition("=")
     try:
         return AutopilotParameter(name.strip(), float(value))
     except ValueError:
-        raise BadParameter(f"`{text}` is not NAME=VALUE, with a number") from None
+        raise BadParameter(f"`{text}` is not NAME=VALUE with a number") from None
 
 
 def command(
     *,
-    vehicle: Annotated[Firmware, Option(help="Whose firmware is emulated.")],
+    vehicle: Annotated[Firmware, Option(help="The firmware to emulate.")],
     mission: Mission = None,
     airframe: Annotated[
-        str, Option(help="An airframe of the standard library, where there is no mission.")
+        str, Option(help="An airframe of the standard library, without a mission.")
     ] = "mk_quadro",
     count: Count = 1,
-    address: Annotated[list[str], repeated("--address", help="Where it speaks; can be repeated.")],
-    system: Annotated[int, Option(min=1, max=200, help="System id of the first.")] = 1,
-    gps: Annotated[bool, Option(help="Whether it has GPS and is as the firmware comes.")] = True,
+    address: Annotated[list[str], repeated("--address", help="Its address; can be repeated.")],
+    system: Annotated[int, Option(min=1, max=200, help="The first system id.")] = 1,
+    gps: Annotated[
+        bool, Option(help="Whether it has GPS and the firmware's default setup.")
+    ] = True,
     param: Annotated[
         list[AutopilotParameter],
         repeated(
@@ -73,14 +75,13 @@ def command(
 ) -> None:
     """Emulate autopilots on simulated vehicles until Ctrl-C.
 
-    MAVLink 2 on the addresses at which the firmware's own simulator is found: any client can arm,
-    take off, fly by set-points, land. It is made for tests and dry runs; only the firmware itself
-    shows what the firmware does.
+    Any MAVLink 2 client can arm them, take off, fly by setpoints and land. The emulator is for
+    tests and dry runs; it doesn't replace tests with the firmware itself.
 
-    An address is `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`; by default it speaks
-    as the firmware's own simulator does. Of several vehicles each listens 10 ports above the one
-    before. With --no-gps it is set up for flight indoors, and its position comes from the client,
-    as `kybflow run --target px4` wants it.
+    An address is `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`; the default is that of
+    the firmware's own simulator. Each further vehicle listens 10 ports above the previous one. With
+    --no-gps an autopilot is set up for flight indoors with positions from the client, as for
+    `kybflow run --target px4`.
 
     \b
     Examples:
@@ -95,9 +96,8 @@ def command(
     from kybflow.drivers.mavlink.protocol.signing import read_key
     from kybflow.drivers.mavlink.transport.address import read_address
 
-    def told(name: str, number: int, places: list[str]) -> None:
-        where = ", ".join(places)
-        echo(f"{name} ({vehicle}, system {number}) speaks at {where}; Ctrl-C ends it")
+    def started(name: str, number: int, addresses: list[str]) -> None:
+        echo(f"{name} ({vehicle}, system {number}) is at {', '.join(addresses)}; Ctrl-C ends it")
 
     breaks = breaks_of(fail, AutopilotFailures)
     with refusing("--key", DriverError):
@@ -110,5 +110,5 @@ def command(
         from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
 
         setup = SetupPlan(vehicle, not gps, not gps, own_system, dict(param))
-        with autopilots(seats, setup, Wires(address, system, secret), seed, told) as fleet:
+        with autopilots(seats, setup, Wires(address, system, secret), seed, started) as fleet:
             served(fleet, breaks, speed)

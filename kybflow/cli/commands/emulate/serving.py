@@ -1,4 +1,4 @@
-"""Which vehicles are emulated, and serving them in the wall's time."""
+"""The options of emulators, and the loop that serves them."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ if TYPE_CHECKING:
     from kybflow.drivers.emulation.fleet import Fleet
     from kybflow.parts import Seat
 
-Mission = Annotated[Path | None, Option(help="A mission whose vehicles and obstacles are taken.")]
-Count = Annotated[int, Option(min=1, max=50, help="How many, where there is no mission.")]
+Mission = Annotated[Path | None, Option(help="A mission with the vehicles and obstacles.")]
+Count = Annotated[int, Option(min=1, max=50, help="The number of vehicles without a mission.")]
 Pace = Annotated[float, Option(min=0.01, max=100.0, help="Pace: 2 is twice as fast as real time.")]
 
 
 def fails(names: str) -> Any:
-    """The option `--fail`. names: of what can fail."""
-    told = f"What fails, and when: {names}."
-    return repeated("--fail", metavar="NAME[=VALUE][@SECONDS]", help=told)
+    """Return the option `--fail`. names: of the failures."""
+    return repeated("--fail", metavar="NAME[=VALUE][@SECONDS]", help=f"A failure: {names}.")
 
 
 def breaks_of(given: list[str], kind: type[Failures]) -> list[Break]:
-    """What `--fail` says. kind: the failures that the emulator knows."""
+    """Parse `--fail`. kind: the failures of the emulator."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.emulation.breaking import read_break
 
@@ -40,24 +39,24 @@ def breaks_of(given: list[str], kind: type[Failures]) -> list[Break]:
 
 
 def seats_for(mission: Path | None, driver: str, airframe: str, count: int) -> list[Seat]:
-    """The vehicles of a mission, or `count` of one kind."""
+    """Return the vehicles of a mission, or `count` vehicles of an airframe."""
     from kybflow.api.emulation import plan_of, seats_of
 
     plan = plan_of(airframe, count) if mission is None else compiled(mission)[0]
     if plan is None:
-        raise wrong("--airframe", "the standard library has no such airframe")
+        raise wrong("--airframe", f"the standard library has no airframe `{airframe}`")
     return seats_of(plan, driver)
 
 
 def served(fleet: Fleet[Any], breaks: Sequence[Break], speed: float) -> None:
-    """Go on in the wall's time until Ctrl-C."""
+    """Serve the fleet until Ctrl-C."""
     from kybflow.api.emulation import serve
     from kybflow.core.signals import NS
 
-    def tell(failure: Break, now: Time) -> None:
+    def began(failure: Break, now: Time) -> None:
         echo(f"{now / NS:.1f} s: {failure}")
         sys.stdout.flush()
 
     sys.stdout.flush()
     with suppress(KeyboardInterrupt):
-        serve(fleet, breaks, speed, tell)
+        serve(fleet, breaks, speed, began)

@@ -1,3 +1,3 @@
-"""Meet an autopilot: hear it, and set its parameters."""
+"""Find autopilots, and set their parameters."""
 
 COMMANDS = ("listen", "setup")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 LONGEST = 3600
 SHOWN = 3
-"""Of what an autopilot said, the newest."""
+"""The newest texts of an autopilot to print."""
 
 
 def command(
@@ -27,13 +27,13 @@ def command(
     own_system: meeting.OwnSystem = 245,
     key: meeting.Key = None,
 ) -> None:
-    """Say which autopilots are heard at an address.
+    """List the autopilots at an address.
 
     \b
     Exit codes:
-    0: at least one is heard.
+    0: there is an autopilot.
     2: the command line is invalid.
-    3: none is.
+    3: there is none.
 
     \b
     Examples:
@@ -44,16 +44,16 @@ def command(
 
     seconds = quantity(lasts, DURATION, "--for")
     if not 0.0 < seconds <= LONGEST:
-        raise wrong("--for", f"`{lasts}` is not within 0 s to {LONGEST} s")
+        raise wrong("--for", f"`{lasts}` is not between 0 s and {LONGEST} s")
     with meeting.meeting(address, None, own_system, key) as discovery:
         listen_to(discovery, meeting.ticks(), round(seconds * NS))
 
 
-def listen_to(discovery: Discovery, steps: Iterator[Time], patience: Time) -> None:
-    """Print a line for each autopilot that is heard. Raises DriverError where none is."""
-    discovery.watch(steps, patience)
+def listen_to(discovery: Discovery, steps: Iterator[Time], lasts: Time) -> None:
+    """Print a line for each autopilot. Raises DriverError where there is none."""
+    discovery.watch(steps, lasts)
     for system in discovery.found():
         status = discovery.statuses[system]
         echo(f"system {system}: {meeting.described(status)}")
-        for said in list(status.texts)[-SHOWN:]:
-            echo(f"    it says: {said.text}")
+        for newest in list(status.texts)[-SHOWN:]:
+            echo(f"    status text: {newest.text}")

@@ -1,4 +1,4 @@
-"""What the commands of `kybflow mavlink` share: whom they hear, and how that is told."""
+"""What the commands of `kybflow mavlink` share: options, discovery and descriptions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Key = Annotated[Path | None, Option(help="File with the secret of signed message
 
 
 def ticks() -> Iterator[Time]:
-    """The wall's time, waiting for each."""
+    """Yield the time of each tick in real time."""
     from kybflow.runtime.clock import WallClock
 
     clock = WallClock(RATE)
@@ -43,8 +43,8 @@ def meeting(
     key: Path | None,
     note: Callable[[], str] = str,
 ) -> Iterator[Discovery]:
-    """The discovery on the wire of that address; its failures end the command. note: what to add to
-    them."""
+    """Open the discovery at an address; its failures end the command. note: returns what to add to
+    their message."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.protocol.signing import read_key
     from kybflow.drivers.mavlink.transport.address import read_address
@@ -65,14 +65,12 @@ def meeting(
 
 
 def described(status: ReceivedStatus) -> str:
-    """Firmware, mode, and whether it is armed."""
+    """Describe an autopilot by firmware, mode and arming."""
     from kybflow.drivers.mavlink.firmware import firmware_by, profile_of
 
     name = firmware_by(status.autopilot)
     arming = "armed" if status.armed else "disarmed"
     if name is None:
-        return (
-            f"an autopilot that kybflow does not fly (MAV_AUTOPILOT {status.autopilot}), {arming}"
-        )
-    mode = "mode unheard" if status.mode is None else profile_of(name).mode_name(status.mode)
+        return f"an unsupported autopilot (MAV_AUTOPILOT {status.autopilot}), {arming}"
+    mode = "unknown mode" if status.mode is None else profile_of(name).mode_name(status.mode)
     return f"{name}, {mode}, {arming}"

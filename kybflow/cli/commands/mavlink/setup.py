@@ -26,25 +26,26 @@ else:
 
 
 def command(
-    vehicle: Annotated[Firmware, Option(help="Whose firmware it is.")],
-    address: Annotated[str | None, Option(help="Where it is; else where its simulator is.")] = None,
+    vehicle: Annotated[Firmware, Option(help="The firmware.")],
+    address: Annotated[str | None, Option(help="Its address; by default its simulator's.")] = None,
     system: Annotated[
-        int | None, Option(min=1, max=254, help="Its id, where there are several.")
+        int | None, Option(min=1, max=254, help="Its system id; by default the only one.")
     ] = None,
-    write: Annotated[bool, Option("--write", help="Write what is wrong and read it back.")] = False,
+    write: Annotated[
+        bool, Option("--write", help="Write wrong parameters and read them back.")
+    ] = False,
     simulator: Annotated[
-        bool, Option("--simulator", help="It is the firmware's simulator.")
+        bool, Option("--simulator", help="The autopilot is the firmware's simulator.")
     ] = False,
     own_system: meeting.OwnSystem = 245,
     key: meeting.Key = None,
 ) -> None:
-    """Look at the parameters that flight indoors without GPS needs; nothing is written without
-    --write.
+    """Check the parameters for flight indoors without GPS; --write corrects them.
 
     \b
     Exit codes:
-    0: all is right.
-    1: something is not.
+    0: all parameters are right.
+    1: a parameter is wrong.
     2: the command line is invalid.
     3: the autopilot can't be reached.
 
@@ -63,8 +64,8 @@ def command(
     def note() -> str:
         if address:
             return ""
-        others = "" if place == first else _heard(first, own_system, key)
-        return f"; without --address system {system or 1} is looked for there{others}"
+        others = "" if place == first else _systems_at(first, own_system, key)
+        return f"; that is the default address of system {system or 1}, see --address{others}"
 
     with meeting.meeting(place, system, own_system, key, note) as discovery:
         parameters = ParameterSetup(profile, own_system, simulator=simulator)
@@ -72,8 +73,8 @@ def command(
     raise Exit(0 if is_right else FAILED)
 
 
-def _heard(address: str, own_system: int, key: Path | None) -> str:
-    """Who is heard at another address, for one who looked in vain; empty where nobody is."""
+def _systems_at(address: str, own_system: int, key: Path | None) -> str:
+    """Return a hint at the systems at another address, empty where there are none."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.discovery import Discovery
     from kybflow.drivers.mavlink.protocol.signing import read_key
@@ -91,14 +92,14 @@ def _heard(address: str, own_system: int, key: Path | None) -> str:
 def set_up(
     discovery: Discovery, steps: Iterator[Time], setup: ParameterSetup, *, write: bool
 ) -> bool:
-    """Print the settings, written if that is asked; whether all is right. Raises DriverError where
-    the autopilot can't be reached."""
+    """Print the parameters, with `write` after a correction, and return whether all are right.
+    Raises DriverError where the autopilot can't be reached."""
     from kybflow.drivers.mavlink.firmware import firmware_by
 
     systems = discovery.find(steps)
     if len(systems) > 1:
         names = ", ".join(map(str, systems))
-        raise wrong("--system", f"systems {names} are heard: say which")
+        raise wrong("--system", f"there are systems {names}; name one of them")
     system = systems[0]
     status, name = discovery.statuses[system], setup.profile.name
     if firmware_by(status.autopilot) != name:
@@ -108,12 +109,12 @@ def set_up(
     written: dict[str, float] = {}
     if write:
         if discovery.statuses[system].armed:
-            echo("error: it is armed: nothing is written; disarm it first", err=True)
+            echo("error: nothing is written to an armed autopilot; disarm it first", err=True)
             return False
         written = setup.wrong(parameters.values)
         discovery.settle(system, setup.profile, steps, setup.names, written)
     rows = setup.rows(parameters, written)
-    head = ("parameter", "has", "needs", "", "why")
+    head = ("parameter", "has", "needs", "", "reason")
     echo("\n".join((*columns([head, *map(_cells, rows)]), "")))
     for line in verdict(rows, dangers := setup.dangers(parameters.values), written=write):
         echo(line)
@@ -121,7 +122,7 @@ def set_up(
 
 
 def _cells(row: ParameterRow) -> tuple[str, ...]:
-    """Parameter, what it is, what it should be, how it stands, why."""
+    """Return the parameter, its value, the needed value, its status and the reason."""
     has, why = "-", row.setting.why
     if row.found is not None:
         has, why = f"{row.found:g}", row.setting.does(row.found)
@@ -132,20 +133,20 @@ def _cells(row: ParameterRow) -> tuple[str, ...]:
 def verdict(
     rows: Sequence[ParameterRow], dangers: Sequence[str], *, written: bool
 ) -> Iterator[str]:
-    """What is left to do, a line each."""
+    """Yield what is left to do."""
     names = grouped((row.state, row.setting.name) for row in rows)
     yield from (f"DANGER: {danger}" for danger in dangers)
     if missing := names.get("MISSING"):
         yield (
-            f"missing: {', '.join(missing)}. Many parameters only appear once what they belong to"
-            " is switched on and the autopilot has started anew: do that and look again; this"
-            " firmware may also have them under other names"
+            f"missing: {', '.join(missing)}. Many parameters appear only after their feature is"
+            " enabled and the autopilot restarted; do that and check again. This firmware may also"
+            " have other names for them"
         )
     if refused := names.get("REFUSED"):
-        yield f"refused: {', '.join(refused)}. Set them with the ground station, and look again"
+        yield f"refused: {', '.join(refused)}. Set them with the ground station and check again"
     if not written and "WRONG" in names:
-        yield f"{len(names['WRONG'])} to write: the same command with --write"
+        yield f"{len(names['WRONG'])} to write: repeat the command with --write"
     if restart := [r.setting.name for r in rows if r.state == "written" and r.setting.restart]:
-        yield f"start the autopilot anew before it flies: {', '.join(restart)} count only then"
+        yield f"restart the autopilot before it flies, for {', '.join(restart)}"
     if not dangers and all(row.is_right for row in rows):
-        yield "all is right"
+        yield "all parameters are right"

@@ -8,7 +8,7 @@ import numpy
 import pytest
 from recorded_run import write_run
 
-from kybflow.recording.recorded_poses import read_recorded_poses
+from kybflow.api.calibration import read_recorded_poses
 from kybflow.recording.run_folder import LOG, RunFolderError
 
 
