@@ -170,7 +170,7 @@ def test_hardware_brings_nothing_and_takes_no_simulated_sensor(tmp_path: Path) -
     given = f"{{all: {{driver: bench}}, a: {{sensors: {{tag_camera: {SIMULATED}}}}}}}"
     plan, found = compiled(tmp_path, given, "lab")
     assert plan is None
-    assert found == ["KYB392 `simulated_camera` watches simulated vehicles only"]
+    assert found == ["KYB392 `simulated_camera` observes only simulated vehicles"]
 
 
 def test_a_sensor_of_another_target_that_is_not_installed_is_a_warning(tmp_path: Path) -> None:

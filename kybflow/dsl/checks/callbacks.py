@@ -174,7 +174,7 @@ def _placeholders(
     try:
         parsed = list(Formatter().parse(text.text))
     except ValueError:
-        message, hint = "a brace has no partner", "write `{{` to print a brace"
+        message, hint = "unmatched brace", "write `{{` to print a brace"
         yield Diagnostic("KYB238", message, text.span, help=hint)
         return
     behind = 0

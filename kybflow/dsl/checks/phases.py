@@ -178,8 +178,8 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
                 if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
                         "KYB242",
-                        f"`{assignment.vehicle}` is requested for both `{before.goal.text}` and "
-                        f"`{assignment.goal.text}`",
+                        f"this phase requests both `{before.goal.text}` and "
+                        f"`{assignment.goal.text}` from `{assignment.vehicle}`",
                         assignment.who.span,
                         label="a second time",
                         notes=(f"first as `{before.who.text}`",),

@@ -314,7 +314,7 @@ def _shadowed(
         code,
         f"this transition of `{later.since or state.name}` is never taken",
         later.span,
-        label=f"the one to `{first.target}` always comes first",
+        label=f"the one to `{first.target}` is always taken first",
         notes=(f"{sooner} whenever this one could be taken",),
         help="write `within: null, otherwise: null` to remove it" if brought else way_out,
     )

@@ -57,9 +57,12 @@ def _finding(code: str, part: PartPlan, objection: Objection, severity: Severity
 
 
 def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
-    """KYB446: a supervisor that would land a vehicle by default only warns, no other supervisor of
-    its kind lands it, and nothing in the mission reacts: no transition or callback waits for its
-    event, and no condition reads the battery if the battery is what it watches (a warning)."""
+    """KYB446: a supervisor that would land a vehicle by default only warns, and nothing else reacts
+    to its alarm (a warning).
+
+    Another supervisor of the same kind that lands the vehicle is enough, and so is a transition or
+    a callback that waits for the event. For a battery supervisor, so is a condition on the battery.
+    """
     for vehicle in case.plan.vehicles:
         for part in vehicle.supervisors:
             alike = (other for other in vehicle.supervisors if other.name == part.name)

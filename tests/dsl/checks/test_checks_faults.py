@@ -66,8 +66,8 @@ def test_on_a_firmwares_simulator_our_side_can_be_broken_and_the_vehicle_not(tmp
     result = check_mission(path, catalog=HardwareCatalog(Firmware), target="lab")
     found = [(d.span.line, d.code, d.label) for d in result.diagnostics]
     why = (
-        "`a` flies on `bench`, which is another program's simulator: only what comes from it can be"
-        " broken here"
+        "`a` flies on `bench`, which is another program's simulator: only what kybflow receives"
+        " from it can be broken"
     )
     assert found == [(12, "KYB331", why), (14, "KYB331", why)]
 

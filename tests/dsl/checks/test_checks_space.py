@@ -27,7 +27,7 @@ def test_the_warning_is_told_once_and_keeps_nothing_on_the_ground(tmp_path: Path
     result = compile_mission(mission, catalog=load_catalog())
     [warning] = result.diagnostics
     assert (warning.code, warning.severity, warning.span.line) == ("KYB322", Severity.WARNING, 6)
-    assert warning.notes == ("nor `b`",)
+    assert warning.notes == ("the same is true of `b`",)
     assert result.plan is not None
     assert CliRunner().invoke(app, ["validate", str(mission)]).exit_code == 0
 
