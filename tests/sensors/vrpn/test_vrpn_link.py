@@ -256,7 +256,7 @@ def test_a_client_that_can_not_be_let_in_stops_nobody(
     def none(*_: object) -> None:
         raise OSError("Too many open files")
 
-    monkeypatch.setattr("kybflow.sensors.vrpn.server._Guest", none)
+    monkeypatch.setattr("kybflow.sensors.vrpn.server._ClientConnection", none)
     with socket.create_connection(place) as stream:
         stream.settimeout(HANGS)
         assert stream.recv(1) == b""
