@@ -115,8 +115,8 @@ class HapticLink(FeltLink):
             return None
         held = last.state.held | self._servo.pressed()
         x, y, z = (self._deflection(place) for place in last.state.position)
-        felt = scale(last.force, 1.0 / self._params.most)
-        axes = dict(zip((*AXES, *_FORCES), (x, y, z, 0.0, *felt), strict=True))
+        force = scale(last.force, 1.0 / self._params.most)
+        axes = dict(zip((*AXES, *_FORCES), (x, y, z, 0.0, *force), strict=True))
         return InputReading(now - max(0, self._now - last.at), axes, held)
 
     def trouble(self) -> str | None:

@@ -150,7 +150,7 @@ class CameraSensor(Sensor[CameraSensorParams]):
         if params.camera is not None:
             reason = f"the airframe has no camera `{params.camera}`; it has {known}"
             return Objection("camera", reason, did_you_mean(params.camera, cameras))
-        reason = f"`camera` must say which it is; the airframe has {known}"
+        reason = f"`camera` is missing; the airframe has {known}"
         return Objection("camera", reason, f"write `camera: {next(iter(cameras))}`")
 
     @classmethod

@@ -178,7 +178,7 @@ def _with_visible_payload(body: Truth, side: float) -> Truth:
     `LEGS`, since the room's floor is at z = 0."""
     if body.payload is None:
         return body
-    aboard = add(body.position, rotate(body.attitude, (0.0, 0.0, 0.5 * side - LEGS)))
-    if distance(body.payload, aboard) < _ON_BOARD:
+    on_board = add(body.position, rotate(body.attitude, (0.0, 0.0, 0.5 * side - LEGS)))
+    if distance(body.payload, on_board) < _ON_BOARD:
         return body._replace(payload=None)
     return body._replace(payload=add(body.payload, (0.0, 0.0, LEGS)))

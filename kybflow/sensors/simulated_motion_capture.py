@@ -101,13 +101,13 @@ class SimulatedPoses(Stream):
 
     def _take(self, now: Time, since: Time, body: Truth) -> None:
         """Queue every pose that is due by `now`, from the body's state at `since`."""
-        rate = self._params.rate
+        rate, at_rest = self._params.rate, body.velocity == body.angular_velocity == ZERO
         if self._count is None:
             self._count = ceil(now / NS * rate)
         while (at := round(self._count * NS / rate)) <= now:
             self._count += 1
             t = (at - since) / NS
-            if abs(t) <= _AHEAD or _stands(body):
+            if abs(t) <= _AHEAD or at_rest:
                 self._arriving.append(self._pose(at, t, body))
 
     def _pose(self, at: Time, t: float, body: Truth) -> Pose:
@@ -121,7 +121,3 @@ class SimulatedPoses(Stream):
     def _noise(self, deviation: float) -> Vec3:
         gauss = self._generator.gauss
         return (gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation))
-
-
-def _stands(body: Truth) -> bool:
-    return body.velocity == ZERO and body.angular_velocity == ZERO

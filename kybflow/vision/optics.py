@@ -45,7 +45,7 @@ class Optics:
     )  # fmt: skip
     focus: Length = param("Nearest distance that is in focus.", default=0.4, above=0.0)
     aperture: Length = param(
-        "Diameter of the lens's opening, by which what is nearer is blurred.",
+        "Diameter of the aperture, which blurs what is nearer than the focus.",
         default=0.0012, at_least=0.0, at_most=0.05,
     )  # fmt: skip
     covered: Ratio = param(

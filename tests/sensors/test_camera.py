@@ -105,7 +105,7 @@ def test_it_says_which_camera_it_can_not_be() -> None:
     assert CameraSensor.objection(CameraSensorParams(camera="front"), two) is None
     assert CameraSensor.objection(CameraSensorParams(), two) == Objection(
         "camera",
-        "`camera` must say which it is; the airframe has `down`, `front`",
+        "`camera` is missing; the airframe has `down`, `front`",
         "write `camera: down`",
     )
     assert CameraSensor.objection(CameraSensorParams(camera="dwon"), two) == Objection(

@@ -97,18 +97,14 @@ class Server:
         while not self._waker.ended.is_set():
             for key, events in self._selector.select():
                 if key.fileobj is self._listener:
-                    self._accept()
+                    with contextlib.suppress(OSError):  # the client has gone already
+                        self._add_client(self._listener.accept()[0], None)
                 elif key.fileobj is self._requests:
                     self._requested()
                 elif key.fileobj is self._waker.receiver:
                     self._waker.drain()
                 else:
                     self._serve_client(key.data, events)
-
-    def _accept(self) -> None:
-        with contextlib.suppress(OSError):  # gone again already
-            stream, _ = self._listener.accept()
-            self._add_client(stream, None)
 
     def _requested(self) -> None:
         """Connect to a client that requests it, at the sender's address, not the one in the
@@ -149,11 +145,11 @@ class Server:
         if not data:
             raise ConnectionResetError("left")
         is_connected = client.peer.is_connected
-        heard = client.peer.receive(data)
+        messages = client.peer.receive(data)
         if client.peer.is_connected and not is_connected:
             for body in self._bodies:
                 client.send(client.peer.introduce(body, POSE, PING, PONG, TEXT))
-        for sender, _, what in heard:
+        for sender, _, what in messages:
             if isinstance(what, SenderStatus) and what.kind == PING and sender in self._bodies:
                 client.send(client.peer.message(sender, PONG, self._clock()))
 

@@ -42,17 +42,13 @@ class WalkFrames(NamedTuple):
 def recorded(path: Path, camera: Camera, most: int) -> WalkFrames:
     """Return at most `most` frames of a video or folder. Raises CalibrationFailed if there are
     none, and DriverError if one doesn't have the camera's size."""
-    sharp = [_sharpness(frame.image) for frame in _frames(path, camera)]
+    sharp = [cv2.Laplacian(f.image, cv2.CV_32F).var() for f in _frames(path, camera)]
     if not sharp:
         raise CalibrationFailed(f"`{path}` has no frames")
     stretches = numpy.array_split(numpy.arange(len(sharp)), min(most, len(sharp)))
     best = {int(part[numpy.argmax([sharp[i] for i in part])]) for part in stretches}
     frames = [frame for i, frame in enumerate(_frames(path, camera)) if i in best]
     return WalkFrames(frames, len(sharp))
-
-
-def _sharpness(image: NDArray[Any]) -> float:
-    return float(cv2.Laplacian(image, cv2.CV_32F).var())
 
 
 def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:

@@ -127,7 +127,9 @@ def calibrated(
     elif known is not None:
         if shown[0] is not frames[0]:
             raise CalibrationFailed("the first frame shows less than two tags of the map")
-        walk = replace(walk, reference=_standing(known))
+        body, none = rotation(from_heading(known.heading))[None], numpy.zeros((1, 3))
+        place = numpy.array([known.position])
+        walk = replace(walk, reference=KnownPoses(numpy.array([0]), place, body, none, none))
     rough = adjust(walk, numpy.zeros(walk.size))
     walk = _searched(shown, walk, rough)
     if isinstance(known, RecordedTrack):
@@ -221,12 +223,6 @@ def _tracked(walk: Walk, track: RecordedTrack, times: Array, offset: float) -> W
     if not len(reference.frame):
         raise CalibrationFailed("the poses have gaps wherever a frame was taken")
     return replace(walk, reference=reference)
-
-
-def _standing(known: Standing) -> KnownPoses:
-    body = rotation(from_heading(known.heading))[None]
-    none = numpy.zeros((1, 3))
-    return KnownPoses(numpy.array([0]), numpy.array([known.position]), body, none, none)
 
 
 def _vec3(values: Array) -> Vec3:

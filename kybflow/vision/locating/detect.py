@@ -93,7 +93,8 @@ class WideSearch:
         `pose`. off: largest error of the prediction, pixels."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         found, corners = [], []
-        for i in _spread(len(chosen)):
+        spread = numpy.linspace(0, len(chosen) - 1, min(len(chosen), _TAGS))
+        for i in sorted({round(i) for i in spread}):
             tag, shape = chosen[i], shapes[i]
             outline = project(camera, *pose, shape.sides[:, 0])[0]
             size = float(numpy.linalg.norm(outline - numpy.roll(outline, 1, axis=0), axis=1).min())
@@ -104,11 +105,6 @@ class WideSearch:
                 found.append(tag)
                 corners.append(outline + shift)
         return TagView(camera, found, numpy.array(corners).reshape(-1, 4, 2))
-
-
-def _spread(n: int) -> list[int]:
-    """Return the indices of at most `_TAGS` of n items, evenly spread."""
-    return sorted({round(i) for i in numpy.linspace(0, n - 1, min(n, _TAGS))})
 
 
 def _best(

@@ -119,13 +119,11 @@ class Floor:
 
     def sheets(self, x: float, y: float, radius: float) -> list[Sheet]:
         """Return at least every tag whose centre is within `radius` of (x, y)."""
-        return [self._sheet(tag) for tag in self._tags.near(x, y, radius)]
-
-    def _sheet(self, tag: Tag) -> Sheet:
-        sheet = self._sheets.get(tag.key)
-        if sheet is None:
-            sheet = self._sheets[tag.key] = Sheet(tag, self._seed)
-        return sheet
+        near = list(self._tags.near(x, y, radius))
+        for tag in near:
+            if tag.key not in self._sheets:
+                self._sheets[tag.key] = Sheet(tag, self._seed)
+        return [self._sheets[tag.key] for tag in near]
 
     def image(self, places: Array, begin: Array) -> Array:
         """Return the grey levels of the bare floor at `places` (height, width, 2), metres, uint8.
