@@ -1,1 +1,1 @@
-"""Inputs: one part a file, and how what they say is written in rows. Opened by the API alone."""
+"""Inputs, one part a file, and the rows in which they are recorded. Only the API opens inputs."""

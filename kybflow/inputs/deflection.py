@@ -1,10 +1,10 @@
-"""How far a stick counts, from how far it is."""
+"""The dead zone and the expo curve of a stick."""
 
 from __future__ import annotations
 
 
 def beyond(value: float, zone: float, expo: float = 0.0) -> float:
-    """Return a deflection, -1 to 1, from the edge of its dead zone on, softened around it.
+    """Return a deflection, -1 to 1, measured from the edge of its dead zone, with an expo curve.
 
     s = (|v| - zone) / (1 - zone),    (1 - expo) s + expo s^3,    with the sign of v.
     """

@@ -1,26 +1,27 @@
-"""Steer with a gamepad or a joystick, whatever SDL knows of.
+"""Steer with a gamepad or a joystick that SDL supports.
 
-The sticks are as on a drone's transmitter of mode 2: the left one climbs and turns, the right one
-goes forward and sideways. Another map names for each axis where it comes from, with a minus where
-it is to be turned round: `x: -right_y`. Sources and buttons have the names of an Xbox controller
-(`left_x`, `left_y`, `right_x`, `right_y`, `left_trigger`, `right_trigger`; `a`, `b`, `x`, `y`,
-`back`, `guide`, `start`, `left_stick`, `right_stick`, `left_shoulder`, `right_shoulder`, `dpad_up`,
-`dpad_down`, `dpad_left`, `dpad_right`), wherever SDL knows the controller; a joystick that it
-doesn't know has `axis0`, `button0`, `hat_up` and so on.
+The default map is mode 2 of a drone's transmitter: the left stick climbs and turns, the right one
+moves forward and sideways. To change it, name the source of an axis, with a minus to invert it:
+`x: -right_y`. Sources and buttons of controllers that SDL knows have the names of an Xbox
+controller (`left_x`, `left_y`, `right_x`, `right_y`, `left_trigger`, `right_trigger`; `a`, `b`,
+`x`, `y`, `back`, `guide`, `start`, `left_stick`, `right_stick`, `left_shoulder`, `right_shoulder`,
+`dpad_up`, `dpad_down`, `dpad_left`, `dpad_right`). Those of other joysticks are `axis0`, `button0`,
+`hat_up` and so on.
 
-A deflection v counts from the edge of its dead zone d on, and softly around it by the expo e:
+A deflection v is measured from the edge of its dead zone d, with the expo e:
 
     s = (|v| - d) / (1 - d),    (1 - e) s + e s^3,    with the sign of v.
 
-`controllers` names a table of maps by controller, with calibration; `low`, `centre` and `high` are
-what the source says at its ends and at rest:
+`controllers` names a table with the map and calibration of each controller. `low`, `centre` and
+`high` are the source's values at its ends and at rest:
 
     controller, axis, source, low, centre, high
     Taranis, x, axis2, -0.92, 0.03, 0.95
     ...
 
-The first controller is used whose name contains `controller`. It may be plugged in and out at any
-time: while there is none, the input is lost. Needs `pip install 'kybflow[inputs]'`.
+The input uses the first controller whose name contains `controller`. Controllers may be plugged in
+and out at any time; while there is none, the input is lost. Requires `pip install
+'kybflow[inputs]'`.
 """
 
 from __future__ import annotations
@@ -52,12 +53,12 @@ _COLUMNS = {
     **dict.fromkeys(("low", "centre", "high"), NUMBER),
 }  # fmt: skip
 _KEPT = 256
-"""How many looks at held buttons are kept for whoever reads late."""
+"""Largest number of unread button presses."""
 _LIKE = "controller, axis, source, low, centre, high"
 
 
 class Calibration(NamedTuple):
-    """Where an axis comes from, and what that says at its ends and at rest."""
+    """The source of an axis, and the source's values at its ends and at rest."""
 
     source: str
     low: float = -1.0
@@ -65,7 +66,7 @@ class Calibration(NamedTuple):
     high: float = 1.0
 
     def scaled(self, raw: float) -> float:
-        """Return a raw value as one from -1 to 1."""
+        """Scale a raw value to -1 to 1."""
         span = self.high - self.centre if raw > self.centre else self.centre - self.low
         return max(-1.0, min(1.0, (raw - self.centre) / span))
 
@@ -92,19 +93,17 @@ def read_controllers(file: File) -> dict[str, dict[str, Calibration]]:
 
 @params
 class GamepadParams:
-    controller: str = param("Part of the controller's name; any without it.", default="")
-    x: str = param("Where forward comes from.", default="-right_y")
-    y: str = param("Where left comes from.", default="-right_x")
-    z: str = param("Where up comes from.", default="-left_y")
-    turn: str = param("Where turning counter-clockwise comes from.", default="-left_x")
+    controller: str = param("Part of the controller's name; empty for any.", default="")
+    x: str = param("Source of forward.", default="-right_y")
+    y: str = param("Source of left.", default="-right_x")
+    z: str = param("Source of up.", default="-left_y")
+    turn: str = param("Source of turning counterclockwise.", default="-left_x")
     dead_zone: Ratio = param(
-        "Deflection that counts as none.", default=0.08, at_least=0.0, at_most=0.5
+        "Deflection that counts as zero.", default=0.08, at_least=0.0, at_most=0.5
     )
-    expo: Number = param(
-        "How soft it is around the centre.", default=0.3, at_least=0.0, at_most=1.0
-    )
+    expo: Number = param("Softness around the centre.", default=0.3, at_least=0.0, at_most=1.0)
     controllers: File | None = param(
-        "A table of maps and calibrations by controller.", default=None, reads=read_controllers
+        "Table of maps and calibrations by controller.", default=None, reads=read_controllers
     )
 
 
@@ -130,7 +129,7 @@ class Gamepad(Input[GamepadParams]):
 
 
 class PadLink(InputLink):
-    """Gives what one controller says, as SDL's thread hands it over. Raises DriverError."""
+    """Reads one controller, from SDL's thread. Raises DriverError."""
 
     def __init__(self, params: GamepadParams) -> None:
         self._params = params
@@ -139,9 +138,9 @@ class PadLink(InputLink):
         self._reading: InputReading | None = None
         self._name = ""
         self._gone = False
-        sdl.listen(self._hear)
+        sdl.listen(self._receive)
 
-    def _hear(self, states: tuple[sdl.PadState, ...]) -> None:
+    def _receive(self, states: tuple[sdl.PadState, ...]) -> None:
         wanted = self._params.controller
         state = next((s for s in states if wanted.lower() in s.name.lower()), None)
         self._pressed.extend(() if state is None else state.held)
@@ -161,32 +160,25 @@ class PadLink(InputLink):
         return self._reading
 
     def _axes(self, state: sdl.PadState) -> dict[str, float]:
-        own = self._map(state.name)
-        zone, expo = self._params.dead_zone, self._params.expo
-        return {axis: beyond(_value(state, own[axis]), zone, expo) for axis in AXES}
-
-    def _map(self, name: str) -> dict[str, Calibration]:
-        p = self._params
-        usual = {axis: Calibration(getattr(p, axis)) for axis in AXES}
+        p, name = self._params, state.name.lower()
         tables = {} if p.controllers is None else read_controllers(p.controllers)
-        named = (table for part, table in tables.items() if part.lower() in name.lower())
-        return {**usual, **next(named, {})}
+        named = next((table for part, table in tables.items() if part.lower() in name), {})
+        maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
+        return {axis: beyond(_value(state, maps[axis]), p.dead_zone, p.expo) for axis in AXES}
 
     def trouble(self) -> str | None:
-        if self._gone:
-            return f"`{self._name}` is unplugged" if self._name else self._nothing()
-        return None
-
-    def _nothing(self) -> str:
+        if not self._gone:
+            return None
+        if self._name:
+            return f"`{self._name}` is unplugged"
         wanted = self._params.controller
-        which = f"no controller like `{wanted}`" if wanted else "no controller"
-        return f"{which} is plugged in"
+        return f"no controller {f'like `{wanted}` ' if wanted else ''}is plugged in"
 
     def close(self) -> None:
-        sdl.ignore(self._hear)
+        sdl.ignore(self._receive)
 
 
 def _value(state: sdl.PadState, own: Calibration) -> float:
-    """The value of an axis, zero where the device doesn't have it."""
+    """Return the value of an axis; zero if the device doesn't have it."""
     value = own.scaled(state.axes.get(own.source.removeprefix("-"), own.centre))
     return -value if own.source.startswith("-") else value

@@ -1,17 +1,17 @@
-"""Steer with a device that pushes back: the hand feels the vehicle and what is in its way.
+"""Steer with a haptic device, whose force shows how the vehicles follow and what is near them.
 
-The position of the hand, over `reach`, is the axes `x`, `y` and `z` (`turn` stays at zero); the
+The position of the hand over `reach` gives the axes `x`, `y` and `z` (`turn` stays at zero); the
 buttons are `button0` to `button3`. The force is
 
     f = force p - spring x - damping v,
 
-p being what the steered behavior lets the hand feel, the mean over all vehicles that it steers: how
-much slower or faster they are than asked, as a share of the speed, and the way out of what is near.
-It is no longer than `most`, and passive: the device gives out no more energy than the hand put in
-and 0.05 J (`kybflow.inputs.haptics`). All but the damping fades within 200 ms when all that it
-steers is held, the input is lost, or the tick says nothing. TeleKyb had f = -20 x - 5 v + 100 (mean
-velocity - asked / 5), with nothing that kept it passive. `force_x`, `force_y` and `force_z` tell
-the force as shares of `most`, as axes, so that the report shows it.
+where p comes from the steered behavior, as the mean over all steered vehicles: their velocity error
+as a fraction of the speed, and the direction away from what is near. The force is at most `most`,
+and passive: the device returns no more energy than the hand put in plus 0.05 J
+(`kybflow.inputs.haptics`). All but the damping fades within 200 ms when all steered vehicles are
+held, the input is lost, or the tick is late. TeleKyb used f = -20 x - 5 v + 100 (mean velocity -
+asked / 5), without passivity. The axes `force_x`, `force_y` and `force_z` are the force as
+fractions of `most`, for the report.
 
 `device: force_dimension` is an omega, delta, sigma or lambda (`pip install 'kybflow[haptics]'` and
 the maker's SDK); `simulated` is a hand that follows the script `hand`.
@@ -48,16 +48,16 @@ _FORCES = ("force_x", "force_y", "force_z")
 @params
 class HapticParams:
     device: Literal["force_dimension", "simulated"] = param(
-        "What the hand moves.", default="force_dimension", read_only=True
+        "The haptic device.", default="force_dimension", read_only=True
     )
     hand: File | None = param(
-        "Where the simulated hand goes.", default=None, read_only=True, reads=read_rows
+        "Script of the simulated hand.", default=None, read_only=True, reads=read_rows
     )
-    reach: Length = param("How far a full deflection is.", default=0.05, above=0.0)
+    reach: Length = param("Distance of a full deflection.", default=0.05, above=0.0)
     dead_zone: Ratio = param(
-        "Deflection that counts as none.", default=0.1, at_least=0.0, at_most=0.5
+        "Deflection that counts as zero.", default=0.1, at_least=0.0, at_most=0.5
     )
-    force: Force = param("Force of a whole mismatch.", default=4.0, at_least=0.0)
+    force: Force = param("Force of a mismatch of 1.", default=4.0, at_least=0.0)
     spring: Force = param("Force to the centre at `reach`.", default=2.0, at_least=0.0)
     damping: Force = param("Force against a hand of 1 m/s.", default=4.0, at_least=0.0)
     most: Force = param("Largest force.", default=8.0, above=0.0)
@@ -95,8 +95,8 @@ class Haptic(Input[HapticParams]):
 
 
 class HapticLink(FeltLink):
-    """Reads what a servo did last and hands over what the hand should feel. A simulated device's
-    servo is stepped here, up to the time of the tick; a real one has its own thread."""
+    """Reads the last sample of a servo and passes forces to it. Steps the servo of a simulated
+    device up to the tick's time; that of a real device has its own thread."""
 
     def __init__(self, params: HapticParams, device: HapticDevice, *, threaded: bool) -> None:
         self._params, self._device = params, device
@@ -106,28 +106,24 @@ class HapticLink(FeltLink):
         self._now: Time = 0
 
     def read(self, now: Time) -> InputReading | None:
-        if self._thread is None:
-            self._catch_up(now)
+        while self._thread is None and self._stepped + STEP <= now:
+            self._stepped += STEP
+            self._servo.step(self._stepped)
         self._now = now if self._thread is None else self._thread.now()
         last = self._servo.last
         if last is None:
             return None
         held = last.state.held | self._servo.pressed()
         x, y, z = (self._deflection(place) for place in last.state.position)
-        felt = scale(last.force, 1.0 / self._params.most)
-        axes = dict(zip((*AXES, *_FORCES), (x, y, z, 0.0, *felt), strict=True))
+        force = scale(last.force, 1.0 / self._params.most)
+        axes = dict(zip((*AXES, *_FORCES), (x, y, z, 0.0, *force), strict=True))
         return InputReading(now - max(0, self._now - last.at), axes, held)
-
-    def _catch_up(self, now: Time) -> None:
-        while self._stepped + STEP <= now:
-            self._stepped += STEP
-            self._servo.step(self._stepped)
 
     def trouble(self) -> str | None:
         return None if self._thread is None else self._thread.trouble
 
     def _deflection(self, place: float) -> float:
-        """What is no number stays none: the input is lost then."""
+        """Return the deflection; a value that is not finite stays so, and the input is lost."""
         if not isfinite(place):
             return place
         share = max(-1.0, min(1.0, place / self._params.reach))

@@ -1,23 +1,22 @@
-"""Devices that a hand moves and that push back: the interface, and what keeps their forces passive.
+"""Haptic devices: their interface, and an energy tank that keeps their forces passive.
 
-A force f that is held for a sample, while the hand moves by dx, gives it the energy f . dx. A tank
-with the energy E, which begins with `RESERVE` and never holds more than `MOST`, is charged with
-what the hand puts in and discharged by what it gets out:
+A force f gives the hand the energy f . dx while the hand moves by dx in a sample. A tank with the
+energy E, which starts at `RESERVE` and never exceeds `MOST`, gains what the hand puts in and loses
+what it takes out:
 
     E' = min(E - f . dx, MOST)
 
-A force is shortened so that even the fastest hand can't draw more than the tank has in the next
-sample, |f| v_max LATEST <= E. So whatever the force was to be, of a vehicle, a delay or a mistake,
-the device never gives out more energy than was put in and `RESERVE`, as long as the servo is never
-later than `LATEST`; what it gives beyond that is taken back. (J. Ryu, D.-S. Kwon, B. Hannaford,
-"Stable Teleoperation with Time-Domain Passivity Control", 2004, observe the energy in the same way,
-and take back afterwards what was too much.) An empty tank makes forces weak, not zero: what the
-hand does against them fills it again.
+The force is limited so that even the fastest hand can't take more than the tank's energy in the
+next sample, |f| v_max LATEST <= E. Whatever force is commanded, the device therefore never returns
+more energy than was put in plus `RESERVE`, if no sample of the servo is longer than `LATEST`; any
+excess is taken back. (J. Ryu, D.-S. Kwon, B. Hannaford, "Stable Teleoperation with Time-Domain
+Passivity Control", 2004, observe the energy likewise, and dissipate the excess afterwards.) An
+empty tank makes forces weak, not zero; moving against them refills it.
 
-The servo has its own time, so that a late tick neither holds a force nor draws energy. What a tick
-hands over holds for `HELD` and then fades in `FADE`, to damping alone.
+The servo has its own clock, so that a late tick neither holds a force nor draws energy. A command
+of the tick holds for `HELD` and then fades within `FADE` to damping alone.
 
-Metres, newtons and seconds along x forward, y to the left, z up, as a person at the device sees it.
+Metres, newtons and seconds; x forward, y left, z up, as seen by a person at the device.
 """
 
 from __future__ import annotations
@@ -36,42 +35,40 @@ from kybflow.flight.governor import shortened
 from kybflow.inputs.rows import InputRow
 
 RESERVE, MOST = 0.05, 0.5
-"""Joules in the tank at the beginning, and at most."""
+"""Initial and largest energy of the tank, joules."""
 FASTEST = 1.5
-"""What no hand exceeds, m/s."""
+"""Largest speed of a hand, m/s."""
 STEP: Time = NS // 500
 """How often the servo sets the force."""
 LATEST = 0.01
-"""Seconds between two forces of the servo, at most."""
+"""Longest sample of the servo, seconds."""
 HELD, FADE = 0.1, 0.1
-"""Seconds for which a force holds without a word of the tick, and in which it fades then."""
+"""Seconds for which a force holds without a new command, and in which it then fades."""
 _RETRY = 0.05
 _NAMES = tuple(f"button{i}" for i in range(4))
 
 
 class HapticState(NamedTuple):
-    """A device as it is now."""
-
     position: Vec3
     velocity: Vec3
     held: frozenset[str] = frozenset()
 
 
 class HapticDevice(Protocol):
-    """What every device can. Raises DriverError."""
+    """A haptic device. Every method may raise DriverError."""
 
     def read(self, now: Time) -> HapticState:
-        """Return where it is."""
+        """Return the device's state."""
 
     def apply_force(self, force: Vec3) -> None:
         """Push the hand from now on."""
 
     def close(self) -> None:
-        """Let go of the hand, and of the device."""
+        """Release the hand and the device."""
 
 
 class HapticSample(NamedTuple):
-    """What the servo did last, and the time of its clock."""
+    """The servo's last sample. at: the time of its clock."""
 
     state: HapticState
     force: Vec3
@@ -79,11 +76,11 @@ class HapticSample(NamedTuple):
 
 
 ForceLaw = Callable[[Vec3, HapticState, float], Vec3]
-"""Gives the force for a push, a state, and the share, 0 to 1, to which all but damping counts."""
+"""Returns the force for a push, a state, and a factor, 0 to 1, on everything but damping."""
 
 
 class EnergyTank:
-    """Shortens forces so that the device stays passive. energy: what is in the tank, joules."""
+    """Limits forces so that the device stays passive. energy: of the tank, joules."""
 
     def __init__(self) -> None:
         self.energy = RESERVE
@@ -91,7 +88,7 @@ class EnergyTank:
         self._before: Vec3 | None = None
 
     def passed(self, force: Vec3, state: HapticState) -> Vec3:
-        """Return what may be given of `force` until the next sample."""
+        """Return `force`, limited until the next sample."""
         if self._before is not None:
             work = dot(self._force, sub(state.position, self._before))
             self.energy = min(self.energy - work, MOST)
@@ -102,30 +99,30 @@ class EnergyTank:
 
 
 class Servo:
-    """Sets the force of a device from what the tick handed over last.
+    """Sets the force of a device from the tick's last command.
 
-    last: the device's last reading, None before the first. The engine's tick calls `apply_force`
-    and `pressed` and reads `last`; the thread of the servo calls `step`. They exchange immutable
-    values only.
+    last: the last sample, None before the first. The engine's tick calls `apply_force` and
+    `pressed` and reads `last`; the servo's thread calls `step`. They exchange immutable values.
     """
 
     def __init__(self, device: HapticDevice, law: ForceLaw) -> None:
         self.last: HapticSample | None = None
         self._device, self._law, self._tank = device, law, EnergyTank()
-        self._word: tuple[Vec3 | None, Time] = (None, 0)
+        self._command: tuple[Vec3 | None, Time] = (None, 0)
         self._push, self._share = ZERO, 0.0
         self._pressed = deque[frozenset[str]](maxlen=64)
 
     def apply_force(self, push: Vec3 | None, now: Time) -> None:
-        """Hand over a push at a time of the servo's clock; None: let all but damping fade."""
-        self._word = (push, now)
+        """Command a push at a time of the servo's clock; None to let all but damping fade."""
+        self._command = (push, now)
 
     def pressed(self) -> frozenset[str]:
         """Return the buttons that went down since the last call."""
         return frozenset().union(*(self._pressed.popleft() for _ in range(len(self._pressed))))
 
     def step(self, now: Time) -> None:
-        """Read the device and set its force; none where that fails. Raises what the device does."""
+        """Read the device and set its force; no force if that fails. Raises the device's
+        errors."""
         try:
             state = self._device.read(now)
         except Exception:
@@ -142,7 +139,7 @@ class Servo:
         self.last = HapticSample(state, force, now)
 
     def _shared(self, now: Time, dt: float) -> float:
-        push, at = self._word
+        push, at = self._command
         fresh = push is not None and (now - at) / NS <= HELD
         if push is not None and fresh and all(map(isfinite, push)):
             self._push = push
@@ -152,10 +149,8 @@ class Servo:
 
 
 class ServoThread:
-    """Keeps a servo's time beside a real device, in a thread of its own, until `close`.
-
-    trouble: why the last step failed, None if it did not.
-    """
+    """Steps the servo of a real device in a thread until `close`. trouble: why the last step
+    failed, None if it didn't."""
 
     def __init__(self, servo: Servo) -> None:
         self.trouble: str | None = None
@@ -177,14 +172,13 @@ class ServoThread:
                 self.trouble, wait = described(error), _RETRY
 
     def close(self) -> None:
-        """Stop it."""
         self._ended.set()
         self._thread.join(1.0)
 
 
 class SimulatedHand:
-    """A device in the simulation, and the hand that holds it: rows say where the hand wants it, as
-    shares of `reach`. The hand is a spring and a damper on the device's mass."""
+    """A simulated device and hand, a spring and damper on the device's mass. rows: the hand's
+    target over time, as fractions of `reach`."""
 
     MASS, STIFFNESS, DAMPING = 0.2, 120.0, 6.0
     STEP: Time = NS // 2000
@@ -194,7 +188,7 @@ class SimulatedHand:
         self._now: Time = 0
         self.force, self._position, self._velocity = ZERO, ZERO, ZERO
         self.given = 0.0
-        """The energy that the device has given the hand, joules."""
+        """The energy that the hand has received, joules."""
 
     def read(self, now: Time) -> HapticState:
         while self._now < now:
@@ -227,8 +221,8 @@ class SimulatedHand:
 
 
 class ForceDimension:
-    """An omega, delta, sigma or lambda of Force Dimension, by `forcedimension-core`, which needs
-    the maker's SDK. The device's x points to the person, its y to the right."""
+    """An omega, delta, sigma or lambda of Force Dimension, through `forcedimension-core`, which
+    needs the maker's SDK. The device's x points to the person, its y to the right."""
 
     def __init__(self) -> None:
         try:
@@ -248,7 +242,7 @@ class ForceDimension:
             raise DriverError("Force Dimension's device gives no position")
         mask = dhd.getButtonMask()
         held = frozenset(name for bit, name in enumerate(_NAMES) if mask >> bit & 1)
-        return HapticState(_turned(self._place), _turned(self._speed), held)
+        return HapticState(_to_user_axes(self._place), _to_user_axes(self._speed), held)
 
     def apply_force(self, force: Vec3) -> None:
         x, y, z = force
@@ -261,6 +255,6 @@ class ForceDimension:
         self._dhd.close()
 
 
-def _turned(there: list[float]) -> Vec3:
+def _to_user_axes(there: list[float]) -> Vec3:
     x, y, z = there
     return (-x, -y, z)

@@ -1,12 +1,12 @@
-"""Steer with the keys of the terminal in which the mission flies.
+"""Steer with the keys of the mission's terminal.
 
-`w` and `s` climb and sink, `a` and `d` turn, the arrows fly forward, back and to the sides, and the
-space bar stops all of that. Every other letter, and `enter`, is a button of that name. A terminal
-tells when a key is pressed, and again while it is held, but not when it is let go: a key deflects
-its axis by `deflection` for 0.6 s, and once it repeats for 0.15 s more each time. So a short touch
-is a short push, and what is let go stops 0.15 s later.
+`w` and `s` climb and sink, `a` and `d` turn, the arrows fly forward, back and sideways, and the
+space bar stops everything. Every other letter, and `enter`, is a button of that name. A terminal
+reports a key when it is pressed and while it repeats, but not its release. A key therefore deflects
+its axis by `deflection` for 0.6 s, and by each repetition for another 0.15 s, so that the motion
+stops 0.15 s after the release.
 
-The keys below the live table (pause, land, ...) are not read while a keyboard steers; Ctrl-C lands.
+The keys of the live table (pause, land, ...) don't work while a keyboard steers; Ctrl-C lands.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ _KEY = re.compile(r"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
 
 @params
 class KeyboardParams:
-    deflection: Ratio = param("How far a key moves its axis.", default=0.7, above=0.0, at_most=1.0)
+    deflection: Ratio = param(
+        "Deflection of an axis by a key.", default=0.7, above=0.0, at_most=1.0
+    )
 
 
 class Keyboard(Input[KeyboardParams]):
@@ -56,7 +58,7 @@ class Keyboard(Input[KeyboardParams]):
 
 
 class KeyLink(InputLink):
-    """Gives what is typed in a terminal, from the first read on until it is closed."""
+    """Reads the keys of a terminal until it is closed."""
 
     def __init__(self, params: KeyboardParams, terminal: Terminal) -> None:
         self._params, self._terminal = params, terminal

@@ -1,4 +1,4 @@
-"""What an input said, in rows that people can read and write, a row a change:
+"""The table of an input's readings, with a row for each change:
 
     t, x, y, z, turn, buttons, lost
     0, 0, 0, 0, 0, ,
@@ -6,10 +6,10 @@
     9, 0, 0, 0, 0, dead_man land,
     12, , , , , , unplugged
 
-`t` is in seconds of the run, from 0 on and rising. An axis is -1 to 1, or `nan`. `buttons` are
-those that are held, by name; `lost` says why the input says nothing from then on, and leaves the
-axes empty. Both columns may be missing. A row holds until the next, the last to the end;
-`kybflow record-input` and every run end theirs with a `lost`.
+`t` is the run's time in seconds, which must rise from 0 on. An axis is -1 to 1, or `nan`. `buttons`
+are the names of held buttons. `lost` is the reason why the input is silent from then on; its axes
+are empty. Both columns are optional. A row holds until the next, the last one to the end. Tables
+that `kybflow record-input` and runs write end with a `lost` row.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 class InputRow(NamedTuple):
-    """What an input said from `time` on. lost: why it said nothing, empty where it spoke."""
+    """The reading of an input from `time` on. lost: why the input is silent; empty if it isn't."""
 
     time: Time
     axes: Mapping[str, float]
@@ -44,7 +44,7 @@ class InputRows(NamedTuple):
 
     @property
     def buttons(self) -> tuple[str, ...]:
-        """Every button that is held in any row."""
+        """Every button that any row holds."""
         return tuple(sorted({name for row in self.rows for name in row.held}))
 
 
@@ -54,10 +54,10 @@ def head(axes: tuple[str, ...]) -> str:
 
 
 def line(row: InputRow, axes: tuple[str, ...]) -> str:
-    """Return a row as its line, which reads back as the same row."""
-    told = ("" if row.lost else f"{row.axes[axis]!r}" for axis in axes)
+    """Return a row as its line, which `parse` reads back as an equal row."""
+    values = ("" if row.lost else f"{row.axes[axis]!r}" for axis in axes)
     why = " ".join(row.lost.replace(",", ";").split())
-    return ", ".join((f"{row.time / NS!r}", *told, " ".join(sorted(row.held)), why)) + "\n"
+    return ", ".join((f"{row.time / NS!r}", *values, " ".join(sorted(row.held)), why)) + "\n"
 
 
 def parse(text: str) -> InputRows:

@@ -1,4 +1,4 @@
-"""Steer by a file: what a person's input said, in rows that were recorded or written by hand.
+"""Steer with a recorded or handwritten table of an input's readings.
 
     t, x, y, z, turn, buttons, lost
     0, 0, 0, 0, 0, ,
@@ -6,14 +6,14 @@
     9, 0, 0, 0, 0, dead_man land,
     12, , , , , , unplugged
 
-`t` is the time of the run in seconds; each row holds until the next, the last one to the end. The
-columns between `t` and `buttons` are the axes, each -1 to 1 (`nan` is what a broken device says):
-`x` forward, `y` to the left, `z` up and `turn` counter-clockwise are those that `steer` needs.
-`buttons` holds the names of those that are held; each becomes an event when it goes down. A text
-in `lost` says that the input is silent from there on, and why.
+`t` is the run's time in seconds; each row holds until the next, the last one to the end. The
+columns between `t` and `buttons` are the axes, each -1 to 1 (`nan` simulates a broken device);
+`steer` needs `x` forward, `y` left, `z` up and `turn` counterclockwise. `buttons` are the names of
+held buttons; a button emits an event when it is pressed. A text in `lost` is the reason why the
+input is silent from then on.
 
-`kybflow record-input` writes such a file from a device, and every run leaves one of each input in
-its folder. The file stands beside the mission or below it.
+`kybflow record-input` records such a file from a device, and every run saves one for each input in
+its folder. The file must be in the mission's folder or below.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def read_rows(file: File) -> InputRows:
 
 @params
 class ScriptParams:
-    file: File = param("The table of what the input says.", read_only=True, reads=read_rows)
+    file: File = param("Table of readings.", read_only=True, reads=read_rows)
 
 
 class Script(Input[ScriptParams]):
@@ -59,7 +59,7 @@ class Script(Input[ScriptParams]):
 
 
 class RowsLink(InputLink):
-    """Says what rows say, at the times of the run that they name."""
+    """Returns rows at their times in the run."""
 
     def __init__(self, rows: tuple[InputRow, ...]) -> None:
         self._rows, self._next = rows, 0

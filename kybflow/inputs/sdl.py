@@ -1,9 +1,9 @@
-"""Gamepads and joysticks through SDL: the only user of pygame.
+"""Gamepads and joysticks through SDL; the only module that uses pygame.
 
-SDL belongs to the whole process and wants to be asked in one thread, which lives as long as any pad
-is open. It looks every 4 ms, hands every pad's state to whoever listens, and notices what is
+SDL is global to the process and must be called from one thread, which runs while any pad is open.
+The thread polls every 4 ms, passes every pad's state to the listeners, and detects pads that are
 plugged in or out. A controller that SDL knows has the names of an Xbox controller, whatever is
-printed on it; anything else has its axes, buttons and hats by number.
+printed on it; other devices have numbered axes, buttons and hats.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ PAD_BUTTONS = (
 )  # fmt: skip
 """In the order of SDL's numbers."""
 NUMBERED = 32
-"""How many axes and buttons of an unknown device are named."""
+"""Largest number of axes and of buttons of an unknown device."""
 PERIOD = 0.004
-"""Seconds between two looks."""
+"""Polling period, seconds."""
 _FULL = 32767
 _HATS = (("hat_left", 0, -1), ("hat_right", 0, 1), ("hat_down", 1, -1), ("hat_up", 1, 1))
 _SETTINGS = {
@@ -38,8 +38,8 @@ _SETTINGS = {
 
 
 class PadState(NamedTuple):
-    """A device as it is now: its name, each axis -1 to 1 (down and right are positive, as SDL has
-    them), and the buttons that are held or were pressed since the last look."""
+    """The state of a device. axes: -1 to 1, positive down and right, as in SDL. held: the buttons
+    that are held or were pressed since the last poll."""
 
     name: str
     axes: Mapping[str, float]
@@ -47,11 +47,11 @@ class PadState(NamedTuple):
 
 
 Listener = Callable[[tuple[PadState, ...]], None]
-"""Receives the state of every device that is plugged in, in the thread of SDL."""
+"""Receives the state of every plugged-in device, in SDL's thread."""
 
 
 def listen(listener: Listener) -> None:
-    """Let `listener` hear of every device. Raises DriverError where SDL can't be used."""
+    """Add a listener. Raises DriverError if SDL can't be used."""
     with _LOCK:
         if not _LISTENERS:
             thread = _SdlThread()
@@ -67,7 +67,7 @@ def listen(listener: Listener) -> None:
 
 
 def ignore(listener: Listener) -> None:
-    """Let `listener` hear no more. The thread of SDL ends after the last one."""
+    """Remove a listener. SDL's thread ends after the last one."""
     with _LOCK:
         _LISTENERS.remove(listener)
         if not _LISTENERS:
@@ -80,7 +80,7 @@ _THREADS: list[threading.Thread] = []
 
 
 class _SdlThread(threading.Thread):
-    """began: it works, or has failed. failed: why SDL can't be used."""
+    """began: set when SDL works or has failed. failed: why SDL can't be used."""
 
     def __init__(self) -> None:
         super().__init__(name="SDL", daemon=True)
@@ -101,7 +101,7 @@ class _SdlThread(threading.Thread):
             pygame.display.init()
             pygame.joystick.init()
             controller.init()
-            self._look(pygame, controller)
+            self._poll(pygame, controller)
         except Exception as error:  # SDL may refuse in its own words
             self.failed = f"SDL can't be used: {described(error)}"
             self.began.set()
@@ -109,18 +109,18 @@ class _SdlThread(threading.Thread):
         self.began.set()
         time.sleep(PERIOD)
         while _LISTENERS:
-            self._look(pygame, controller)
+            self._poll(pygame, controller)
             time.sleep(PERIOD)
         self._pads.clear()
         controller.quit()
         pygame.joystick.quit()
         pygame.display.quit()
 
-    def _look(self, pygame: Any, controller: Any) -> None:
-        """Hear what happened, and tell how everything is."""
+    def _poll(self, pygame: Any, controller: Any) -> None:
+        """Process SDL's events, and pass the states to the listeners."""
         for event in pygame.event.get():
             if event.type == pygame.JOYDEVICEADDED:
-                with suppress(pygame.error):  # it may be gone again
+                with suppress(pygame.error):  # it may be unplugged again
                     pad = _Pad(pygame, controller, event.device_index)
                     self._pads[pad.number] = pad
             elif event.type == pygame.JOYDEVICEREMOVED:
@@ -135,7 +135,7 @@ class _SdlThread(threading.Thread):
 
 
 class _Pad:
-    """A device that is plugged in. number: SDL's for as long as it is."""
+    """A plugged-in device. number: SDL's instance id."""
 
     def __init__(self, pygame: Any, controller: Any, index: int) -> None:
         self._joystick = pygame.joystick.Joystick(index)
@@ -148,7 +148,7 @@ class _Pad:
         self._pressed: set[str] = set()
 
     def press(self, button: int, *, known: bool) -> None:
-        """Note that a button went down, by SDL's number."""
+        """Record the press of a button, by SDL's number."""
         if known is (self._controller is not None):
             names = PAD_BUTTONS if known else tuple(f"button{i}" for i in range(NUMBERED))
             self._pressed.update(names[button : button + 1])

@@ -1,13 +1,13 @@
 """Steer with a pilot's transmitter, as a vehicle reports it (RC_CHANNELS, MANUAL_CONTROL).
 
-The transmitter need not be this computer's: whatever the vehicle hears is what it reports, ten
-times a second. Its sticks are those of the pilot, so the vehicle must be in a mode in which it
-takes set-points; who moves the mode switch has it back at once. `pitch` is forward, `roll` to the
-right, `yaw` to the left, and `throttle` up from its middle. The switches are the buttons `switch1`,
-`switch2` and so on, held while they are up; `dead_man: switch2` makes one of them the dead-man
-switch. A vehicle that hears no transmitter is an input that is silent.
+The vehicle reports ten times a second what its receiver gets, so the transmitter need not be
+connected to this computer. The vehicle must be in a mode that follows setpoints; the pilot takes
+over at any time with the mode switch. `pitch` is forward, `roll` to the right, `yaw` to the left,
+and `throttle` up from its middle. The switches are the buttons `switch1`, `switch2` and so on, held
+while they are up; `dead_man: switch2` makes one of them the dead-man switch. The input is silent if
+the vehicle receives no transmitter.
 
-A deflection counts from the edge of its dead zone on, as for `gamepad`.
+A deflection is measured from the edge of its dead zone, as for `gamepad`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 from kybflow.core.signals import InputReading, Sticks, Time
 from kybflow.core.units import Ratio
 from kybflow.inputs.deflection import beyond
-from kybflow.parts import Input, InputLink, param, params
+from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.input import SticksOf
 
 _SWITCHES = 14
@@ -26,7 +26,7 @@ _UP = 0.5
 class SticksInputParams:
     vehicle: str = param("The vehicle that reports them.", names="vehicle", read_only=True)
     dead_zone: Ratio = param(
-        "Deflection that counts as none.", default=0.08, at_least=0.0, at_most=0.5
+        "Deflection that counts as zero.", default=0.08, at_least=0.0, at_most=0.5
     )
 
 
@@ -45,7 +45,7 @@ class SticksInput(Input[SticksInputParams]):
 
 
 class SticksLink(InputLink):
-    """Gives what the vehicle reported last."""
+    """Reads the vehicle's last report."""
 
     def __init__(self, params: SticksInputParams, sticks_of: SticksOf) -> None:
         self._params, self._sticks_of = params, sticks_of
@@ -55,14 +55,12 @@ class SticksLink(InputLink):
     def read(self, now: Time) -> InputReading | None:
         sticks = self._sticks_of(self._params.vehicle)
         if sticks is not None and sticks is not self._last:
-            self._last, self._reading = sticks, self._of(sticks)
+            raw = (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0, sticks.yaw)
+            values = (beyond(value, self._params.dead_zone) for value in raw)
+            up = frozenset(f"switch{i}" for i, x in enumerate(sticks.switches, 1) if x > _UP)
+            axes = dict(zip(AXES, values, strict=True))
+            self._last, self._reading = sticks, InputReading(sticks.time, axes, up)
         return self._reading
-
-    def _of(self, sticks: Sticks) -> InputReading:
-        raw = (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0, sticks.yaw)
-        x, y, z, turn = (beyond(value, self._params.dead_zone) for value in raw)
-        up = {f"switch{i}" for i, level in enumerate(sticks.switches, 1) if level > _UP}
-        return InputReading(sticks.time, {"x": x, "y": y, "z": z, "turn": turn}, frozenset(up))
 
     def close(self) -> None:
         """The vehicle's link is the driver's."""

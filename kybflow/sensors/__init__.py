@@ -1,2 +1,1 @@
-"""The sensors that are no part of a vehicle's driver, one a file or folder; its name is the YAML
-name."""
+"""The sensors that don't belong to a vehicle's driver; a file or folder has the YAML name."""

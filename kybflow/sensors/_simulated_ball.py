@@ -1,5 +1,4 @@
-"""A moving obstacle as a sensor of simulated vehicles sees it: on its path, not where it is known
-to be."""
+"""A moving obstacle as a simulated sensor measures it, at its true position."""
 
 from __future__ import annotations
 
@@ -14,8 +13,8 @@ _STEP = 1e-3
 
 
 class SimulatedBall(Stream):
-    """What a sensor gives of a ball. open: opens the sensor on a link that shows the ball's truth,
-    as others show a vehicle's."""
+    """A sensor's measurements of a ball. open: opens the sensor on a link whose truth is the
+    ball's."""
 
     def __init__(self, ball: MovingSphere, open: Callable[[Link], Stream]) -> None:
         self._ball = _Ball(ball)
@@ -38,7 +37,7 @@ class _Ball(Link):
         return ()
 
     def send(self, command: Command, now: Time) -> None:
-        """Nobody commands it."""
+        """A ball takes no commands."""
 
     def truth(self) -> Truth | None:
         seconds = self.now / NS

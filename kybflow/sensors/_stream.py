@@ -1,10 +1,10 @@
-"""The poses of a body from another thread, in the units and axes of its tracker, as the engine
-reads them; the only place where a tracker's units and axes are converted to those of the world.
+"""Poses of a tracker, converted from its units and axes to the world's; and faults of simulated
+sensors.
 
 `z_up`: x, y, z are the world's. `y_up`: x to the right, y up, z towards the viewer (Motive's
-default), so with R the quarter turn about x that lifts y to z, p_world = R p and q_world = R q
-R^-1: a body whose own axes were defined parallel to the tracker's while its nose pointed along x is
-level and heads east.
+default). With R the quarter turn about x that takes y to z, p_world = R p and q_world = R q R^-1. A
+body whose axes were defined parallel to the tracker's while its nose pointed along x is then level
+and heads east.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from math import isfinite, sqrt
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import NS, Measurement, Pose, Time
+from kybflow.parts.link import Link
 from kybflow.parts.sensor import Stream
 
 Units = Literal["m", "mm"]
@@ -25,8 +26,8 @@ _METRES = {"m": 1.0, "mm": 1e-3}
 
 
 def to_world(position: Vec3, attitude: Quat, units: Units, axes: Axes) -> tuple[Vec3, Quat] | None:
-    """The pose in the world, the attitude of unit length; None for what is no pose: not finite, or
-    no rotation, as a tracker writes for a body that it has lost."""
+    """Return the pose in the world, with a unit quaternion; None if it is not finite or no
+    rotation, as a tracker writes for a lost body."""
     n = sqrt(sum(x * x for x in attitude))
     if not (isfinite(n) and all(map(isfinite, position)) and 0.9 < n < 1.1):
         return None
@@ -37,28 +38,27 @@ def to_world(position: Vec3, attitude: Quat, units: Units, axes: Axes) -> tuple[
     return (s * x, s * y, s * z), (qw / n, qx / n, qy / n, qz / n)
 
 
-class Tracked(Protocol):
-    """A pose in the tracker's own units and axes; time: on the monotonic clock."""
+class TrackerPose(NamedTuple):
+    """A pose in the tracker's own units and axes. time, arrival: when it was measured and when it
+    arrived, on the monotonic clock."""
 
-    @property
-    def time(self) -> Time: ...
-    @property
-    def position(self) -> Vec3: ...
-    @property
-    def attitude(self) -> Quat: ...
+    time: Time
+    arrival: Time
+    position: Vec3
+    attitude: Quat
 
 
 class PoseSource(Protocol):
-    """Where they come from."""
+    """A source of poses, filled by another thread."""
 
-    def take(self) -> Sequence[Tracked]: ...
+    def take(self) -> Sequence[TrackerPose]: ...
     def trouble(self) -> str | None: ...
     def close(self) -> None: ...
 
 
 class PoseStream(Stream):
-    """Poses on the run's clock, in the world, what no pose is left out. latency: seconds that are
-    taken off every time."""
+    """Poses in the world and on the run's clock, without invalid ones. latency: seconds to subtract
+    from each time."""
 
     def __init__(
         self,
@@ -86,3 +86,10 @@ class PoseStream(Stream):
 
     def close(self) -> None:
         self._source.close()
+
+
+def filtered(measurements: list[Measurement], link: Link) -> list[Measurement]:
+    """Return the measurements of a simulated sensor after the faults of the vehicle's link."""
+    for change in () if link.faults is None else link.faults.filters:
+        measurements = [kept for one in measurements if (kept := change(one)) is not None]
+    return measurements

@@ -1,4 +1,4 @@
-"""Wakes a thread that waits for sockets or pipes."""
+"""Wakes a thread that waits in a selector."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ import socket
 import threading
 
 CHUNK = 1 << 16
-"""The most bytes that are read at once."""
+"""Largest number of bytes to read at once."""
 
 
 class Waker:
-    """Ends another thread's wait, and its work once `ended` is set."""
+    """Ends another thread's wait on `receiver`. `ended`: whether the thread must stop."""
 
     def __init__(self) -> None:
         self.ended = threading.Event()
-        self.ear, self._mouth = socket.socketpair()
-        self.ear.setblocking(False)
-        self._mouth.setblocking(False)
+        self.receiver, self._sender = socket.socketpair()
+        self.receiver.setblocking(False)
+        self._sender.setblocking(False)
 
     def wake(self) -> None:
-        with contextlib.suppress(OSError):  # full: it is awake already; closed: so is it
-            self._mouth.send(b"\0")
+        with contextlib.suppress(OSError):  # full or closed: the thread is awake already
+            self._sender.send(b"\0")
 
     def end(self) -> None:
         self.ended.set()
         self.wake()
 
-    def hush(self) -> None:
-        """Forget every call so far."""
+    def drain(self) -> None:
+        """Discard all wake-ups so far."""
         with contextlib.suppress(OSError):
-            self.ear.recv(CHUNK)
+            self.receiver.recv(CHUNK)
 
     def close(self) -> None:
-        self.ear.close()
-        self._mouth.close()
+        self.receiver.close()
+        self._sender.close()

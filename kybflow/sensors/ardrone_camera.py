@@ -1,8 +1,8 @@
 """The camera of an AR.Drone 2.0, over its network (PaVE with H.264, TCP 5555).
 
-The drone sends one of its two cameras at 640 x 360; which, the driver's `video` says. Frames are
-decoded in a thread, from the first key frame on; each was taken `latency` before it arrived. A
-stream that is lost is opened again every second.
+The drone sends one of its two cameras at 640 x 360, which the driver's `video` selects. A thread
+decodes frames from the first key frame on. Each frame is stamped `latency` before its arrival. A
+lost stream is reopened every second.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from kybflow.vision.video.codec import FrameDecoder
 
 PORT = 5555
-PATIENCE = 2.0
-"""Seconds without a byte after which the stream is lost."""
+TIMEOUT = 2.0
+"""Seconds without data after which the stream counts as lost."""
 CHUNK = 1 << 16
 
 
@@ -45,8 +45,6 @@ class ArdroneCameraParams(WhichCamera):
 
 
 class ArdroneCamera(Sensor[ArdroneCameraParams]):
-    """Which camera it is, is told as of a camera on this computer."""
-
     provides = frozenset({Frame})
     packages = PYAV
 
@@ -88,11 +86,11 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
 
 
 class VideoCapture:
-    """What `Grabber` reads. Raises DriverError where nobody answers."""
+    """The drone's video, for `Grabber`. Raises DriverError if the drone doesn't answer."""
 
     def __init__(self, host: str, decoder: FrameDecoder) -> None:
         try:
-            self._socket = socket.create_connection((host, PORT), PATIENCE)
+            self._socket = socket.create_connection((host, PORT), TIMEOUT)
         except OSError as error:
             words = os.strerror(error.errno).lower() if error.errno else str(error)
             raise DriverError(f"no video from the drone at {host}: {words}") from None
@@ -100,7 +98,7 @@ class VideoCapture:
         self._images: deque[Any] = deque()
 
     def read(self) -> tuple[bool, Any]:
-        """The next image; false where the stream has ended."""
+        """Return the next image; False if the stream has ended."""
         while not self._images:
             try:
                 data = self._socket.recv(CHUNK)

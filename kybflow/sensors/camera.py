@@ -1,8 +1,8 @@
 """Frames of a real camera, or of a recorded video (OpenCV's VideoCapture).
 
-A video is read by the times of its own frames, which count from the run's begin: the same frames
-come at the same ticks in every run. A device is read in a thread; a frame was taken `latency`
-before it arrived there. A device that is lost is opened again every second.
+A video is read by the times of its frames, counted from the start of the run, so that the same
+frames arrive in the same ticks of every run. A thread reads a device; each frame is stamped
+`latency` before its arrival. A lost device is reopened every second.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     import random
 
 
-AGAIN = 1.0
-"""Seconds between two attempts to open a lost device."""
+REOPEN_PERIOD = 1.0
+"""Seconds between two attempts to reopen a lost device."""
 KEPT = 4
-"""Frames that are kept while nobody reads."""
+"""Largest number of unread frames; older ones are dropped."""
 
 
 class Capture(Protocol):
-    """What of OpenCV's VideoCapture is used."""
+    """The part of OpenCV's VideoCapture that is used."""
 
     def read(self) -> tuple[bool, Any]: ...
     def release(self) -> None: ...
@@ -52,10 +52,10 @@ class Captured(NamedTuple):
 
 
 class Grabber:
-    """`error` says why nothing comes, None while the device is open. The first opening is made
-    here, and raises DriverError."""
+    """Reads a device in a thread. `error`: why no frames arrive; None while the device is open. The
+    constructor opens the device, and raises DriverError."""
 
-    def __init__(self, opened: Callable[[], Capture], again: float = AGAIN) -> None:
+    def __init__(self, opened: Callable[[], Capture], again: float = REOPEN_PERIOD) -> None:
         self.error: str | None = None
         self._opened, self._again = opened, again
         self._frames: deque[tuple[Any, Time]] = deque(maxlen=KEPT)
@@ -66,7 +66,7 @@ class Grabber:
         self._thread.start()
 
     def taken(self) -> list[Captured]:
-        """What arrived since the last call, oldest first."""
+        """Return the images since the last call, oldest first."""
         frames: list[tuple[Any, Time]] = []
         while self._frames:
             frames.append(self._frames.popleft())
@@ -84,7 +84,7 @@ class Grabber:
                 continue
             try:
                 found, image = capture.read()
-            except Exception:  # a foreign library's; the device is opened anew
+            except Exception:  # of a foreign library; the device is reopened
                 found, image = False, None
             if found:
                 self._frames.append((image, time.monotonic_ns()))
@@ -113,10 +113,10 @@ SILENT = 1.0
 @params
 class WhichCamera:
     camera: str | None = param(
-        "Which of the airframe's cameras it is; needed where that has several.", default=None
+        "Name of the camera; required if the airframe has several.", default=None
     )
     calibration: File | None = param(
-        "Calibration file of this very camera, in place of the lens that the airframe says.",
+        "Calibration file of this camera, which replaces the airframe's lens.",
         default=None, reads=read_calibration,
     )  # fmt: skip
 
@@ -124,7 +124,7 @@ class WhichCamera:
 @params
 class CameraSensorParams(WhichCamera):
     device: int = param("Number of the device.", default=0, at_least=0)
-    video: FilePath | None = param("A file with a recorded video instead.", default=None)
+    video: FilePath | None = param("File with a recorded video, instead of a device.", default=None)
     latency: Duration = param(
         "From the middle of a frame's exposure to its arrival.",
         default=0.03, at_least=0.0, at_most=1.0,
@@ -150,7 +150,7 @@ class CameraSensor(Sensor[CameraSensorParams]):
         if params.camera is not None:
             reason = f"the airframe has no camera `{params.camera}`; it has {known}"
             return Objection("camera", reason, did_you_mean(params.camera, cameras))
-        reason = f"`camera` must say which it is; the airframe has {known}"
+        reason = f"`camera` is missing; the airframe has {known}"
         return Objection("camera", reason, f"write `camera: {next(iter(cameras))}`")
 
     @classmethod
@@ -159,8 +159,7 @@ class CameraSensor(Sensor[CameraSensorParams]):
 
     @classmethod
     def camera_of(cls, params: WhichCamera, context: VehicleContext) -> Camera:
-        """Return which of the vehicle's cameras it is. Raises DriverError where that can't be
-        told."""
+        """Return which of the vehicle's cameras it is. Raises DriverError if that is ambiguous."""
         objection = cls.objection(params, context.cameras)
         if objection is not None:
             raise DriverError(objection.reason)
@@ -188,12 +187,12 @@ class CameraSensor(Sensor[CameraSensorParams]):
         if params.video is None:
             return Device(Grabber(lambda: _device(params.device, camera)), camera, latency)
         if not os.path.isfile(params.video):
-            raise DriverError(f"the video `{params.video}` is no file any more")
+            raise DriverError(f"the video `{params.video}` no longer exists")
         return Video(_opened(params.video, f"the video `{params.video}`"), camera, latency)
 
 
 def _name_of(params: WhichCamera, cameras: Mapping[str, Camera]) -> str:
-    """Which of the cameras it is; empty where that can't be told."""
+    """Return the name of the camera; empty if it is ambiguous."""
     return params.camera or (next(iter(cameras)) if len(cameras) == 1 else "")
 
 
@@ -210,7 +209,7 @@ def _opened(source: int | str, what: str) -> Any:
 
 
 def _device(number: int, camera: Camera) -> Any:
-    """The device, asked for the size and rate that the airframe says."""
+    """Open a device with the size and rate of the airframe's camera."""
     capture = _opened(number, f"the camera {number}")
     import cv2
 
@@ -221,14 +220,14 @@ def _device(number: int, camera: Camera) -> Any:
 
 
 def frame_of(image: Any, time: Time, camera: Camera) -> Frame:
-    """An image of OpenCV as a frame. Raises DriverError for one of another size."""
+    """Convert OpenCV's image to a frame. Raises DriverError if it has another size."""
     from kybflow.vision.images import grey
 
     return Frame(time, camera.name, grey(image, camera))
 
 
 class Video(Stream):
-    """The frames of a file; its end is a failure."""
+    """The frames of a file; the sensor fails at its end."""
 
     def __init__(self, capture: Any, camera: Camera, latency: Time) -> None:
         self._capture, self._camera, self._latency = capture, camera, latency
@@ -249,7 +248,7 @@ class Video(Stream):
         self._capture.release()
 
     def _grabbed(self) -> tuple[Time, Any] | None:
-        """The next frame, and when it was taken; None behind the last."""
+        """Return the next frame and its time; None after the last."""
         import cv2
 
         found, image = self._capture.read()
@@ -261,7 +260,7 @@ class Video(Stream):
 
 
 class Device(Stream):
-    """The frames of a device, as they came in."""
+    """The frames of a device, as they arrive."""
 
     def __init__(
         self,
@@ -271,17 +270,17 @@ class Device(Stream):
         frame: Callable[[Any, Time, Camera], Frame] = frame_of,
     ) -> None:
         self._grabber, self._camera, self._latency, self._frame = grabber, camera, latency, frame
-        self._heard: Time | None = None
+        self._last_data: Time | None = None
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        self._heard = now if self._heard is None else self._heard
+        self._last_data = now if self._last_data is None else self._last_data
         captured: list[Captured] = self._grabber.taken()
         if captured:
-            self._heard = now
+            self._last_data = now
         elif self._grabber.error is not None:
             raise DriverError(self._grabber.error)
-        elif now - self._heard > SILENT * NS:
-            raise DriverError(f"no frame for {(now - self._heard) / NS:.1f} s")
+        elif now - self._last_data > SILENT * NS:
+            raise DriverError(f"no frame for {(now - self._last_data) / NS:.1f} s")
         return [
             self._frame(one.image, now - one.age - self._latency, self._camera) for one in captured
         ]

@@ -1,13 +1,11 @@
 """The cameras of a simulated vehicle: frames of the world's tags, drawn without a graphics card.
 
-Each camera of the vehicle takes frames at its own rate; what it sees is drawn when the frame
-arrives, `latency` after the middle of its exposure: the tags through the lens, blurred by motion
-and by a lens out of focus, row by row where a rolling shutter finds the camera, with the noise of
-the sensor. Who reads late gets the newest frame of each camera; those before it are lost, as they
-are of a real one. The world's obstacles, and the vehicle's payload once it is released, hide what
-is behind them. Which tags are covered, missing or misplaced comes with the seed; so does, where the
-world is not calm, by how much lens, mount, tags and stamps differ from what is believed of them
-(`kybflow.vision.rendering.miscalibrated`).
+Each camera of the vehicle takes frames at its own rate. A frame is drawn when it arrives, `latency`
+after the middle of its exposure: with lens distortion, motion blur, defocus, a rolling shutter and
+noise. A late reader gets the newest frame of each camera; older ones are lost, as with a real
+camera. Obstacles and a released payload hide what is behind them. The seed determines which tags
+are covered, missing or misplaced; and, unless the world is calm, the errors of lens, mount, tags
+and stamps (`kybflow.vision.rendering.miscalibrated`).
 """
 
 from __future__ import annotations
@@ -25,6 +23,7 @@ from kybflow.core.units import Duration
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import is_calm, view_source
 from kybflow.parts.sensor import frames_of
+from kybflow.sensors._stream import filtered
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.world.calibration_errors import CalibrationErrors
@@ -36,8 +35,8 @@ if TYPE_CHECKING:
 
     from kybflow.vision.rendering.drawing import Room
 
-_ABOARD = 0.02
-"""A payload that is nearer to its place on board is there, metres."""
+_ON_BOARD = 0.02
+"""A payload that is nearer to its place on board counts as carried, metres."""
 
 
 @params
@@ -47,8 +46,8 @@ class SimulatedCameraParams(CalibrationErrors, Optics):
         default=0.04, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     calm: bool | None = param(
-        "Lens, mount, tags and stamps are exactly as believed: none of `focal_error` to"
-        " `stamp_error`. Unless given, as in the driver of its vehicle.",
+        "No errors of lens, mount, tags and stamps: sets `focal_error` to `stamp_error` to zero. By"
+        " default as in the vehicle's driver.",
         default=None, read_only=True,
     )  # fmt: skip
 
@@ -88,15 +87,14 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
 
 
 class Times(NamedTuple):
-    """latency: from a frame's exposure to its arrival. late: how much later it is stamped than it
-    was taken."""
+    """latency: from a frame's exposure to its arrival. late: error of its stamp."""
 
     latency: Time
     late: Time = 0
 
 
-class _Taken(NamedTuple):
-    """A frame on its way: when it arrives, where the body was, what was wrong with the camera."""
+class _Exposure(NamedTuple):
+    """A frame that has not arrived yet, with the body and the camera's faults at its exposure."""
 
     arrival: Time
     time: Time
@@ -106,9 +104,8 @@ class _Taken(NamedTuple):
 
 
 class Frames(Stream):
-    """The frames of a vehicle's cameras, with the effects of the faults that are active when they
-    are taken. A frame is rendered when it arrives, and only if somebody reads it. parcel: its side,
-    m."""
+    """The frames of a vehicle's cameras, with the faults of the link at their exposure. A frame is
+    drawn only when it is read. parcel: the side of the payload, metres."""
 
     def __init__(
         self, room: Room, cameras: Sequence[Camera], link: Link, times: Times, parcel: float = 0.0
@@ -121,7 +118,7 @@ class Frames(Stream):
         self._parcel = parcel
         self._counts = [0] * len(cameras)
         self._last: tuple[Time, Truth] | None = None
-        self._taken: deque[_Taken] = deque()
+        self._taken: deque[_Exposure] = deque()
 
     def read(self, now: Time) -> Sequence[Measurement]:
         truth = self._view()
@@ -131,63 +128,57 @@ class Frames(Stream):
             self._counts = [ceil(now / NS * camera.rate) for camera in self._cameras]
         self._take(now, truth)
         self._last = (now, truth)
-        newest: dict[str, _Taken] = {}
+        newest: dict[str, _Exposure] = {}
         while self._taken and self._taken[0].arrival <= now:
             taken = self._taken.popleft()
             newest[taken.camera.name] = taken
         arrived: list[Measurement] = [self._drawn(taken) for taken in newest.values()]
-        return self._filtered(arrived) if arrived else arrived
+        return filtered(arrived, self._link) if arrived else arrived
 
     def trouble(self) -> str | None:
         if self._view() is None:
-            return "no simulator tells where the vehicle is, and it sees only simulated vehicles"
+            return "the vehicle's position in the simulator is unknown; use a simulated vehicle"
         return None
 
     def close(self) -> None:
         self._taken.clear()
 
     def _take(self, now: Time, truth: Truth) -> None:
-        """Note every frame that is due by `now`, with the body as the nearest tick knows it."""
+        """Queue every frame that is due by `now`, with the body's state of the nearest tick."""
         before, known = self._last or (now, truth)
-        taken: list[_Taken] = []
+        taken: list[_Exposure] = []
         for i, camera in enumerate(self._cameras):
             while (at := round(self._counts[i] * NS / camera.rate)) <= now:
                 nearer = (now, truth) if now - at <= at - before else (before, known)
-                body = _moved(_unladen(nearer[1], self._parcel), (at - nearer[0]) / NS)
+                body = _moved(_with_visible_payload(nearer[1], self._parcel), (at - nearer[0]) / NS)
                 rig = self._link.faults
                 weakness = SOUND if rig is None else rig.camera
-                taken.append(_Taken(at + self._times.latency, at, camera, body, weakness))
+                taken.append(_Exposure(at + self._times.latency, at, camera, body, weakness))
                 self._counts[i] += 1
         self._taken.extend(sorted(taken, key=lambda frame: frame.arrival))
 
-    def _drawn(self, taken: _Taken) -> Frame:
+    def _drawn(self, taken: _Exposure) -> Frame:
         body, weakness = taken.body, taken.weakness
         if weakness.offset != ZERO:
             body = body._replace(position=add(body.position, weakness.offset))
         stamp = max(0, taken.time + self._times.late)
         return Frame(stamp, taken.camera.name, self._room.draw(taken.camera, body, weakness))
 
-    def _filtered(self, frames: list[Measurement]) -> list[Measurement]:
-        filters = () if self._link.faults is None else self._link.faults.filters
-        for change in filters:
-            frames = [kept for frame in frames if (kept := change(frame)) is not None]
-        return frames
-
 
 def _moved(body: Truth, t: float) -> Truth:
-    """The body `t` seconds later, at constant velocity and body rates."""
+    """Return the body `t` seconds later, at constant velocity and body rates."""
     return body._replace(
         position=add(body.position, scale(body.velocity, t)),
         attitude=integrate(body.attitude, body.angular_velocity, t),
     )
 
 
-def _unladen(body: Truth, side: float) -> Truth:
-    """The body with its payload where a camera sees it: nowhere while on board, where it is no part
-    of the room; else above the room's floor, which is level with the legs of what stands on it."""
+def _with_visible_payload(body: Truth, side: float) -> Truth:
+    """Return the body with its payload as cameras see it: hidden while on board, else raised by
+    `LEGS`, since the room's floor is at z = 0."""
     if body.payload is None:
         return body
-    aboard = add(body.position, rotate(body.attitude, (0.0, 0.0, 0.5 * side - LEGS)))
-    if distance(body.payload, aboard) < _ABOARD:
+    on_board = add(body.position, rotate(body.attitude, (0.0, 0.0, 0.5 * side - LEGS)))
+    if distance(body.payload, on_board) < _ON_BOARD:
         return body._replace(payload=None)
     return body._replace(payload=add(body.payload, (0.0, 0.0, LEGS)))

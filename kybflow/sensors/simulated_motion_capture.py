@@ -1,11 +1,10 @@
-"""Motion capture of a simulated vehicle: poses at their own rate, with noise, some time late.
+"""Motion capture of a simulated vehicle: noisy poses at their own rate, with a delay.
 
-It watches the truth of whatever simulates the vehicle, such as a firmware's own simulator. That may
-be renewed more slowly than poses are taken: up to 100 ms before and after one of its states the
-vehicle is where constant velocities, linear and angular, bring it. Further from a state nobody
-knows where it is, and nothing comes, unless it stands still; nor does anything while no truth is
-known. Poses that were not taken are not made up for. position_noise, attitude_noise: white, along
-and about each axis.
+It reads the true state from whatever simulates the vehicle, such as a firmware's own simulator. If
+that state updates more slowly than poses are due, it is extrapolated up to 100 ms with constant
+linear and angular velocity. Beyond that, and while there is no state, there are no poses, unless
+the vehicle stands still; missed poses are not made up for. The noise is white, along and about each
+axis.
 """
 
 from __future__ import annotations
@@ -21,13 +20,14 @@ from kybflow.core.signals import NS, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import truth_source
+from kybflow.sensors._stream import filtered
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     import random
 
 _AHEAD = 0.1
-"""Seconds from a state of the vehicle within which it is moved on."""
+"""Longest extrapolation of a vehicle's state, seconds."""
 
 
 @params
@@ -36,7 +36,7 @@ class SimulatedMotionCaptureParams:
         "Poses a second.", default=100.0, at_least=1.0, at_most=1000.0, read_only=True
     )
     latency: Duration = param(
-        "How late a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
+        "Delay until a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
     )
     position_noise: Length = param(
         "Noise of a pose's position along each axis, standard deviation.",
@@ -71,8 +71,7 @@ class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
 
 
 class SimulatedPoses(Stream):
-    """The poses of one vehicle. What its link's faults do to measurements it does to these, as they
-    arrive."""
+    """The poses of one vehicle; faults of its link apply as they arrive."""
 
     def __init__(
         self, params: SimulatedMotionCaptureParams, link: Link, generator: random.Random
@@ -95,24 +94,24 @@ class SimulatedPoses(Stream):
         arrived: list[Measurement] = []
         while self._arriving and self._arriving[0].time + self._latency <= now:
             arrived.append(self._arriving.popleft())
-        return self._filtered(arrived) if arrived else arrived
+        return filtered(arrived, self._link) if arrived else arrived
 
     def close(self) -> None:
         self._arriving.clear()
 
     def _take(self, now: Time, since: Time, body: Truth) -> None:
-        """Every pose that is due by `now`, of the body as it is since `since`."""
-        rate = self._params.rate
+        """Queue every pose that is due by `now`, from the body's state at `since`."""
+        rate, at_rest = self._params.rate, body.velocity == body.angular_velocity == ZERO
         if self._count is None:
             self._count = ceil(now / NS * rate)
         while (at := round(self._count * NS / rate)) <= now:
             self._count += 1
             t = (at - since) / NS
-            if abs(t) <= _AHEAD or _stands(body):
+            if abs(t) <= _AHEAD or at_rest:
                 self._arriving.append(self._pose(at, t, body))
 
     def _pose(self, at: Time, t: float, body: Truth) -> Pose:
-        """The pose at `at`, `t` seconds from when `body` was true."""
+        """Return the pose at `at`, `t` seconds after the state `body`."""
         p = self._params
         place = add(body.position, scale(body.velocity, t))
         attitude = integrate(body.attitude, body.angular_velocity, t)
@@ -122,13 +121,3 @@ class SimulatedPoses(Stream):
     def _noise(self, deviation: float) -> Vec3:
         gauss = self._generator.gauss
         return (gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation))
-
-    def _filtered(self, poses: list[Measurement]) -> list[Measurement]:
-        filters = () if self._link.faults is None else self._link.faults.filters
-        for change in filters:
-            poses = [kept for pose in poses if (kept := change(pose)) is not None]
-        return poses
-
-
-def _stands(body: Truth) -> bool:
-    return body.velocity == ZERO and body.angular_velocity == ZERO

@@ -1,4 +1,4 @@
-"""The families of tags, and their patterns."""
+"""Tag families and their patterns."""
 
 from __future__ import annotations
 
@@ -19,25 +19,26 @@ FAMILIES: dict[str, tuple[str, int]] = {
     "aruco_7x7": ("DICT_7X7_1000", 1000),
     "aruco_original": ("DICT_ARUCO_ORIGINAL", 1024),
 }
-"""Our name, OpenCV's, and how many tags it has. Families of AprilTag come without the prefix."""
+"""Each family's OpenCV name and number of tags. AprilTag families have no prefix here."""
 
 
 @functools.cache
 def dictionary(family: str) -> Any:
-    """OpenCV's dictionary of a family."""
+    """Return OpenCV's dictionary of a family."""
     import cv2
 
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, FAMILIES[family][0]))
 
 
 def cells(family: str) -> int:
-    """Cells along a side of the black square, border and all."""
+    """Return the cells along a side of the black square, including its border."""
     return int(dictionary(family).markerSize) + 2
 
 
 @functools.cache
 def pattern(family: str, id: int) -> NDArray[Any]:
-    """The tag, a pixel a cell, upper row first: (cells, cells) uint8, 0 black and 255 white."""
+    """Return a tag with one pixel a cell, upper row first: (cells, cells) uint8, 0 black and 255
+    white."""
     import cv2
 
     image: NDArray[Any] = cv2.aruco.generateImageMarker(dictionary(family), id, cells(family))

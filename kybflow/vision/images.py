@@ -1,4 +1,4 @@
-"""Images of OpenCV as a camera's."""
+"""Conversion of OpenCV's images."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from kybflow.world.cameras import Camera
 
 
 def grey(image: NDArray[Any], camera: Camera) -> NDArray[Any]:
-    """A colour or grey image as a grey one. Raises DriverError for one of another size than the
-    camera's lens is described for."""
+    """Convert a colour or grey image to grey. Raises DriverError if its size differs from the
+    lens's."""
     (height, width), lens = image.shape[:2], camera.lens
     if (width, height) != (lens.width, lens.height):
         message = f"the frames are {width} x {height}, but the lens of `{camera.name}` is described"

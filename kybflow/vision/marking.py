@@ -1,4 +1,4 @@
-"""A camera's frame as a picture for people, with the tags that were found in it."""
+"""Draws the tags that were found into a camera's frame."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from kybflow.vision.locating.sight import TagView
 from kybflow.world.tags import Key
 
 USED, REJECTED = (60, 190, 40), (50, 40, 230)
-"""Colours, in OpenCV's order: blue, green, red."""
+"""Colours as blue, green, red."""
 WIDEST = 800
-"""Pixels: a wider picture is made smaller."""
+"""Largest width of a picture, pixels."""
 _QUALITY = 80
 _LEGIBLE = 0.06
-"""A tag that is less of the picture's width has no room for its number."""
+"""Least side of a tag with a number, as a fraction of the picture's width."""
 _SHIFT = 4
-"""Bits of a pixel behind the point, as OpenCV draws between pixels."""
+"""Fractional bits of coordinates in OpenCV's drawing functions."""
 
 
 def marked(image: NDArray[Any], view: TagView | None, used: Collection[Key]) -> bytes:
-    """A grey image as a JPEG, with an outline and a number for each tag of `view`: green for those
-    of `used`, red for the others; of a tag not wholly in the image, the corners that are."""
+    """Return a grey image as a JPEG with the outline and number of each tag of `view`, green for
+    those of `used` and red for the others. A tag partly outside of the image has an outline of its
+    visible corners."""
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     if view is not None:
         for tag, corners in zip(view.tags, view.corners, strict=True):

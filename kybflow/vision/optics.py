@@ -1,5 +1,5 @@
-"""What a simulated camera does to the light: exposure, shutter, focus, noise; and how its floor
-looks."""
+"""The optics of a simulated camera: exposure, shutter, focus and noise; and the look of its
+floor."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from kybflow.core.units import Duration, Length, Number, Path, Ratio
 class Optics:
     """An inexpensive rolling-shutter camera over a printed floor in a lit room."""
 
-    exposure: Duration = param(
-        "How long a row collects light.", default=0.004, at_least=0.0, at_most=0.1
-    )
+    exposure: Duration = param("Exposure time of a row.", default=0.004, at_least=0.0, at_most=0.1)
     row_time: Duration = param(
         "From the start of a row's exposure to the next row's; zero is a global shutter.",
         default=3e-5, at_least=0.0, at_most=1e-3,
@@ -47,27 +45,27 @@ class Optics:
     )  # fmt: skip
     focus: Length = param("Nearest distance that is in focus.", default=0.4, above=0.0)
     aperture: Length = param(
-        "Diameter of the lens's opening, by which what is nearer is blurred.",
+        "Diameter of the aperture, which blurs what is nearer than the focus.",
         default=0.0012, at_least=0.0, at_most=0.05,
     )  # fmt: skip
     covered: Ratio = param(
-        "How many of the tags have something lying on them.", default=0.0, at_least=0.0, at_most=1.0
+        "Share of tags that something covers.", default=0.0, at_least=0.0, at_most=1.0
     )
     missing: Ratio = param(
-        "How many of the tags of the map are not on the floor.",
+        "Share of the map's tags that are not on the floor.",
         default=0.0, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     misplaced: Ratio = param(
-        "How many of the tags of each size lie in each other's places, not where the map has them.",
+        "Share of the tags of each size that are swapped with each other, unlike in the map.",
         default=0.0, at_least=0.0, at_most=1.0,
     )  # fmt: skip
-    patches: Path = param("Round things that lie on the floor: x, y, radius of each.", default=())
+    patches: Path = param("Round patches on the floor: x, y, radius of each.", default=())
 
 
 class Weakness(NamedTuple):
-    """What is wrong with a camera or its floor at the moment, on top of its optics. covered: more
-    of the tags, a fraction. blur: a standard deviation, pixels. dark: no light at all. offset: how
-    far from where it is it seems to be, world frame, metres."""
+    """The current faults of a camera, in addition to its optics. covered: additional share of
+    covered tags. blur: standard deviation, pixels. dark: no light at all. offset: error of the
+    position from which the frame is drawn, world frame, metres."""
 
     covered: float = 0.0
     blur: float = 0.0

@@ -1,4 +1,4 @@
-"""The pin-hole camera with OpenCV's distortion: world points to pixels, and pixels to rays.
+"""The pinhole camera with OpenCV's distortion: world points to pixels, and pixels to rays.
 
 With (x, y) = (X/Z, Y/Z) in the optical frame and r^2 = x^2 + y^2, the distorted point is
 x' = x s + 2 p1 x y + p2 (r^2 + 2 x^2), y' = y s + p1 (r^2 + 2 y^2) + 2 p2 x y, with
@@ -21,28 +21,28 @@ from kybflow.world.cameras import Camera, Lens
 Array = NDArray[Any]
 
 _NEAR = 1e-6
-"""A point that is less than this before the lens is behind it, metres."""
+"""Least depth of a visible point, metres."""
 _ROUNDING = 1e-12
 _STEPS = 20
 
 
 def matrix(lens: Lens) -> Array:
-    """OpenCV's camera matrix, (3, 3)."""
+    """Return OpenCV's camera matrix, (3, 3)."""
     return numpy.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
 
 
 def coefficients(lens: Lens) -> Array:
-    """OpenCV's distortion coefficients, (5,)."""
+    """Return OpenCV's distortion coefficients, (5,)."""
     return numpy.array(lens.distortion)
 
 
 def rotation(q: Quat) -> Array:
-    """A unit quaternion as a matrix, (3, 3): `rotation(q) @ v` is `rotate(q, v)`."""
+    """Return a unit quaternion as a matrix, (3, 3): `rotation(q) @ v` is `rotate(q, v)`."""
     return numpy.array([rotate(q, axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]).T
 
 
 def optical_pose(camera: Camera, position: Vec3, attitude: Quat) -> tuple[Vec3, Quat]:
-    """Where the lens is in the world, and the attitude of the optical frame there, on a body at
+    """Return the world position of the lens and the attitude of its optical frame, on a body at
     `position` with `attitude`."""
     return add(position, rotate(attitude, camera.position)), multiply(attitude, camera.attitude)
 
@@ -50,9 +50,9 @@ def optical_pose(camera: Camera, position: Vec3, attitude: Quat) -> tuple[Vec3, 
 def project(
     camera: Camera, position: Vec3, attitude: Quat, points: Array
 ) -> tuple[Array, NDArray[numpy.bool_]]:
-    """The pixels of points of the world, seen from a body at `position` with `attitude`; and which
-    of them the lens can image: those before it, within its `reach`. The pixels of the others mean
-    nothing. A pixel may lie outside of the image."""
+    """Return the pixels of world points, seen from a body at `position` with `attitude`; and which
+    points the lens can image: those in front of it and within its `reach`. The other pixels are
+    meaningless. Pixels may lie outside of the image."""
     at, turn = optical_pose(camera, position, attitude)
     local = (numpy.asarray(points, float) - at) @ rotation(turn)
     depth = local[..., 2]
@@ -63,7 +63,7 @@ def project(
 
 
 def distort(lens: Lens, flat: Array) -> Array:
-    """The pixels of points (X/Z, Y/Z) of the optical frame."""
+    """Return the pixels of points (X/Z, Y/Z) of the optical frame."""
     k1, k2, p1, p2, k3 = lens.distortion
     x, y = flat[..., 0], flat[..., 1]
     r2 = x * x + y * y
@@ -74,8 +74,8 @@ def distort(lens: Lens, flat: Array) -> Array:
 
 
 def undistort(lens: Lens, pixels: Array) -> Array:
-    """The points (X/Z, Y/Z) of the optical frame that pixels show: the inverse of `distort`, by
-    Newton's method to rounding. For a pixel that no ray reaches, a point near the `reach`."""
+    """Return the points (X/Z, Y/Z) of the optical frame that pixels show: the inverse of `distort`
+    by Newton's method, to rounding. A pixel that no ray reaches gives a point near the `reach`."""
     scale, centre = (lens.fx, lens.fy), (lens.cx, lens.cy)
     goal = (numpy.asarray(pixels, float) - centre) / scale
     if not any(lens.distortion):
@@ -96,7 +96,7 @@ def undistort(lens: Lens, pixels: Array) -> Array:
 
 
 def slopes(lens: Lens, x: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """The derivatives of (x', y') after x and y."""
+    """Return the derivatives of (x', y') with respect to x and y."""
     k1, k2, p1, p2, k3 = lens.distortion
     r2 = x * x + y * y
     s = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -110,8 +110,8 @@ def slopes(lens: Lens, x: Array, y: Array) -> tuple[tuple[Array, Array], tuple[A
 
 @functools.lru_cache(maxsize=64)
 def reach(lens: Lens) -> float:
-    """The radius |(X/Z, Y/Z)| up to which the radial distortion r s(r) grows; farther out the model
-    folds back into the image, and there is nothing to see."""
+    """Return the radius |(X/Z, Y/Z)| up to which the radial distortion r s(r) increases. Beyond it
+    the model folds back into the image and is invalid."""
     k1, k2, _, _, k3 = lens.distortion
     roots = numpy.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
     folds = [float(root.real) for root in roots if abs(root.imag) < 1e-9 and root.real > 0.0]

@@ -1,10 +1,10 @@
-"""Sheets of tags to print, true to scale: a PDF of vectors, or PNG pages.
+"""Printable sheets of tags, true to scale, as a vector PDF or PNG pages.
 
-Each tag stands in its quiet zone of one cell, with a fine line to cut along, and its family, number
-and side below that. What stays when it is cut, even between neighbours: an arrow above it and its
-number below, as far from the black square as the least gap allows that the floor's page advises,
-and away from its corners, which a detector refines. Each page has a bar of 100 mm to hold a ruler
-to. Lengths here are millimetres, from the lower left corner of the page, y up.
+Each tag has a quiet zone of one cell with a fine line to cut along, and its family, number and side
+below. An arrow above the black square and the number below it remain after the cut. They keep the
+least recommended gap between tags free, and stay away from the corners, which detectors refine.
+Each page has a bar of 100 mm to check the scale. Lengths are millimetres, from the lower left
+corner of the page, y up.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ _LETTERS = 3.0
 """Height of letters."""
 _BAR = 100.0
 _LEFT = 5.0
-"""What is left of the quiet zone at the least when it is cut between neighbours."""
+"""Least width of the quiet zone after a cut between neighbours."""
 _MARK, _RIM, _ALONG = 0.4, 0.08, 0.25
-"""Height of a number or an arrow in the quiet zone, and how far it is from the cut, of what is
-left; where it begins, of the side."""
+"""Height of a number or arrow in the quiet zone and its distance from the cut, as fractions of the
+remaining width; its start, as a fraction of the side."""
 _DIGIT = 0.72
-"""Height of a digit, of the letters'."""
+"""Height of a digit, as a fraction of the letters' height."""
 
 
 class Rectangle(NamedTuple):
-    """A rectangle with its lower left corner at (x, y), filled with a grey, 0 black to 1 white."""
+    """A filled rectangle with its lower left corner at (x, y). grey: 0 black to 1 white."""
 
     x: float
     y: float
@@ -51,7 +51,7 @@ class Rectangle(NamedTuple):
 
 
 class Words(NamedTuple):
-    """A line of text that begins at (x, y), its letters `height` tall."""
+    """A line of text that starts at (x, y)."""
 
     x: float
     y: float
@@ -60,14 +60,14 @@ class Words(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """A black arrow that points up, the middle of its tail's end at (x, y)."""
+    """A black arrow that points up from (x, y)."""
 
     x: float
     y: float
     height: float
 
     def outline(self) -> list[tuple[float, float]]:
-        """Its corners: a tail of a fifth, a head of four fifths of its height across."""
+        """Return its corners; the tail is a fifth of its height wide, the head four fifths."""
         tail = ((0.1, 0.0), (0.1, 0.45), (0.4, 0.45))
         right = [(self.x + a * self.height, self.y + b * self.height) for a, b in tail]
         left = [(2.0 * self.x - x, y) for x, y in reversed(right)]
@@ -81,8 +81,8 @@ class Page(NamedTuple):
 
 
 def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Page]:
-    """Pages with the tags of a family, `size` metres a side, as many on each as fit. Raises
-    ValueError where not even one fits."""
+    """Return pages with tags of a family, `size` metres a side, as many on each as fit. Raises
+    ValueError if none fits."""
     width, height = PAPERS[paper]
     side = 1000.0 * size
     whole = side * (1.0 + 2.0 * QUIET / cells(family))
@@ -90,7 +90,7 @@ def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Pa
     rows = int((height - 2.0 * _MARGIN - _FOOT + _GAP) / (whole + _LABEL + _GAP))
     if columns < 1 or rows < 1:
         raise ValueError(
-            f"a tag of {spoken(size)} takes {spoken(whole / 1000.0)} with its quiet zone, and"
+            f"a tag of {in_words(size)} takes {in_words(whole / 1000.0)} with its quiet zone, and"
             f" {paper.upper()} has {width - 2.0 * _MARGIN:g} mm to print on"
         )
     tall = min(_LETTERS, whole / 15.0)
@@ -110,14 +110,14 @@ def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Pa
     return pages
 
 
-def spoken(metres: float) -> str:
-    """A length in words: metres from one on, else millimetres."""
+def in_words(metres: float) -> str:
+    """Return a length in metres from 1 m on, else in millimetres."""
     return f"{metres:g} m" if metres >= 1.0 else f"{1000.0 * metres:g} mm"
 
 
 def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[Words, Arrow]:
-    """A tag's number below its black square and an arrow above, in the quiet zone, which begins at
-    (x, y)."""
+    """Return a tag's number below its black square and an arrow above, in the quiet zone, whose
+    corner is (x, y)."""
     rim = 0.5 * (whole - side)
     left = min(_LEFT, rim - _LINE)
     low, tall = (1.0 - _MARK - _RIM) * left, _MARK * left
@@ -129,7 +129,7 @@ def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[
 def _tag(
     family: str, number: int, x: float, y: float, side: float, whole: float
 ) -> list[Rectangle]:
-    """The black square with its white cells, joined along rows, in a line to cut along."""
+    """Return the cutting line, the black square and its white cells, joined along rows."""
     picture = pattern(family, number)
     rim, cell = 0.5 * (whole - side), side / len(picture)
     boxes = [
@@ -159,8 +159,8 @@ def _caption(paper: str) -> Words:
 
 
 def pdf(pages: Iterable[Page], paper: str) -> bytes:
-    """The pages as a PDF, which has the same bytes every time. Boxes of one grey that follow each
-    other are one path, so that no seam shows between cells."""
+    """Return the pages as a reproducible PDF. Consecutive boxes of one grey form one path, so that
+    no seams show between cells."""
     out = BytesIO()
     size = [length * mm for length in PAPERS[paper]]
     canvas = Canvas(out, pagesize=size, invariant=1, pageCompression=0)
@@ -187,10 +187,10 @@ def pdf(pages: Iterable[Page], paper: str) -> bytes:
 
 
 def png(page: Page, paper: str, dpi: int = 300) -> bytes:
-    """A page as a grey PNG that says its resolution."""
+    """Return a page as a grey PNG with its resolution."""
     drawn = raster(page, paper, dpi)
     data: bytes = cv2.imencode(".png", drawn)[1].tobytes()
-    # after the signature and the header: pHYs, pixels a metre
+    # insert pHYs, pixels a metre, after the signature and the header
     body = b"pHYs" + struct.pack(">IIB", *[round(dpi / 0.0254)] * 2, 1)
     chunk = struct.pack(">I", 9) + body + struct.pack(">I", zlib.crc32(body))
     header = 8 + 25
@@ -198,7 +198,7 @@ def png(page: Page, paper: str, dpi: int = 300) -> bytes:
 
 
 def raster(page: Page, paper: str, dpi: int) -> Array:
-    """A page as pixels; each edge on the nearest one."""
+    """Return a page as pixels, with each edge on the nearest pixel."""
     width, height = PAPERS[paper]
     scale = dpi / 25.4
     drawn = numpy.full((round(height * scale), round(width * scale)), 255, numpy.uint8)

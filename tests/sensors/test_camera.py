@@ -93,7 +93,7 @@ def test_frames_of_another_size_than_the_lens_are_refused(video: str) -> None:
 
 
 def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DriverError, match=r"`no\.avi` is no file"):
+    with pytest.raises(DriverError, match=r"`no\.avi` no longer exists"):
         opened(video="no.avi")
     (tmp_path / "text.avi").write_text("no video")
     with pytest.raises(DriverError, match=r"text\.avi` can't be opened"):
@@ -105,7 +105,7 @@ def test_it_says_which_camera_it_can_not_be() -> None:
     assert CameraSensor.objection(CameraSensorParams(camera="front"), two) is None
     assert CameraSensor.objection(CameraSensorParams(), two) == Objection(
         "camera",
-        "`camera` must say which it is; the airframe has `down`, `front`",
+        "`camera` is missing; the airframe has `down`, `front`",
         "write `camera: down`",
     )
     assert CameraSensor.objection(CameraSensorParams(camera="dwon"), two) == Objection(

@@ -203,7 +203,7 @@ def test_it_says_what_it_lacks() -> None:
         opened(Passing())
     blind = opened(Hardware(), DOWN)
     assert blind.read(0) == ()
-    assert "sees only simulated vehicles" in (blind.trouble() or "")
+    assert "use a simulated vehicle" in (blind.trouble() or "")
     assert SimulatedCamera.provides == {Frame}
     assert SimulatedCamera.simulated
 

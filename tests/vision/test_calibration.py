@@ -88,7 +88,7 @@ def test_frames_alone_tell_lens_and_map_but_no_mount() -> None:
     assert (abs(lens_errors(found)) < 3.0 * found.spreads[:LENS]).all()
     assert (found.spreads[:LENS] < (0.002, 1.0, 1.0, 0.001)).all()
     assert numpy.allclose(found.adjusted.x[LENS : LENS + MOUNT], 0.0, atol=1e-9)
-    assert not found.is_told(found.spreads[LENS], "mount position")
+    assert not found.is_determined(found.spreads[LENS], "mount position")
     lines = "\n".join(calibration_lines(found, 30, 30))
     assert "mount of `down`: not observable from frames alone; give the body's poses" in lines
 
@@ -124,7 +124,7 @@ def test_wrong_tags_pull_nothing_and_are_told() -> None:
     left = numpy.flatnonzero(~found.adjusted.used["corners"])
     assert {*wrong} <= {*left}
     assert len(left) <= 8  # that tag itself is in the frame too
-    assert numpy.flatnonzero(found.elsewhere).tolist() == [7]
+    assert numpy.flatnonzero(found.displaced).tolist() == [7]
     assert abs(found.shifts - off)[:, :3].max() < 0.002
     lines = list(calibration_lines(found, 20, 200))
     assert lines[2] == "left out: 1 sightings of tags that don't fit"
@@ -166,7 +166,7 @@ def test_one_place_where_it_stands_tells_the_mount() -> None:
     found = calibrated(frames, made.believed, TagMap(made.survey), known)
     shares = mount_errors(found) / found.spreads[LENS : LENS + MOUNT]
     assert abs(shares).max() < 3.0
-    assert found.is_told(found.spreads[LENS], "mount position")
+    assert found.is_determined(found.spreads[LENS], "mount position")
 
 
 def test_frames_without_tags_say_so() -> None:

@@ -16,7 +16,7 @@ from kybflow.vision.families import dictionary, pattern  # noqa: E402
 from kybflow.vision.optics import Optics, Weakness  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.vision.rendering.drawing import Room, motion  # noqa: E402
-from kybflow.vision.rendering.floor import mixed_up  # noqa: E402
+from kybflow.vision.rendering.floor import swapped  # noqa: E402
 from kybflow.vision.rendering.grid import grid  # noqa: E402
 from kybflow.vision.rendering.shutter import Shot  # noqa: E402
 from kybflow.world.cameras import Camera, Lens  # noqa: E402
@@ -233,12 +233,12 @@ def test_covered_and_missing_tags_are_as_many_as_asked_and_stay_the_same() -> No
 def test_misplaced_tags_lie_in_each_others_places_as_many_as_asked() -> None:
     small = [Tag("36h11", 100, 0.1, (2.0, 0.0, 0.0), LEVEL)]
     tags = TagMap([*floor(), *small])
-    laid = mixed_up(tags, 0.25, 3)
+    laid = swapped(tags, 0.25, 3)
     wrong = {tag.id for tag in tags if laid.get(*tag.key) != tag}
     assert len(wrong) == 9
     assert 100 not in wrong
     assert sorted(t.position for t in laid) == sorted(t.position for t in tags)
-    assert laid == mixed_up(tags, 0.25, 3) != mixed_up(tags, 0.25, 4)
+    assert laid == swapped(tags, 0.25, 3) != swapped(tags, 0.25, 4)
 
     at = body(x=0.5, z=1.8)
     shot = Shot(CAMERA, at, 0.0)

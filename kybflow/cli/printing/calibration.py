@@ -123,7 +123,7 @@ def _lens(found: WalkCalibration) -> Iterator[_Row]:
         ("cy", before.cy, after.cy, spreads[2], "px", "centre"),
         ("k1", before.distortion[0], after.distortion[0], spreads[3], "", "k1"),
     ):
-        told = found.is_told(spread / (before.fx if kind == "focal" else 1.0), kind)
+        told = found.is_determined(spread / (before.fx if kind == "focal" else 1.0), kind)
         digits = 2 if unit else 4
         yield _Row(name, new, new - old, spread, digits, unit, told, kind)
 
@@ -133,11 +133,11 @@ def _mount(found: WalkCalibration) -> Iterator[_Row]:
     spreads = found.spreads[LENS : LENS + MOUNT]
     for i, name in enumerate(("x", "y", "z")):
         kind, value = "mount position", 1000.0 * found.camera.position[i]
-        told = found.is_told(spreads[i], kind)
+        told = found.is_determined(spreads[i], kind)
         yield _Row(name, value, 1e3 * correction[i], 1e3 * spreads[i], 1, "mm", told, kind)
     for i, name in enumerate(("roll", "pitch", "yaw"), start=3):
         kind = "mount attitude"
-        told = found.is_told(spreads[i], kind)
+        told = found.is_determined(spreads[i], kind)
         off, spread = degrees(correction[i]), degrees(spreads[i])
         yield _Row(name, None, off, spread, 2, "deg", told, kind)
 
@@ -147,7 +147,7 @@ def _map(found: WalkCalibration) -> Iterator[str]:
     title = ("x", "y", "z", "heading", "spread", "")
     yield f"{'map, mm and deg':<18}" + "".join(f"{word:>9}" for word in title).rstrip()
     for tag, shift, spread, wrong in zip(
-        found.walk.tags, found.shifts, spreads, found.elsewhere, strict=True
+        found.walk.tags, found.shifts, spreads, found.displaced, strict=True
     ):
         off = "".join(f"{1e3 * metres:>+9.1f}" for metres in shift[:3])
         sure = f"{1e3 * spread[:3].max():>9.1f}{degrees(spread[3]):>9.2f}"

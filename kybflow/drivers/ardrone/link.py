@@ -149,6 +149,7 @@ class ArdroneLink(Link):
                 self.wire.stream.restart()
 
     def _configure(self, now: Time) -> None:
+        """Write the configuration, and measure round trips once that is done."""
         status, data = self.status, self.wire.configuration()
         if data is not None:
             self.configuring.read(data)
@@ -158,19 +159,15 @@ class ArdroneLink(Link):
         if in_bootstrap and self._is_configured:
             self.configuring.restart()
         self._is_configured = not self.configuring.pending and not in_bootstrap
-        self._use_acknowledge_bit(now)
+        if self._is_configured:
+            self._round_trips.update(status.acknowledges, now)
+        else:
+            self._round_trips.restart()
+            self.configuring.update(status.acknowledges, now)
+        self.delay = self._round_trips.delay
         if self._trims and self._is_configured and status.stands:
             self._trims = False
             self.wire.stream.post(ftrim())
-
-    def _use_acknowledge_bit(self, now: Time) -> None:
-        """Write the configuration with the acknowledge bit, then measure round trips with it."""
-        if self._is_configured:
-            self._round_trips.update(self.status.acknowledges, now)
-        else:
-            self._round_trips.restart()
-            self.configuring.update(self.status.acknowledges, now)
-        self.delay = self._round_trips.delay
 
 
 class ArdroneSession(Session):

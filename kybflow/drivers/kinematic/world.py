@@ -94,7 +94,7 @@ class IdealVehicle(Link):
             raise Refused("it carries no payload")
         if is_open and self._on_board:
             self._on_board, self._dropped = False, self._below(self.state.position)
-        elif not (is_open or self._is_armed):
+        elif not (is_open or (self._command is not None and self._command.armed)):
             self._on_board, self._dropped = True, None
         self._arriving.append(Payload(now, is_open, self._on_board))
 
@@ -118,7 +118,9 @@ class IdealVehicle(Link):
             self._fly(command, dt)
             self._charge.drain(self._mass * self.state.pull, dt)
         if Imu in self._kinds:
-            self._imu = self._measure_imu(now, dt)
+            ax, ay, az = self.state.acceleration
+            force = rotate_back(self.state.attitude, (ax, ay, az + GRAVITY + self._noise))
+            self._imu = Imu(now, dt, force, self.state.rates)
 
     def _fly(self, command: Command, dt: float) -> None:
         before = self.state
@@ -150,11 +152,6 @@ class IdealVehicle(Link):
                 highest = top
         return highest
 
-    def _measure_imu(self, now: Time, dt: float) -> Imu:
-        ax, ay, az = self.state.acceleration
-        force = rotate_back(self.state.attitude, (ax, ay, az + GRAVITY + self._noise))
-        return Imu(now, dt, force, self.state.rates)
-
     def _below(self, place: Vec3) -> Vec3:
         """Return where the centre of a payload released at `place` comes to rest."""
         assert self.context.payload is not None
@@ -162,10 +159,6 @@ class IdealVehicle(Link):
         ground = self._ground(place, z)
         falls = sqrt(2.0 * max(0.0, z - ground) / GRAVITY)
         return (x + vx * falls, y + vy * falls, ground - LEGS + 0.5 * self.context.payload.size)
-
-    @property
-    def _is_armed(self) -> bool:
-        return self._command is not None and self._command.armed
 
     @property
     def _mass(self) -> float:

@@ -38,7 +38,7 @@ DISTURBANCE_RATE = 50.0
 """How often wind and other disturbances change, Hz; eddies last half a second."""
 UPRIGHT = 0.8
 """Upward part of a contact's force from which the contact carries the vehicle."""
-PERIOD: Time = NS // 60
+VIEWER_PERIOD: Time = NS // 60
 LOOK_AT = (0.0, 0.0, 0.8)
 DISTANCE = 5.0
 """The viewer's first view: a room of a few metres, seen from the south-east corner."""
@@ -315,7 +315,7 @@ class Viewer:
     def show(self, now: Time) -> None:
         if now >= self._due and self._handle.is_running():
             self._handle.sync()
-            self._due = now + PERIOD
+            self._due = now + VIEWER_PERIOD
 
     def close(self) -> None:
         self._handle.close()

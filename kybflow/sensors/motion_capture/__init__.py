@@ -1,9 +1,9 @@
 """Poses from a Vicon, OptiTrack or Qualisys system by its own protocol, through libmotioncapture.
 
-Needs the package `motioncapture` (`pip install kybflow[mocap]`). It gives no time stamps, so a pose
-counts as true when it arrived, less `latency`. Where the system also speaks VRPN (Vicon Tracker,
-Motive) the sensor `vrpn` knows more. Every vehicle takes the body that has its name unless `body`
-says otherwise.
+Requires the package `motioncapture` (`pip install kybflow[mocap]`). The library provides no time
+stamps, so a pose is stamped `latency` before its arrival. If the system also supports VRPN (Vicon
+Tracker, Motive), prefer the sensor `vrpn`. A vehicle uses the body with its own name unless `body`
+names another.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 
 @params
 class MotionCaptureSensorParams:
-    system: Literal["vicon", "optitrack", "qualisys"] = param("Whose it is.", read_only=True)
-    host: str = param("The address of its server.", read_only=True)
+    system: Literal["vicon", "optitrack", "qualisys"] = param("Make of the system.", read_only=True)
+    host: str = param("Address of its server.", read_only=True)
     body: str | None = param(
-        "The body's name there; the vehicle's by default.", default=None, read_only=True
+        "The body's name in the system; by default the vehicle's.", default=None, read_only=True
     )
     interface: str | None = param(
-        "Our own address in the cameras' network, where there are several (OptiTrack).",
+        "This computer's address in the cameras' network, if it has several (OptiTrack).",
         default=None, read_only=True,
     )  # fmt: skip
     units: Units = param(
-        "What positions arrive in; the library has turned Vicon's and Qualisys' into metres.",
+        "Unit of positions; the library converts Vicon's and Qualisys' to metres.",
         default="m", read_only=True,
     )  # fmt: skip
     axes: Axes = param("Which axis points up.", default="z_up", read_only=True)

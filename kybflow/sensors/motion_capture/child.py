@@ -1,9 +1,8 @@
-"""The program that asks libmotioncapture, apart from the one that flies.
+"""Runs libmotioncapture in a process of its own.
 
-Its `connect` can wait for ever, and does so without letting go of Python's lock: in a thread it
-would stop everything, the vehicles' commands first. It also prints what it likes. So it runs in
-here, and each frame goes out as a line of JSON: `[ns of the monotonic clock, {name: [x, y, z, qw,
-qx, qy, qz]}]`; a refusal as a text.
+The library's `connect` may block forever while it holds Python's lock, which would stop the
+vehicles' commands if it ran in a thread. It also prints to stdout. Each frame is written as a line
+of JSON, `[ns of the monotonic clock, {name: [x, y, z, qw, qx, qy, qz]}]`; an error as a string.
 
     python -m kybflow.sensors.motion_capture.child SYSTEM SETTINGS
 """
@@ -23,15 +22,15 @@ _PR_SET_PDEATHSIG = 1
 
 
 def main(system: str, settings: dict[str, str]) -> None:
-    """Frames until nobody reads them any more."""
-    _follow()
+    """Write frames until the reader has gone."""
+    _end_with_parent()
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what the library prints is no frame
+    os.dup2(2, 1)  # the library prints to stdout
     with contextlib.suppress(BrokenPipeError, KeyboardInterrupt):
         try:
-            import motioncapture  # only this program needs the package
+            import motioncapture
         except ImportError:
-            _say(out, "the package `motioncapture` is missing: pip install kybflow[mocap]")
+            _write(out, "the package `motioncapture` is missing: pip install kybflow[mocap]")
             return
         try:
             capture = motioncapture.connect(system, settings)
@@ -39,14 +38,14 @@ def main(system: str, settings: dict[str, str]) -> None:
                 capture.waitForNextFrame()
                 frame = {name: _numbers(body) for name, body in capture.rigidBodies.items()}
                 if frame:
-                    _say(out, [time.monotonic_ns(), frame])
+                    _write(out, [time.monotonic_ns(), frame])
         except RuntimeError as error:
-            _say(out, str(error))
+            _write(out, str(error))
 
 
-def _follow() -> None:
-    """End with the thread that began this program, even where the library waits for ever."""
-    with contextlib.suppress(AttributeError, OSError):  # Linux alone has it
+def _end_with_parent() -> None:
+    """End with the thread that started this program, even if the library blocks forever."""
+    with contextlib.suppress(AttributeError, OSError):  # Linux only
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
@@ -56,7 +55,7 @@ def _numbers(body: object) -> list[float]:
     return [float(x) for x in (*position, q.w, q.x, q.y, q.z)]
 
 
-def _say(out: IO[str], what: object) -> None:
+def _write(out: IO[str], what: object) -> None:
     out.write(json.dumps(what) + "\n")
     out.flush()
 

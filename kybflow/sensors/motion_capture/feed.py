@@ -1,5 +1,5 @@
-"""What a motion-capture system says of bodies: one program and one thread a system, shared by all
-who ask for its bodies. The program is begun again when it ends or falls silent."""
+"""The poses of a motion-capture system: one process and one thread a system, shared by all
+subscriptions. The process is restarted when it ends or falls silent."""
 
 from __future__ import annotations
 
@@ -10,44 +10,35 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from kybflow.core.errors import described
-from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import Time
+from kybflow.sensors._stream import TrackerPose
 from kybflow.sensors._waker import CHUNK, Waker
 
 SILENT = 10.0
-"""Seconds without a frame after which the program is begun again."""
+"""Seconds without a frame after which the program is restarted."""
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 8.0
-"""Seconds between one program and the next; doubled while none gives a frame."""
-WAITING = 2000
-"""Poses that are kept for a reader who does not come."""
-
-
-class Arrived(NamedTuple):
-    """A pose as the library gives it; time: when it arrived, on the monotonic clock."""
-
-    time: Time
-    position: Vec3
-    attitude: Quat
+"""Seconds before a restart; doubled while no frame arrives."""
+MOST_POSES = 2000
+"""Largest number of unread poses."""
 
 
 class BodySubscription:
-    """One body of a system. Close it."""
+    """A subscription to one body of a system; must be closed."""
 
     def __init__(self, feed: Feed, body: str) -> None:
         self.body = body
-        self.came: deque[Arrived] = deque(maxlen=WAITING)
+        self.poses: deque[TrackerPose] = deque(maxlen=MOST_POSES)
         self._feed = feed
 
-    def take(self) -> list[Arrived]:
-        """The poses that came since the last call, oldest first."""
-        came = self.came
-        return [came.popleft() for _ in range(len(came))]
+    def take(self) -> list[TrackerPose]:
+        """Return the poses since the last call, oldest first."""
+        poses = self.poses
+        return [poses.popleft() for _ in range(len(poses))]
 
     def trouble(self) -> str | None:
-        """Why no pose can come, None where they can."""
+        """Return why no poses arrive; None if they do."""
         return self._feed.trouble(self.body)
 
     def close(self) -> None:
@@ -66,8 +57,8 @@ class Feed:
         self.key = key
         self._wanted: tuple[BodySubscription, ...] = ()
         self._bodies: frozenset[str] = frozenset()
-        self._reason: str | None = "no frame has come yet"
-        self._has_come = False
+        self._reason: str | None = "no frame has arrived yet"
+        self._has_data = False
         self._waker = Waker()
         self._thread = threading.Thread(target=self._run, name=f"mocap {key[0]}", daemon=True)
 
@@ -80,7 +71,7 @@ class Feed:
         return subscription
 
     def drop(self, subscription: BodySubscription) -> bool:
-        """Forget a subscription; whether it was the last."""
+        """Remove a subscription; return whether it was the last."""
         self._wanted = tuple(other for other in self._wanted if other is not subscription)
         return not self._wanted
 
@@ -99,17 +90,17 @@ class Feed:
     def _run(self) -> None:
         pause = FIRST_PAUSE
         while not self._waker.ended.is_set():
-            self._has_come = False
+            self._has_data = False
             try:
-                self._ask()
-            except Exception as error:  # no program could be begun, or it said what is no frame
+                self._run_program()
+            except Exception as error:  # the program did not start, or wrote no frame
                 self._reason = described(error)
             self._waker.ended.wait(pause)
-            pause = FIRST_PAUSE if self._has_come else min(2.0 * pause, LONGEST_PAUSE)
+            pause = FIRST_PAUSE if self._has_data else min(2.0 * pause, LONGEST_PAUSE)
         self._waker.close()
 
-    def _ask(self) -> None:
-        """Begin the program and pass on what it says. Raises what goes wrong."""
+    def _run_program(self) -> None:
+        """Run the program and deliver its frames. Raises what goes wrong."""
         program = [sys.executable, "-m", "kybflow.sensors.motion_capture.child", *self.key]
         process = subprocess.Popen(
             program,
@@ -122,40 +113,40 @@ class Feed:
             process.communicate()
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
-        """Pass on what the program says, until it ends, falls silent or nobody listens."""
+        """Deliver frames until the program ends or falls silent, or `end` is called."""
         assert process.stdout is not None
         waiting = b""
         with selectors.DefaultSelector() as selector:
             selector.register(process.stdout, selectors.EVENT_READ)
-            selector.register(self._waker.ear, selectors.EVENT_READ)
+            selector.register(self._waker.receiver, selectors.EVENT_READ)
             while not self._waker.ended.is_set():
                 ready = [key.fileobj for key, _ in selector.select(SILENT)]
                 if not ready:
-                    self._reason = f"nothing heard for {SILENT:g} s"
+                    self._reason = f"no data for {SILENT:g} s"
                     return
                 if process.stdout not in ready:
-                    self._waker.hush()
+                    self._waker.drain()
                     continue
                 data = process.stdout.read1(CHUNK)  # type: ignore[attr-defined]
                 if not data:
-                    self._reason = self._reason or "the link was lost"
+                    self._reason = self._reason or "the connection was lost"
                     return
                 *lines, waiting = (waiting + data).split(b"\n")
                 for line in lines:
-                    self._tell(json.loads(line))
+                    self._deliver(json.loads(line))
 
-    def _tell(self, said: str | tuple[Time, Mapping[str, list[float]]]) -> None:
-        if isinstance(said, str):
-            self._reason = said
+    def _deliver(self, message: str | tuple[Time, Mapping[str, list[float]]]) -> None:
+        if isinstance(message, str):
+            self._reason = message
             return
-        arrival, frame = said
-        self._reason, self._has_come = None, True
+        arrival, frame = message
+        self._reason, self._has_data = None, True
         self._bodies |= frame.keys()
         for subscription in self._wanted:
             pose = frame.get(subscription.body)
             if pose is not None:
                 px, py, pz, w, x, y, z = pose
-                subscription.came.append(Arrived(arrival, (px, py, pz), (w, x, y, z)))
+                subscription.poses.append(TrackerPose(arrival, arrival, (px, py, pz), (w, x, y, z)))
 
 
 _feeds: dict[tuple[str, str], Feed] = {}
@@ -163,7 +154,7 @@ _lock = threading.Lock()
 
 
 def subscribe(system: str, settings: Mapping[str, str], body: str) -> BodySubscription:
-    """Ask a system for a body, by the one program that asks it for all."""
+    """Subscribe to a body, through the one process for its system."""
     key = system, json.dumps(settings, sort_keys=True)
     with _lock:
         feed = _feeds.get(key)

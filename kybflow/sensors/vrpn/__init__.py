@@ -1,10 +1,10 @@
 """Poses from a motion-capture system on the network, over VRPN.
 
-Vicon Tracker, OptiTrack Motive and VRPN's own server speak it. Every vehicle takes the body that
-has its name unless `body` says otherwise; all share one link to a server, which opens itself again
-when it was lost. Poses carry the server's stamps, put on the run's clock by the least delay seen
-(`kybflow.core.clock_offset`), so the two clocks need not agree, only go on. What no pose is, as
-written for a body that is lost, is left out.
+Vicon Tracker, OptiTrack Motive and VRPN's own server support it. A vehicle uses the body with its
+own name unless `body` names another. All vehicles share one connection to a server, which is
+reopened when it is lost. The server's stamps are converted to the run's clock by the least delay
+(`kybflow.core.clock_offset`), so that the two clocks need not agree. Invalid poses, as written for
+a lost body, are left out.
 """
 
 from __future__ import annotations
@@ -33,17 +33,18 @@ if TYPE_CHECKING:
 class VrpnParams:
     host: str = param("The server, as `HOST` or `HOST:PORT`.", read_only=True)
     body: str | None = param(
-        "The body's name at the server; the vehicle's by default.", default=None, read_only=True
+        "The body's name at the server; by default the vehicle's.", default=None, read_only=True
     )
-    sensor: int = param("The number of the body's sensor.", default=0, at_least=0, read_only=True)
-    units: Units = param("What the server measures in.", default="m", read_only=True)
+    sensor: int = param("Number of the body's sensor.", default=0, at_least=0, read_only=True)
+    units: Units = param("Unit of positions.", default="m", read_only=True)
     axes: Axes = param("Which of the server's axes points up.", default="z_up", read_only=True)
     opening: Literal["direct", "lob"] = param(
-        "Connect by TCP alone, or ask to be called back and take datagrams.",
+        "Connect by TCP alone (`direct`), or request a call-back and receive datagrams (`lob`).",
         default="direct", read_only=True,
     )  # fmt: skip
     latency: Duration = param(
-        "From the exposure to the server's stamp and out of its door, which nobody can see here.",
+        "From the exposure to the departure of the pose from the server, which can't be measured"
+        " here.",
         default=0.0, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
 

@@ -1,8 +1,8 @@
-"""What VRPN servers say of bodies: one thread a server, shared by all who ask for its bodies.
+"""The poses of VRPN servers: one thread a server, shared by all subscriptions.
 
-The thread opens the link, again and again with growing pauses where it must, asks silent bodies by
-a ping, puts the server's stamps on our clock and hands poses over as immutable values. Nobody waits
-for it and nothing here raises in the reader's face: a lost server is silence, and a reason.
+The thread connects, with growing pauses between attempts, pings silent bodies, converts the
+server's stamps to our clock and passes poses on as immutable values. Readers never block and never
+get an exception: without a server there are no poses, and `trouble` gives the reason.
 """
 
 from __future__ import annotations
@@ -15,32 +15,23 @@ from typing import NamedTuple
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.errors import DriverError
-from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import NS, Time
+from kybflow.sensors._stream import TrackerPose
 from kybflow.sensors._waker import Waker
 from kybflow.sensors.vrpn.codec import PING, CodecError, PoseReport
 from kybflow.sensors.vrpn.link import Connection, ServerAddress
 from kybflow.sensors.vrpn.peer import Peer, SenderMessage
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
-"""Seconds from the beginning of one attempt to open a link to the next; doubled each time."""
+"""Seconds between the starts of two attempts to connect; doubled each time."""
 PING_EVERY: Time = NS
 SILENT: Time = 5 * NS
-"""Without a byte for so long, pings and all, the link counts as lost."""
+"""Time without data, in spite of pings, after which the connection counts as lost."""
 REORDERED: Time = NS // 5
-"""A stamp that is older than the last by less was overtaken; by more, the clock was set."""
-WAITING = 2000
-"""Poses that are kept for a reader who does not come."""
-
-
-class Report(NamedTuple):
-    """A pose in the tracker's own axes and units. time: the server's stamp on our monotonic clock.
-    arrival: when it came, on the same."""
-
-    time: Time
-    arrival: Time
-    position: Vec3
-    attitude: Quat
+"""A stamp that is older than the last by less than this was reordered; otherwise the server's clock
+was set."""
+MOST_POSES = 2000
+"""Largest number of unread poses."""
 
 
 class Key(NamedTuple):
@@ -49,31 +40,31 @@ class Key(NamedTuple):
 
 
 class VrpnSubscription:
-    """One body's sensor at a server. Close it."""
+    """A subscription to one sensor of a body at a server; must be closed."""
 
     def __init__(self, client: Client, key: Key) -> None:
         self.key = key
-        self.came: deque[Report] = deque(maxlen=WAITING)
+        self.poses: deque[TrackerPose] = deque(maxlen=MOST_POSES)
         self._client = client
 
-    def take(self) -> list[Report]:
-        """The poses that came since the last call, oldest first."""
-        came = self.came
-        return [came.popleft() for _ in range(len(came))]
+    def take(self) -> list[TrackerPose]:
+        """Return the poses since the last call, oldest first."""
+        poses = self.poses
+        return [poses.popleft() for _ in range(len(poses))]
 
     def trouble(self) -> str | None:
-        """Why no pose can come, None where they can."""
+        """Return why no poses arrive; None if they do."""
         return self._client.trouble(self.key)
 
     def close(self) -> None:
         with _lock:
             if self._client.drop(self):
                 _clients.pop(self._client.address, None)
-        self._client.rest()
+        self._client.end_if_unused()
 
 
 class Client:
-    """The link to one server, and its thread."""
+    """The connection to one server, and its thread."""
 
     def __init__(
         self, address: ServerAddress, clock: Callable[[], Time] = time.monotonic_ns
@@ -96,20 +87,20 @@ class Client:
         return subscription
 
     def drop(self, subscription: VrpnSubscription) -> bool:
-        """Forget a subscription; whether it was the last."""
+        """Remove a subscription; return whether it was the last."""
         left = {k: tuple(s for s in v if s is not subscription) for k, v in self._wanted.items()}
         self._wanted = {key: rest for key, rest in left.items() if rest}
         return not self._wanted
 
-    def rest(self) -> None:
-        """End the thread where nobody wants anything any more."""
+    def end_if_unused(self) -> None:
+        """End the thread if there are no subscriptions."""
         if self._wanted or self._waker.ended.is_set():
             return
         self._waker.end()
         self._thread.join(1.0)
 
     def trouble(self, key: Key) -> str | None:
-        """Why nothing of `key` comes, None where it does."""
+        """Return why no poses of `key` arrive; None if they do."""
         reason, sensors = self._reason, self._sensors
         if reason is not None:
             return f"no VRPN server at {self.address}: {reason}"
@@ -127,7 +118,7 @@ class Client:
         while not self._waker.ended.is_set():
             began = self._clock()
             try:
-                self._talk()
+                self._connect()
             except (OSError, UnicodeError, DriverError) as error:
                 connected = self._reason is None
                 self._reason = getattr(error, "strerror", None) or str(error)
@@ -136,70 +127,70 @@ class Client:
             self._waker.ended.wait(max(0.0, pause - (self._clock() - began) / NS))
         self._waker.close()
 
-    def _talk(self) -> None:
-        """Open the link and listen until nobody does. Raises OSError or CodecError when it is
-        lost."""
+    def _connect(self) -> None:
+        """Connect and deliver poses until the thread must end. Raises OSError or CodecError when
+        the connection is lost."""
         connection = Connection(self.address, self._waker)
         try:
-            listener = _Listener(connection, self._clock)
+            listener = _Reader(connection, self._clock)
             while not self._waker.ended.is_set():
-                listener.hear(self._wanted)
-                if listener.peer.greeted:
+                listener.receive(self._wanted)
+                if listener.peer.is_connected:
                     self._sensors = frozenset(listener.last)
                     self._reason = None
         finally:
             connection.close()
 
 
-class _Listener:
-    """One open link: what comes goes to those who want it. `last`: the newest stamp of each."""
+class _Reader:
+    """Delivers the poses of one connection. `last`: the newest stamp of each sensor."""
 
     def __init__(self, connection: Connection, clock: Callable[[], Time]) -> None:
         self.peer = Peer()
         self.last: dict[Key, Time] = {}
         self._connection, self._clock = connection, clock
         self._offset = Offset()
-        self._heard = clock()
+        self._last_data = clock()
         self._pinged: Time | None = None
-        self._posed: dict[str, Time] = {}
+        self._last_pose: dict[str, Time] = {}
 
-    def hear(self, wanted: Mapping[Key, tuple[VrpnSubscription, ...]]) -> None:
-        """Wait for what comes next, at most until the next ping is due."""
+    def receive(self, wanted: Mapping[Key, tuple[VrpnSubscription, ...]]) -> None:
+        """Wait for data, at most until the next ping is due, and deliver it."""
         stream, datagrams = self._connection.wait(PING_EVERY / NS / 4)
         now = self._clock()
-        greeted = self.peer.greeted
+        is_connected = self.peer.is_connected
         if stream:
-            self._tell(self.peer.hear(stream), wanted, now)
+            self._deliver(self.peer.receive(stream), wanted, now)
         for datagram in datagrams:
             try:
-                self._tell(self.peer.hear_datagram(datagram), wanted, now)
+                self._deliver(self.peer.receive_datagram(datagram), wanted, now)
             except CodecError:
-                continue  # anybody can send a datagram
+                continue  # datagrams may come from anywhere
         if stream or datagrams:
-            self._heard = now
-        elif now - self._heard > SILENT:
-            raise TimeoutError(f"nothing heard for {SILENT / NS:g} s")
-        if self.peer.greeted:
-            if not greeted and self._connection.here is not None:
+            self._last_data = now
+        elif now - self._last_data > SILENT:
+            raise TimeoutError(f"no data for {SILENT / NS:g} s")
+        if self.peer.is_connected:
+            if not is_connected and self._connection.here is not None:
                 self._connection.send(self.peer.ask_for_datagrams(*self._connection.here))
             self._ping({key.body for key in wanted}, now)
 
     def _ping(self, bodies: set[str], now: Time) -> None:
-        """Ask those that have been silent whether they are there."""
+        """Ping bodies that have been silent."""
         if self._pinged is not None and now - self._pinged < PING_EVERY:
             return
         self._pinged = now
         for body in sorted(bodies):
-            if now - self._posed.get(body, now - PING_EVERY) >= PING_EVERY:
-                self._connection.send(self.peer.say(body, PING, time.time_ns()))
+            if now - self._last_pose.get(body, now - PING_EVERY) >= PING_EVERY:
+                self._connection.send(self.peer.message(body, PING, time.time_ns()))
 
-    def _tell(
+    def _deliver(
         self,
-        heard: list[SenderMessage],
+        reports: list[SenderMessage],
         wanted: Mapping[Key, tuple[VrpnSubscription, ...]],
         now: Time,
     ) -> None:
-        for sender, stamp, what in heard:
+        for sender, stamp, what in reports:
             if not isinstance(what, PoseReport):
                 continue
             key = Key(sender, what.sensor)
@@ -208,9 +199,9 @@ class _Listener:
                 if 0 <= self.last.get(key, stamp - 1) - stamp < REORDERED:
                     continue
                 self.last[key] = stamp
-            self._posed[sender] = now
+            self._last_pose[sender] = now
             for subscription in wanted.get(key, ()):
-                subscription.came.append(Report(here, now, what.position, what.attitude))
+                subscription.poses.append(TrackerPose(here, now, what.position, what.attitude))
 
 
 _clients: dict[ServerAddress, Client] = {}
@@ -218,7 +209,7 @@ _lock = threading.Lock()
 
 
 def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscription:
-    """Ask the server for a body's sensor, over the one link that this program has to it."""
+    """Subscribe to a body's sensor, over the one connection to its server."""
     with _lock:
         client = _clients.get(address)
         if client is None:
@@ -228,6 +219,6 @@ def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscriptio
 
 
 def _listed(bodies: list[str]) -> str:
-    """`a`, `b` and 3 more."""
+    """Return `a`, `b` and 3 more."""
     names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
     return f"{names} and {len(bodies) - 8} more" if len(bodies) > 8 else names

@@ -1,13 +1,13 @@
-"""VRPN on the wire: bytes to values and back, without a socket.
+"""The VRPN protocol: bytes to values and back, without sockets.
 
-Big-endian throughout. A TCP link begins with 24 bytes from each side, the cookie; then come
-messages of a 24-byte header and a payload padded to 8:
+All numbers are big-endian. Each side of a TCP connection starts with a cookie of 24 bytes. Messages
+have a header of 24 bytes and a payload padded to a multiple of 8:
 
     u32 length = 24 + unpadded payload | u32 s | u32 us | i32 sender | i32 type | u32 sequence
 
-A UDP datagram holds whole messages. Types and senders are numbers that each side chooses and
-describes in system messages, whose type is negative (and whose `sender` is their argument). What
-is not VRPN raises CodecError, and nothing else.
+A UDP datagram holds whole messages. Each side numbers its types and senders, and describes them in
+system messages, which have a negative type and their argument as `sender`. Malformed data raises
+CodecError.
 
 Source: the public C++ library (vrpn_Connection.C, vrpn_Tracker.C of 07.38).
 """
@@ -24,9 +24,9 @@ from kybflow.core.signals import Time
 MAGIC, VERSION = b"vrpn: ver. ", b"07.38"
 COOKIE_SIZE = 24
 COOKIE = (MAGIC + VERSION + b"  0").ljust(COOKIE_SIZE, b"\0")
-"""What we send: our version, and that nothing is to be logged."""
+"""Our cookie: the version, and 0 for no logging."""
 SENDER, TYPE, UDP = -1, -2, -3
-"""The system messages that describe a sender, a type, and where datagrams are to go."""
+"""System messages: the description of a sender or a type, and the target of datagrams."""
 POSE, PING, PONG, TEXT = (
     "vrpn_Tracker Pos_Quat",
     "vrpn_Base ping_message",
@@ -34,7 +34,7 @@ POSE, PING, PONG, TEXT = (
     "vrpn_Base text_message",
 )
 LONGEST = 64_000
-"""Bytes of the longest message: a peer's buffer."""
+"""Longest message, bytes; the size of a peer's buffer."""
 LONGEST_NAME, MOST_NAMES = 99, 2000
 _HEADER = struct.Struct(">IIIiiI")
 _POSE = struct.Struct(">ii3d4d")
@@ -44,12 +44,12 @@ _MICROSECOND = 1000
 
 
 class CodecError(DriverError):
-    """These bytes are not VRPN, or these values don't fit into it."""
+    """The bytes are not VRPN, or the values can't be encoded."""
 
 
 class Message(NamedTuple):
-    """One message. stamp: the sender's clock (nanoseconds since 1970, whole microseconds). sender,
-    type: the sender's own numbers."""
+    """One message. stamp: the sender's clock, nanoseconds since 1970 in whole microseconds. sender,
+    type: numbers that the sender chose."""
 
     stamp: Time
     sender: int
@@ -58,7 +58,7 @@ class Message(NamedTuple):
 
 
 class PoseReport(NamedTuple):
-    """What a tracker says of one of its sensors, in its own axes and units."""
+    """The pose of a tracker's sensor, in the tracker's axes and units."""
 
     sensor: int
     position: Vec3
@@ -66,17 +66,17 @@ class PoseReport(NamedTuple):
 
 
 def check_cookie(cookie: bytes) -> str:
-    """The peer's version, like `07.38`; the major one must be ours."""
+    """Return the peer's version, such as `07.38`. Raises CodecError if the major version differs
+    from ours."""
     if not cookie.startswith(MAGIC):
         raise CodecError(f"no VRPN: the peer began with {cookie[:16]!r}")
     version = cookie[len(MAGIC) : len(MAGIC) + len(VERSION)]
     if version[:3] != VERSION[:3]:
-        raise CodecError(f"VRPN of version {version!r}; {VERSION.decode()} is spoken here")
+        raise CodecError(f"VRPN version {version!r} is not supported; {VERSION.decode()} is")
     return version.decode("ascii", "replace")
 
 
 def encode(message: Message, sequence: int = 0) -> bytes:
-    """The message as bytes, padded."""
     length = _HEADER.size + len(message.payload)
     if length > LONGEST:
         raise CodecError(f"a message of {length} bytes is longer than {LONGEST}")
@@ -91,15 +91,15 @@ def encode(message: Message, sequence: int = 0) -> bytes:
 
 
 class MessageDecoder:
-    """Messages from a stream of bytes, however it is cut; `version` is None until the cookie has
-    come. After a CodecError it is of no more use: the link must be opened anew."""
+    """Splits a stream of bytes into messages. `version`: None until the cookie has arrived. After a
+    CodecError the connection must be reopened, with a new decoder."""
 
     def __init__(self) -> None:
         self.version: str | None = None
         self._waiting = bytearray()
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that `data` completes."""
+        """Return the messages that `data` completes."""
         waiting = self._waiting
         waiting += data
         if self.version is None:
@@ -115,7 +115,6 @@ class MessageDecoder:
 
 
 def decode_datagram(data: bytes) -> list[Message]:
-    """The messages of a datagram, which holds them whole."""
     messages, end = _split(data)
     if end != len(data):
         raise CodecError(
@@ -125,7 +124,7 @@ def decode_datagram(data: bytes) -> list[Message]:
 
 
 def _split(data: bytes | bytearray) -> tuple[list[Message], int]:
-    """The whole messages at the beginning of `data`, and where they end."""
+    """Return the complete messages at the start of `data`, and where they end."""
     messages: list[Message] = []
     at, size = 0, _HEADER.size
     while at + size <= len(data):
@@ -141,7 +140,7 @@ def _split(data: bytes | bytearray) -> tuple[list[Message], int]:
 
 
 def describe(kind: int, number: int, name: str) -> Message:
-    """The system message that says which number (of a SENDER or a TYPE) a name has from now on."""
+    """Return the system message that gives a number to the name of a SENDER or a TYPE."""
     text = name.encode("utf-8", "replace")
     if not 0 < len(text) <= LONGEST_NAME or b"\0" in text:
         raise CodecError(f"`{name}` is no VRPN name: it needs 1 to {LONGEST_NAME} bytes, no NUL")
@@ -151,7 +150,7 @@ def describe(kind: int, number: int, name: str) -> Message:
 
 
 def described(message: Message) -> tuple[int, str]:
-    """The number and the name in a description."""
+    """Return the number and the name in a description."""
     if not 0 <= message.sender < MOST_NAMES:
         raise CodecError(f"a description of number {message.sender}; they go to {MOST_NAMES - 1}")
     (length,) = _unpack(_LENGTH, message.payload[: _LENGTH.size], "description")
@@ -161,23 +160,22 @@ def described(message: Message) -> tuple[int, str]:
     return message.sender, _string(text)
 
 
-def point_to(address: str, port: int) -> Message:
-    """The system message that asks the peer to send datagrams there."""
+def target_message(address: str, port: int) -> Message:
+    """Return the system message that asks the peer to send datagrams to this address."""
     return Message(0, port, UDP, address.encode("ascii") + b"\0")
 
 
-def pointed_to(message: Message) -> tuple[str, int]:
-    """The address and port in it."""
+def read_target(message: Message) -> tuple[str, int]:
     return _address(_string(message.payload), message.sender)
 
 
 def encode_lob(address: str, port: int) -> bytes:
-    """The datagram that asks a server to open the TCP link to us."""
+    """Return the datagram that asks a server to connect to us by TCP."""
     return f"{address} {port}".encode("ascii") + b"\0"
 
 
 def decode_lob(data: bytes) -> tuple[str, int]:
-    """Where such a datagram asks to be connected."""
+    """Return the address and port in such a datagram."""
     words = _string(data).split(" ")
     if len(words) != 2 or not (words[1].isascii() and words[1].isdigit()) or len(words[1]) > 5:
         raise CodecError(f"no request for a connection: {data[:40]!r}")
@@ -185,7 +183,6 @@ def decode_lob(data: bytes) -> tuple[str, int]:
 
 
 def encode_pose(report: PoseReport) -> bytes:
-    """The payload of a POSE."""
     (w, x, y, z), sensor = report.attitude, report.sensor
     try:
         return _POSE.pack(sensor, sensor, *report.position, x, y, z, w)
@@ -194,13 +191,13 @@ def encode_pose(report: PoseReport) -> bytes:
 
 
 def decode_pose(payload: bytes) -> PoseReport:
-    """The report in it; its numbers may be anything, even NaN."""
+    """Return the pose in a payload; its numbers may be anything, even NaN."""
     sensor, _, px, py, pz, x, y, z, w = _unpack(_POSE, payload, "pose")
     return PoseReport(sensor, (px, py, pz), (w, x, y, z))
 
 
 def decode_text(payload: bytes) -> tuple[int, str]:
-    """The severity (0 normal, 1 warning, 2 error) and the text of a TEXT."""
+    """Return the severity (0 normal, 1 warning, 2 error) and the text of a TEXT."""
     severity, _ = _unpack(_TEXT, payload[: _TEXT.size], "text")
     return severity, _string(payload[_TEXT.size :])
 
@@ -212,7 +209,6 @@ def _unpack(layout: struct.Struct, data: bytes, what: str) -> tuple[Any, ...]:
 
 
 def _string(data: bytes) -> str:
-    """The text before the first NUL."""
     return data.split(b"\0", 1)[0].decode("utf-8", "replace")
 
 

@@ -1,4 +1,4 @@
-"""Sockets of one VRPN link as a client: opens it in one of two ways, moves bytes, closes it."""
+"""The sockets of a VRPN client's connection to a server."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from kybflow.sensors._waker import CHUNK, Waker
 from kybflow.sensors.vrpn.codec import COOKIE, encode_lob
 
 PORT = 3883
-ANSWER = 2.0
-"""Seconds that a server has to answer; a request by datagram may not come more often."""
+TIMEOUT = 2.0
+"""Seconds to wait for a server's answer; requests by datagram must not be more frequent."""
 _AT_ONCE = struct.pack("ii", 1, 0)
-"""Close by a reset: after a server that has gone, so that its port is free for its successor. Else
-it waits for a minute, and the C++ server does not ask for it regardless."""
+"""Closes with a reset when the server has gone, so that its successor can use the port at once. The
+C++ server doesn't set SO_REUSEADDR and would have to wait for a minute."""
 _ADDRESS = re.compile(r"(?:(tcp)://)?([^\s:/@\[\]]+|\[[0-9A-Fa-f:.]+\])(?::(\d{1,5}))?")
 
 
 class ServerAddress(NamedTuple):
-    """A server. direct: open it by TCP (as VRPN's `tcp://HOST` does); else ask by a datagram to be
-    called back by TCP, then poses come as datagrams (as VRPN's `HOST` does)."""
+    """A server. direct: connect by TCP (VRPN's `tcp://HOST`); otherwise request a TCP call-back by
+    datagram, and receive poses as datagrams (VRPN's `HOST`)."""
 
     host: str
     port: int = PORT
@@ -35,8 +35,7 @@ class ServerAddress(NamedTuple):
 
 
 def read_address(text: str, direct: bool) -> ServerAddress:
-    """`HOST`, `HOST:PORT` or, where that agrees with `direct`, `tcp://HOST:PORT`. Raises
-    DriverError."""
+    """Parse `HOST`, `HOST:PORT` or, if `direct`, `tcp://HOST:PORT`. Raises DriverError."""
     match = _ADDRESS.fullmatch(text.strip())
     port = int(match[3] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
@@ -47,19 +46,19 @@ def read_address(text: str, direct: bool) -> ServerAddress:
 
 
 class Connection:
-    """An open link. `here` is where datagrams are awaited, None where none are."""
+    """An open connection. `here`: the address that receives datagrams; None without datagrams."""
 
     def __init__(self, address: ServerAddress, waker: Waker) -> None:
-        """Raises OSError where there is no server, InterruptedError when ended meanwhile."""
+        """Raises OSError if there is no server, InterruptedError if the waker ends meanwhile."""
         self.here: tuple[str, int] | None = None
         self._datagrams: socket.socket | None = None
         self._waker = waker
         self._selector = selectors.DefaultSelector()
-        self._selector.register(waker.ear, selectors.EVENT_READ)
+        self._selector.register(waker.receiver, selectors.EVENT_READ)
         self._stream: socket.socket | None = None
         try:
             self._stream = _dial(address) if address.direct else self._ask(address)
-            self._stream.settimeout(ANSWER)
+            self._stream.settimeout(TIMEOUT)
             self._stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._server = self._stream.getpeername()[0]
             self._stream.sendall(COOKIE)
@@ -74,19 +73,19 @@ class Connection:
             self._stream.sendall(data)
 
     def wait(self, seconds: float) -> tuple[bytes, list[bytes]]:
-        """What comes first within so many seconds: bytes over TCP, datagrams; both empty when
-        nothing does or when woken. Raises OSError when the link is lost."""
+        """Wait for data for so many seconds; return bytes from TCP, and datagrams. Both are empty
+        after a timeout or a wake-up. Raises OSError when the connection is lost."""
         stream, datagrams = b"", []
         for key, _ in self._selector.select(seconds):
-            if key.fileobj is self._waker.ear:
-                self._waker.hush()
+            if key.fileobj is self._waker.receiver:
+                self._waker.drain()
             elif key.fileobj is self._datagrams:
                 datagrams = self._drain()
             elif self._stream is not None:
                 stream = self._stream.recv(CHUNK)
                 if not stream:
                     self._stream.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
-                    raise ConnectionResetError("the server closed the link")
+                    raise ConnectionResetError("the server closed the connection")
         return stream, datagrams
 
     def close(self) -> None:
@@ -96,24 +95,24 @@ class Connection:
                 opened.close()
 
     def _drain(self) -> list[bytes]:
-        """Every datagram of the server that has come; another's are not for us."""
-        came: list[bytes] = []
-        while self._datagrams is not None and len(came) < 100:
+        """Return the datagrams that have arrived from the server."""
+        received: list[bytes] = []
+        while self._datagrams is not None and len(received) < 100:
             try:
                 data, (sender, *_) = self._datagrams.recvfrom(CHUNK)
             except BlockingIOError:
                 break
             if sender == self._server:
-                came.append(data)
-        return came
+                received.append(data)
+        return received
 
     def _ask(self, address: ServerAddress) -> socket.socket:
-        """Ask the server by a datagram, and let it in when it calls."""
+        """Request a call-back by datagram, and accept it."""
         family, _, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_DGRAM
         )[0]
         with socket.socket(family, socket.SOCK_DGRAM) as probe:
-            probe.connect(place)  # sends nothing, but tells which of our addresses it sees
+            probe.connect(place)  # sends nothing, but selects our address
             own = probe.getsockname()[0]
         self._datagrams = socket.socket(family, socket.SOCK_DGRAM)
         self._datagrams.setblocking(False)
@@ -130,17 +129,17 @@ class Connection:
     def _called(self, listener: socket.socket) -> socket.socket:
         with selectors.DefaultSelector() as selector:
             selector.register(listener, selectors.EVENT_READ)
-            selector.register(self._waker.ear, selectors.EVENT_READ)
-            deadline = time.monotonic() + ANSWER
+            selector.register(self._waker.receiver, selectors.EVENT_READ)
+            deadline = time.monotonic() + TIMEOUT
             while (left := deadline - time.monotonic()) > 0.0:
                 ready = [key.fileobj for key, _ in selector.select(left)]
                 if listener in ready:
                     return listener.accept()[0]
-                self._waker.hush()
+                self._waker.drain()
                 if self._waker.ended.is_set():
                     raise InterruptedError("closed while it was opened")
         raise TimeoutError("no server answered the request to call back")
 
 
 def _dial(address: ServerAddress) -> socket.socket:
-    return socket.create_connection((address.host, address.port), timeout=ANSWER)
+    return socket.create_connection((address.host, address.port), timeout=TIMEOUT)

@@ -1,4 +1,4 @@
-"""One end of a VRPN link without its socket: which numbers names have, and what messages mean."""
+"""One end of a VRPN connection without its socket: encodes and decodes messages by names."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from kybflow.sensors.vrpn.codec import (
     describe,
     described,
     encode,
-    point_to,
-    pointed_to,
+    read_target,
+    target_message,
 )
 
 
@@ -37,7 +37,7 @@ class SenderStatus(NamedTuple):
 
 
 class SenderMessage(NamedTuple):
-    """Something the peer said: of `sender`, a name, at `stamp` of its clock."""
+    """A decoded message. sender: a name. stamp: of the peer's clock."""
 
     sender: str
     stamp: Time
@@ -45,88 +45,90 @@ class SenderMessage(NamedTuple):
 
 
 class Peer:
-    """Reads what the other end sends and writes what is sent to it. `datagrams_to` is where it
-    wants datagrams, None where it did not say. `senders`: its names by number."""
+    """Decodes what the other end sends and encodes what it receives. `datagrams_to`: where it wants
+    datagrams; None if unknown. `senders`: its names by number."""
 
     def __init__(self) -> None:
         self.datagrams_to: tuple[str, int] | None = None
         self.senders: dict[int, str] = {}
         self._types: dict[int, str] = {}
         self._decoder = MessageDecoder()
-        self._told: dict[int, dict[str, int]] = {SENDER: {}, TYPE: {}}
+        self._introduced: dict[int, dict[str, int]] = {SENDER: {}, TYPE: {}}
         self._sequence = self._datagram = 0
 
     @property
-    def greeted(self) -> bool:
-        """Whether the peer's cookie has come."""
+    def is_connected(self) -> bool:
+        """Whether the peer's cookie has arrived."""
         return self._decoder.version is not None
 
-    def hear(self, data: bytes) -> list[SenderMessage]:
-        """What came over TCP. Raises CodecError; then the link must be closed."""
-        return self._meaning(self._decoder.feed(data))
+    def receive(self, data: bytes) -> list[SenderMessage]:
+        """Decode bytes from TCP. Raises CodecError, after which the connection must be closed."""
+        return self._decode(self._decoder.feed(data))
 
-    def hear_datagram(self, data: bytes) -> list[SenderMessage]:
-        """What came in one datagram. Raises CodecError; the link is as good as before."""
+    def receive_datagram(self, data: bytes) -> list[SenderMessage]:
+        """Decode a datagram. Raises CodecError, which doesn't affect the connection."""
         messages = decode_datagram(data)
         if any(message.type < 0 for message in messages):
             raise CodecError("a description in a datagram")
-        return self._meaning(messages)
+        return self._decode(messages)
 
-    def say(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
-        """A message for TCP, after the descriptions that the peer needs for it."""
+    def message(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
+        """Encode a message for TCP, preceded by the descriptions that it needs."""
         introduction = self.introduce(sender, kind)
         return introduction + self._numbered(self._message(sender, kind, stamp, payload))
 
-    def say_in_datagram(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
-        """A message for a datagram; both names must have been introduced."""
+    def datagram(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
+        """Encode a message for a datagram; both names must have been introduced."""
         self._datagram += 1
         return encode(self._message(sender, kind, stamp, payload), self._datagram - 1)
 
     def ask_for_datagrams(self, address: str, port: int) -> bytes:
-        """For TCP: where datagrams are to go."""
-        return self._numbered(point_to(address, port))
+        """Encode the request for datagrams, for TCP."""
+        return self._numbered(target_message(address, port))
 
     def introduce(self, sender: str, *kinds: str) -> bytes:
-        """The descriptions, for TCP, of those names that the peer has not been told yet."""
+        """Encode the descriptions, for TCP, of names that the peer doesn't know yet."""
         out = b""
         for table, name in ((SENDER, sender), *((TYPE, kind) for kind in kinds)):
-            told = self._told[table]
-            if name not in told:
-                out += self._numbered(describe(table, len(told), name))
-                told[name] = len(told)
+            known = self._introduced[table]
+            if name not in known:
+                out += self._numbered(describe(table, len(known), name))
+                known[name] = len(known)
         return out
 
     def _message(self, sender: str, kind: str, stamp: Time, payload: bytes) -> Message:
-        return Message(stamp, self._told[SENDER][sender], self._told[TYPE][kind], payload)
+        return Message(
+            stamp, self._introduced[SENDER][sender], self._introduced[TYPE][kind], payload
+        )
 
     def _numbered(self, message: Message) -> bytes:
         self._sequence += 1
         return encode(message, self._sequence - 1)
 
-    def _meaning(self, messages: list[Message]) -> list[SenderMessage]:
-        heard = []
+    def _decode(self, messages: list[Message]) -> list[SenderMessage]:
+        reports = []
         for message in messages:
             if message.type < 0:
-                self._learn(message)
+                self._apply(message)
                 continue
             sender, kind = self.senders.get(message.sender), self._types.get(message.type)
             if sender is None:
-                continue  # a datagram can be faster than the description of its sender
+                continue  # a datagram may overtake the description of its sender
             if kind == POSE:
-                heard.append(SenderMessage(sender, message.stamp, decode_pose(message.payload)))
+                reports.append(SenderMessage(sender, message.stamp, decode_pose(message.payload)))
             elif kind in (PING, PONG):
-                heard.append(SenderMessage(sender, message.stamp, SenderStatus(kind)))
+                reports.append(SenderMessage(sender, message.stamp, SenderStatus(kind)))
             elif kind == TEXT:
                 severity, text = decode_text(message.payload)
-                heard.append(
+                reports.append(
                     SenderMessage(sender, message.stamp, SenderStatus(TEXT, text, severity))
                 )
-        return heard
+        return reports
 
-    def _learn(self, message: Message) -> None:
-        """A system message; of those that log or end a log there is nothing to learn."""
+    def _apply(self, message: Message) -> None:
+        """Apply a system message; those about logging are ignored."""
         if message.type in (SENDER, TYPE):
             number, name = described(message)
             (self.senders if message.type == SENDER else self._types)[number] = name
         elif message.type == UDP:
-            self.datagrams_to = pointed_to(message)
+            self.datagrams_to = read_target(message)

@@ -1,7 +1,6 @@
-"""Simulated vehicles on the network: what their motion capture measures, as a VRPN server tells it.
+"""Publishes the simulated motion capture of vehicles and moving obstacles on a VRPN server.
 
-The poses are those that the program itself gets, with their noise and latency and every fault. The
-world's moving obstacles are bodies, too.
+The poses are those that the mission itself receives, including noise, latency and faults.
 """
 
 from __future__ import annotations
@@ -26,11 +25,12 @@ from kybflow.sensors.simulated_motion_capture import (
 from kybflow.sensors.vrpn.server import Server
 
 Publish = Callable[[str, Pose], None]
-"""Called with a vehicle's name and a pose, its time that of the run."""
+"""Publishes the pose of a named vehicle, stamped in the run's time."""
 
 
 def to(server: Server, clock: Callable[[], Time] = time.time_ns) -> Publish:
-    """Publish on `server`, stamped as if the first pose were true now."""
+    """Return a function that publishes on `server`, with stamps as if the first pose were from
+    now."""
     began: list[Time] = []
 
     def publish(name: str, pose: Pose) -> None:
@@ -42,8 +42,8 @@ def to(server: Server, clock: Callable[[], Time] = time.time_ns) -> Publish:
 
 
 def published(plan: Plan, publish: Publish) -> Plan:
-    """The plan whose vehicles' poses are published as they arrive, and those of the obstacles that
-    move with them. Raises KybflowError for one whose vehicles are not simulated."""
+    """Return the plan with drivers that publish the poses of vehicles and moving obstacles as they
+    arrive. Raises KybflowError if a vehicle is not simulated."""
     for vehicle in plan.vehicles:
         if not vehicle.driver.cls.simulated:
             raise KybflowError(f"`{vehicle.name}` flies on `{vehicle.driver.name}`, which is real")
@@ -61,7 +61,7 @@ def published(plan: Plan, publish: Publish) -> Plan:
 
 
 class PoseNoise(NamedTuple):
-    """Standard deviations: of a pose's position along each axis, of its attitude about each."""
+    """Standard deviations of a pose's position along each axis and its attitude about each."""
 
     position: float
     attitude: float
@@ -70,8 +70,8 @@ class PoseNoise(NamedTuple):
 def still(
     places: Mapping[str, Vec3], publish: Publish, noise: PoseNoise, generator: random.Random
 ) -> Callable[[Time], None]:
-    """What publishes bodies at rest at each time that it is called with: with noise, for without
-    it they would count as frozen."""
+    """Return a function that publishes bodies at rest at a given time, with noise, without which
+    they would count as frozen."""
 
     def drawn(deviation: float) -> Vec3:
         gauss = generator.gauss
@@ -86,7 +86,7 @@ def still(
 
 
 class _Published:
-    """A driver that publishes what its links read, and is that driver otherwise."""
+    """Wraps a driver, and publishes the poses that its links read."""
 
     def __init__(self, driver: type[Driver[Any]], publish: Publish, balls: _Balls) -> None:
         self._driver, self._publish, self._balls = driver, publish, balls
@@ -102,7 +102,7 @@ class _Published:
 
 
 class _Balls:
-    """The moving obstacles, as simulated motion capture sees them."""
+    """The moving obstacles, measured by simulated motion capture."""
 
     def __init__(self, plan: Plan, publish: Publish) -> None:
         self._publish = publish
@@ -114,7 +114,7 @@ class _Balls:
         }
 
     def step(self, now: Time) -> None:
-        """Publish what has come of each; for any time at most once."""
+        """Publish the poses of each obstacle, at most once for any time."""
         for body, stream in self._streams.items():
             for pose in stream.read(now):
                 if type(pose) is Pose:
@@ -126,7 +126,7 @@ def _poses(link: Link, generator: random.Random) -> SimulatedPoses:
 
 
 def _tap(link: Link, name: str, publish: Publish, balls: _Balls) -> None:
-    """Publish the poses of `link` as they are read, and what moves beside it."""
+    """Make `link` publish its poses, and those of the obstacles, whenever it is read."""
     read = link.read
 
     def tapped(now: Time) -> Sequence[Measurement]:

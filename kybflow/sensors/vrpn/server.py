@@ -1,7 +1,7 @@
-"""A VRPN server: publishes poses of bodies to whoever connects, in either of the two ways.
+"""A VRPN server: publishes poses to clients that connect by TCP or request a call-back.
 
-One thread lets clients in, hears their pings and answers; `publish` sends from the caller's thread,
-so that a pose waits for nobody. A client that does not keep up is dropped; none can stop another.
+One thread accepts clients and answers pings. `publish` sends from the caller's thread and never
+blocks. A client that doesn't keep up is dropped, and can't delay the others.
 """
 
 from __future__ import annotations
@@ -35,146 +35,142 @@ from kybflow.sensors.vrpn.link import PORT
 from kybflow.sensors.vrpn.peer import Peer, SenderStatus
 
 MOST_WAITING = 1 << 16
-"""Bytes that a client may leave unread, here and as much again in the system's buffer: poses that
-are older are of no use."""
+"""Bytes that a client may leave unread, here and again in the system's buffer; older poses are
+useless."""
 CALL_BACK = 1.0
-"""Seconds that a client who asked to be called back has to answer."""
+"""Timeout of a call-back, seconds."""
 MOST_CLIENTS = 100
 
 
 class Server:
-    """Serves from when it is made until it is closed. `port` is the one it listens on: with 0 a
-    free one is taken. Raises DriverError where it can't listen."""
+    """Serves until `close`. port: to listen on; with 0 any free port, given by the attribute.
+    Raises DriverError if it can't listen."""
 
     def __init__(
         self, host: str = "127.0.0.1", port: int = PORT, clock: Callable[[], Time] = time.time_ns
     ) -> None:
-        self._door, self._requests = _listen(host, port)
+        self._listener, self._requests = _listen(host, port)
         self._clock = clock
         self._bodies: list[str] = []
-        self._guests: dict[socket.socket, _Guest] = {}
+        self._clients: dict[socket.socket, _ClientConnection] = {}
         self._lock = threading.Lock()
         self._selector = selectors.DefaultSelector()
         self._waker = Waker()
-        self.port: int = self._door.getsockname()[1]
-        for opened in (self._door, self._requests, self._waker.ear):
+        self.port: int = self._listener.getsockname()[1]
+        for opened in (self._listener, self._requests, self._waker.receiver):
             self._selector.register(opened, selectors.EVENT_READ)
         self._thread = threading.Thread(target=self._serve, name="vrpn server", daemon=True)
         self._thread.start()
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
-        return len(self._guests)
+        """The number of connected clients."""
+        return len(self._clients)
 
     def publish(
         self, body: str, position: Vec3, attitude: Quat, stamp: Time | None = None, sensor: int = 0
     ) -> None:
-        """Tell every client a pose; stamp: nanoseconds since 1970, now by default. Raises
-        CodecError for a name that VRPN can't have."""
+        """Send a pose to every client. stamp: nanoseconds since 1970; now by default. Raises
+        CodecError if the name is invalid in VRPN."""
         stamp = self._clock() if stamp is None else stamp
         payload = encode_pose(PoseReport(sensor, position, attitude))
         with self._lock:
             if body not in self._bodies:
-                describe(SENDER, len(self._bodies), body)  # refused here, not when a guest is told
+                describe(SENDER, len(self._bodies), body)  # raises on an invalid name
                 self._bodies.append(body)
-            for guest in list(self._guests.values()):
-                if guest.peer.greeted:
-                    self._attempt(guest, partial(guest.pose, body, stamp, payload))
+            for client in list(self._clients.values()):
+                if client.peer.is_connected:
+                    self._attempt(client, partial(client.pose, body, stamp, payload))
 
     def close(self) -> None:
-        """Let everybody go and stop listening."""
+        """Disconnect all clients and stop listening."""
         self._waker.end()
         self._thread.join()
         with self._lock:
-            for guest in list(self._guests.values()):
-                self._dismiss(guest)
-        for opened in (self._door, self._requests, self._waker):
+            for client in list(self._clients.values()):
+                self._drop(client)
+        for opened in (self._listener, self._requests, self._waker):
             opened.close()
         self._selector.close()
 
     def _serve(self) -> None:
         while not self._waker.ended.is_set():
             for key, events in self._selector.select():
-                if key.fileobj is self._door:
-                    self._admit()
+                if key.fileobj is self._listener:
+                    with contextlib.suppress(OSError):  # the client has gone already
+                        self._add_client(self._listener.accept()[0], None)
                 elif key.fileobj is self._requests:
                     self._requested()
-                elif key.fileobj is self._waker.ear:
-                    self._waker.hush()
+                elif key.fileobj is self._waker.receiver:
+                    self._waker.drain()
                 else:
-                    self._attend(key.data, events)
-
-    def _admit(self) -> None:
-        with contextlib.suppress(OSError):  # gone again already
-            stream, _ = self._door.accept()
-            self._welcome(stream, None)
+                    self._serve_client(key.data, events)
 
     def _requested(self) -> None:
-        """Somebody asks to be called back: at the address that asks, not at one that it names, so
-        that nobody can point us at a third."""
+        """Connect to a client that requests it, at the sender's address, not the one in the
+        request, so that the server can't be directed at a third party."""
         try:
             data, (address, *_) = self._requests.recvfrom(CHUNK)
             _, port = decode_lob(data)
             stream = socket.create_connection((address, port), timeout=CALL_BACK)
         except (OSError, CodecError):
             return
-        self._welcome(stream, address)
+        self._add_client(stream, address)
 
-    def _welcome(self, stream: socket.socket, address: str | None) -> None:
+    def _add_client(self, stream: socket.socket, address: str | None) -> None:
         with self._lock:
-            if len(self._guests) >= MOST_CLIENTS:
+            if len(self._clients) >= MOST_CLIENTS:
                 stream.close()
                 return
             try:
-                guest = _Guest(stream, self._selector, address)
+                client = _ClientConnection(stream, self._selector, address)
             except OSError:  # gone again already, or there are no more sockets
                 stream.close()
                 return
-            self._guests[stream] = guest
-            self._selector.register(stream, selectors.EVENT_READ, guest)
-            self._attempt(guest, lambda: guest.send(COOKIE))
+            self._clients[stream] = client
+            self._selector.register(stream, selectors.EVENT_READ, client)
+            self._attempt(client, lambda: client.send(COOKIE))
 
-    def _attend(self, guest: _Guest, events: int) -> None:
+    def _serve_client(self, client: _ClientConnection, events: int) -> None:
         with self._lock:
-            if guest.stream not in self._guests:
+            if client.stream not in self._clients:
                 return
             if events & selectors.EVENT_WRITE:
-                self._attempt(guest, guest.flush)
+                self._attempt(client, client.flush)
             if events & selectors.EVENT_READ:
-                self._attempt(guest, lambda: self._answer(guest))
+                self._attempt(client, lambda: self._answer(client))
 
-    def _answer(self, guest: _Guest) -> None:
-        data = guest.stream.recv(CHUNK)
+    def _answer(self, client: _ClientConnection) -> None:
+        data = client.stream.recv(CHUNK)
         if not data:
             raise ConnectionResetError("left")
-        greeted = guest.peer.greeted
-        heard = guest.peer.hear(data)
-        if guest.peer.greeted and not greeted:
+        is_connected = client.peer.is_connected
+        messages = client.peer.receive(data)
+        if client.peer.is_connected and not is_connected:
             for body in self._bodies:
-                guest.send(guest.peer.introduce(body, POSE, PING, PONG, TEXT))
-        for sender, _, what in heard:
+                client.send(client.peer.introduce(body, POSE, PING, PONG, TEXT))
+        for sender, _, what in messages:
             if isinstance(what, SenderStatus) and what.kind == PING and sender in self._bodies:
-                guest.send(guest.peer.say(sender, PONG, self._clock()))
+                client.send(client.peer.message(sender, PONG, self._clock()))
 
-    def _attempt(self, guest: _Guest, what: Callable[[], None]) -> None:
-        """Do it; who can't be served, or speaks something else, goes."""
+    def _attempt(self, client: _ClientConnection, what: Callable[[], None]) -> None:
+        """Call `what`; drop the client if that fails."""
         try:
             what()
         except BlockingIOError:
             return
         except (OSError, CodecError):
-            self._dismiss(guest)
+            self._drop(client)
 
-    def _dismiss(self, guest: _Guest) -> None:
-        if self._guests.pop(guest.stream, None) is not None:
-            self._selector.unregister(guest.stream)
-            guest.stream.close()
-            guest.datagrams.close()
+    def _drop(self, client: _ClientConnection) -> None:
+        if self._clients.pop(client.stream, None) is not None:
+            self._selector.unregister(client.stream)
+            client.stream.close()
+            client.datagrams.close()
 
 
-class _Guest:
-    """One client. address: where it asked to be called back, None for one that connected."""
+class _ClientConnection:
+    """One client. address: where it requested a call-back; None if it connected itself."""
 
     def __init__(
         self, stream: socket.socket, selector: selectors.BaseSelector, address: str | None
@@ -189,18 +185,18 @@ class _Guest:
         self._unsent = bytearray()
 
     def pose(self, body: str, stamp: Time, payload: bytes) -> None:
-        """Send a pose: as a datagram to a client that said where to, else over TCP."""
+        """Send a pose as a datagram if the client asked for datagrams, else over TCP."""
         self.send(self.peer.introduce(body, POSE))
         where = self.peer.datagrams_to
         if self._address is None or where is None:
-            self.send(self.peer.say(body, POSE, stamp, payload))
+            self.send(self.peer.message(body, POSE, stamp, payload))
             return
-        data = self.peer.say_in_datagram(body, POSE, stamp, payload)
+        data = self.peer.datagram(body, POSE, stamp, payload)
         with contextlib.suppress(OSError):  # datagrams may be lost
             self.datagrams.sendto(data, (self._address, where[1]))
 
     def send(self, data: bytes) -> None:
-        """Over TCP, later what does not fit now. Raises OSError."""
+        """Send over TCP; what doesn't fit now is sent later. Raises OSError."""
         if data:
             self._unsent += data
             if len(self._unsent) > MOST_WAITING:
@@ -217,22 +213,22 @@ class _Guest:
 
 
 def _listen(host: str, port: int) -> tuple[socket.socket, socket.socket]:
-    """The door for TCP and the one for datagrams, on the same port."""
-    door = requests = None
+    """Return the sockets for TCP and for datagrams, on the same port."""
+    listener = requests = None
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        door = socket.socket(family, socket.SOCK_STREAM)
-        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        door.bind((host, port))
-        door.listen()
-        door.setblocking(False)
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen()
+        listener.setblocking(False)
         requests = socket.socket(family, socket.SOCK_DGRAM)
         requests.setblocking(False)
-        requests.bind((host, door.getsockname()[1]))
+        requests.bind((host, listener.getsockname()[1]))
     except (OSError, UnicodeError) as error:
-        for opened in (door, requests):
+        for opened in (listener, requests):
             if opened is not None:
                 opened.close()
         reason = getattr(error, "strerror", None) or str(error)
         raise DriverError(f"no VRPN server can be at {host}:{port}: {reason}") from None
-    return door, requests
+    return listener, requests

@@ -1,2 +1,2 @@
-"""Recorded frames of a walk over the tags to corrections of lens, mount and map, with their spread:
-the equations (`model`), their solution (`adjust`), and finding tags in the frames (`walk`)."""
+"""Calibration of lens, mount and map from recorded frames of a walk over the tags: the equations
+(`model`), their solution (`adjust`), and the detection of tags in the frames (`walk`)."""

@@ -1,16 +1,16 @@
-"""The corrections that explain a walk best, and how sure they are.
+"""Solves for the corrections that explain a walk best, and their covariance.
 
-Minimised is the sum of rho(r^2) over the residuals of `model`, by SciPy's `least_squares` (a trust
-region; Branch, Coleman and Li, 1999): at first with rho(z) = 2 (sqrt(1 + z) - 1), which a tag or a
-pose that is wrong can't pull far, then with squares, of what is within 5 standard deviations. The
-standard deviation of a kind is what its n residuals say,
+SciPy's `least_squares` (a trust region; Branch, Coleman and Li, 1999) minimises the sum of rho(r^2)
+over the residuals of `model`: first with rho(z) = 2 (sqrt(1 + z) - 1), which limits the effect of a
+wrong tag or pose, then with squares, of residuals within 5 standard deviations. The standard
+deviation of a kind is estimated from its n residuals,
 
     sigma^2 = sum r^2 / (n - tr(N^-1 J_k^T J_k)),    N = J^T J
 
-where the trace counts those that were spent on corrections (variance components; Foerstner, 1979),
-as long as enough remain, else what is believed. The covariance of the corrections is N^-1. Steps
-come from LSMR on J L^-T, with N = L L^T from where a round begins: some ten iterations, not
-thousands.
+where the trace is the number of residuals used up by corrections (variance components; Foerstner,
+1979); if too few remain, the prior value is used. The covariance of the corrections is N^-1. Steps
+come from LSMR on J L^-T, with N = L L^T at the start of a round, which takes about ten iterations
+instead of thousands.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ BELIEVED: Mapping[str, float] = {
     "velocity": 0.3,
     "rates": 0.5,
 }
-"""The standard deviation of each kind before anything was seen: pixels, metres, radians, seconds;
-the focal length's is a share of it."""
+"""Prior standard deviation of each kind: pixels, metres, radians, seconds; relative for the focal
+length."""
 _LEAST = {
     "corners": 0.02,
     "reference position": 1e-4,
@@ -59,24 +59,24 @@ _LEAST = {
     "velocity": 0.01,
     "rates": 0.01,
 }
-"""Those that residuals may correct, and the smallest that they may say."""
+"""The kinds whose standard deviation residuals determine, with the smallest value."""
 _KEPT = frozenset({"velocity", "rates"})
-"""Those of which none is left out."""
+"""The kinds without outlier rejection."""
 _ENOUGH = 12.0
-"""Residuals that remain."""
+"""Least number of remaining residuals."""
 _FAR = 5.0
-"""Standard deviations."""
+"""Standard deviations from which a residual is an outlier."""
 _NORMAL = 1.4826
-"""Of a normal distribution: the standard deviation, by the median of the absolute values."""
+"""Standard deviation of a normal distribution over the median of its absolute values."""
 _ROUNDS = 3
 _LONG = 1e4
-"""Standard deviations that the first step may have."""
+"""Largest first step, standard deviations."""
 _DONE = 1e-7
 
 
 class Adjusted(NamedTuple):
-    """x: the corrections. covariance: theirs. sigma: the standard deviation of each kind. used:
-    which units of each kind were within reach."""
+    """The solution. x: the corrections. sigma: the standard deviation of each kind. used: which
+    units of each kind are no outliers."""
 
     x: Array
     covariance: Array
@@ -85,14 +85,14 @@ class Adjusted(NamedTuple):
 
 
 def adjust(walk: Walk, x: Array, sigma: Mapping[str, float] = BELIEVED) -> Adjusted:
-    """The corrections, searched from `x`. Raises CalibrationFailed where there are none."""
+    """Return the corrections, starting from `x`. Raises CalibrationFailed if there are none."""
     used = {block.kind: numpy.ones(len(block.unit), bool) for block in blocks(walk, x, sigma)}
     found = Adjusted(x, numpy.empty((0, 0)), sigma, used)
     try:
         for i in range(_ROUNDS):
             x = _solved(walk, found, "linear" if i else "soft_l1")
             found = _weighed(walk, x, found)
-    except (numpy.linalg.LinAlgError, ValueError):  # of SciPy, for what is not finite
+    except (numpy.linalg.LinAlgError, ValueError):  # SciPy's for values that are not finite
         message = "map, camera and frames contradict each other; are they of one floor?"
         raise CalibrationFailed(message) from None
     return found
@@ -125,16 +125,15 @@ def _solved(walk: Walk, begun: Adjusted, loss: str) -> Array:
 
 
 def _system(walk: Walk, x: Array, with_: Adjusted) -> tuple[Array, Any]:
-    """The residuals that are used, and their Jacobian, sparse."""
+    """Return the residuals that are no outliers, and their sparse Jacobian."""
     from scipy.sparse import vstack
 
-    parts = [_kept(block, with_.used[block.kind]) for block in blocks(walk, x, with_.sigma)]
+    parts = [
+        Block(block.kind, *(part[with_.used[block.kind]] for part in block[1:]))
+        for block in blocks(walk, x, with_.sigma)
+    ]
     values = numpy.concatenate([part.values.ravel() for part in parts])
     return values, vstack([_sparse(part, walk.size) for part in parts], format="csr")
-
-
-def _kept(block: Block, used: Array) -> Block:
-    return Block(block.kind, *(part[used] for part in block[1:]))
 
 
 def _sparse(block: Block, size: int) -> Any:
@@ -147,7 +146,7 @@ def _sparse(block: Block, size: int) -> Any:
 
 
 def _weighed(walk: Walk, x: Array, before: Adjusted) -> Adjusted:
-    """What is within reach of `x`, and how sure that makes it."""
+    """Reject outliers at `x`, and estimate standard deviations and covariance."""
     from scipy.linalg import inv
 
     sigma, used = dict(before.sigma), dict(before.used)

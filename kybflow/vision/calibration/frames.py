@@ -1,8 +1,8 @@
 """The frames of a recorded walk: a video, or a folder of images in the order of their names.
 
-Of many frames the sharpest of each stretch is taken, as long as there are stretches: blurred ones
-tell less. A video's times count from its first frame; an image's is the number, in seconds, that
-its name begins with.
+The walk is divided into sections, and the sharpest frame of each is used. The times of a video
+count from its first frame; the time of an image is the number, in seconds, at the start of its
+name.
 """
 
 from __future__ import annotations
@@ -26,33 +26,29 @@ _SECONDS = re.compile(r"\d+(\.\d+)?")
 
 
 class WalkFrame(NamedTuple):
-    """A grey image, and when it was taken, seconds; NaN where nothing says so."""
+    """A grey image, and when it was taken, seconds; NaN if unknown."""
 
     time: float
     image: NDArray[Any]
 
 
 class WalkFrames(NamedTuple):
-    """Some frames of a walk, and how many there were."""
+    """Selected frames of a walk, and the number of all frames."""
 
     frames: list[WalkFrame]
     total: int
 
 
 def recorded(path: Path, camera: Camera, most: int) -> WalkFrames:
-    """At most `most` frames of a video or folder. Raises CalibrationFailed where there are none,
-    and DriverError for one that is not of the camera's size."""
-    sharp = [_sharpness(frame.image) for frame in _frames(path, camera)]
+    """Return at most `most` frames of a video or folder. Raises CalibrationFailed if there are
+    none, and DriverError if one doesn't have the camera's size."""
+    sharp = [cv2.Laplacian(f.image, cv2.CV_32F).var() for f in _frames(path, camera)]
     if not sharp:
         raise CalibrationFailed(f"`{path}` has no frames")
     stretches = numpy.array_split(numpy.arange(len(sharp)), min(most, len(sharp)))
     best = {int(part[numpy.argmax([sharp[i] for i in part])]) for part in stretches}
     frames = [frame for i, frame in enumerate(_frames(path, camera)) if i in best]
     return WalkFrames(frames, len(sharp))
-
-
-def _sharpness(image: NDArray[Any]) -> float:
-    return float(cv2.Laplacian(image, cv2.CV_32F).var())
 
 
 def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:

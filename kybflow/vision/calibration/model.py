@@ -1,24 +1,24 @@
-"""What a walk with a camera over printed tags should show, and how wrong that is: the residuals of
-a bundle adjustment and their sparse Jacobian.
+"""The residuals of a bundle adjustment, of a walk with a camera over printed tags, and their sparse
+Jacobian.
 
-Solved for are corrections of what is believed, x = (lens, mount, offset, tags, frames):
+The unknowns are corrections of the prior values, x = (lens, mount, offset, tags, frames):
 
     lens    s, dcx, dcy, dk1       focal lengths (1 + s) f0, centre in pixels, first radial term
     mount   dm, r                  the lens at m = m0 + dm of the body, its frame M = exp([r]x) M0
     offset  o                      the reference's clock is o seconds behind the frames'
     tags    dt, h                  of each: its centre, and its heading about the vertical
     frames  dp, d (, v, w)         of each: the lens at p = p0 + dp, its frame C = C0 exp([d]x) to
-                                   the world; of a rolling shutter also its velocity and rates
+                                   the world; for a rolling shutter also its velocity and rates
 
 A corner that is q from its tag's centre t lies at X = t + Rz(h) q, at c = C^T (X - p) in the
-optical frame, and is seen at u(c_x / c_z, c_y / c_z), the lens of `projection`. A row that is read
-a after the middle one sees from p + v a and C exp([w a]x). With U = du/dc, the derivatives are
+optical frame, and appears at u(c_x / c_z, c_y / c_z), the lens of `projection`. A row that is read
+a after the middle one has the pose p + v a and C exp([w a]x). With U = du/dc, the derivatives are
 (Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle adjustment - a modern synthesis", 2000, ch. 4)
 
     du/dp = -U C^T    du/dd = U [c]x    du/dt = U C^T    du/dh = U C^T (z x Rz(h) q)
 
-Where a reference tells the body's pose b_r, B_r, which moves with v_r and the body rates w_r, the
-camera says B = C M^T and b = p - B m. The residuals are b - b_r and the rotation vector e of
+If a reference gives the body's pose b_r, B_r, with velocity v_r and body rates w_r, the camera's
+pose implies B = C M^T and b = p - B m. The residuals are b - b_r and the rotation vector e of
 B_r^T B, with (hand-eye calibration; Tsai and Lenz, 1989)
 
     db/dp = 1    db/dd = B [m]x M    db/dm = -B    db/dr = -B [m]x    db/do = -v_r
@@ -26,10 +26,10 @@ B_r^T B, with (hand-eye calibration; Tsai and Lenz, 1989)
 
 A rolling shutter's v and w are then v_r + B_r (w_r x m) and M^T w_r.
 
-Rotations are differentiated in the tangent where they are, which spans what their corrections span.
-What is believed beforehand of lens, mount, offset, tags and motions are residuals too. These hold
-the gauge: without a reference the frames know the map but for a common motion, and the survey as a
-whole says where it is (a free network; ch. 9). The tags' sizes give the scale.
+Rotations are differentiated in the tangent space at their current value. The priors of lens, mount,
+offset, tags and motions are residuals too. They fix the gauge: without a reference, frames
+determine the map only up to a common motion, and the survey as a whole fixes it (a free network;
+ch. 9). The tags' sizes fix the scale.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ from kybflow.world.tags import Tag
 Array = NDArray[Any]
 
 LENS, MOUNT, OFFSET, TAG, FRAME = 4, 6, 1, 4, 6
-"""How many corrections there are of each."""
+"""The number of corrections of each."""
 TAGS = LENS + MOUNT + OFFSET
-"""Where those of the tags begin."""
+"""Index of the tags' first correction."""
 CORRECTIONS = {
     "focal": [0],
     "centre": [1, 2],
@@ -60,12 +60,12 @@ CORRECTIONS = {
     "mount attitude": [7, 8, 9],
     "offset": [10],
 }
-"""Where those of lens, mount and clock are, by their kinds."""
+"""Indices of the corrections of lens, mount and clock, by kind."""
 _NEAR = 1e-3
 
 
 class Seen(NamedTuple):
-    """Corners of tags in frames. frame, tag, corner: (k,) indices, the corner's in the order of
+    """Observed corners. frame, tag, corner: (k,) indices, the corner's in the order of
     `Tag.corners`. pixel: (k, 2)."""
 
     frame: Array
@@ -75,8 +75,8 @@ class Seen(NamedTuple):
 
 
 class KnownPoses(NamedTuple):
-    """The body's pose where it is known from elsewhere. frame: (k,) indices. position: (k, 3).
-    body: (k, 3, 3), body to world. velocity: (k, 3), world. rates: (k, 3), body."""
+    """The body's poses from a reference. frame: (k,) indices. position: (k, 3). body: (k, 3, 3),
+    body to world. velocity: (k, 3), world. rates: (k, 3), body."""
 
     frame: Array
     position: Array
@@ -86,9 +86,9 @@ class KnownPoses(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Residuals of one kind. values: (k, r), of standard deviation 1 when `sigma` of the kind is
-    right. unit: (k,), which of them are left out together. columns: (k, c) and slopes: (k, r, c),
-    the Jacobian."""
+    """Residuals of one kind. values: (k, r), with standard deviation 1 if `sigma` of the kind is
+    right. unit: (k,), residuals with equal numbers are rejected together. columns: (k, c) and
+    slopes: (k, r, c), the Jacobian."""
 
     kind: str
     values: Array
@@ -99,8 +99,8 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class Walk:
-    """What was seen on a walk, and what is believed. at: (n, 3) and turn: (n, 3, 3), where the lens
-    roughly was in each frame, and its optical frame to the world."""
+    """The observations of a walk, and the prior values. at: (n, 3) and turn: (n, 3, 3), the
+    approximate pose of the lens in each frame, optical frame to world."""
 
     camera: Camera
     tags: Sequence[Tag]
@@ -111,17 +111,17 @@ class Walk:
 
     @property
     def per_frame(self) -> int:
-        """The corrections of a frame: twice as many for a shutter that moves while it reads."""
+        """The number of corrections of a frame, twice as many for a rolling shutter."""
         return FRAME * (2 if self.camera.row_time > 0.0 else 1)
 
     @property
     def frames(self) -> int:
-        """Where the corrections of the frames begin."""
+        """Index of the frames' first correction."""
         return TAGS + TAG * len(self.tags)
 
     @property
     def size(self) -> int:
-        """How many corrections there are."""
+        """The number of corrections."""
         return self.frames + self.per_frame * len(self.at)
 
     @functools.cached_property
@@ -131,7 +131,7 @@ class Walk:
 
     @functools.cached_property
     def corners(self) -> Array:
-        """The tags' corners as surveyed, from their centres, (t, 4, 3)."""
+        """The tags' surveyed corners, relative to their centres, (t, 4, 3)."""
         return numpy.array([tag.corners() for tag in self.tags]) - self.centres[:, None]
 
     @functools.cached_property
@@ -143,7 +143,7 @@ class Walk:
 
 
 def corrected_lens(lens: Lens, x: Array) -> Lens:
-    """The lens after the corrections `x`."""
+    """Return the lens after the corrections `x`."""
     s, cx, cy, k1 = x[:LENS].tolist()
     first, *rest = lens.distortion
     return lens._replace(
@@ -153,7 +153,7 @@ def corrected_lens(lens: Lens, x: Array) -> Lens:
 
 
 def turned(matrix: Array, vector: Array) -> Array:
-    """matrix exp([vector]x), of many."""
+    """Return matrix exp([vector]x), of many."""
     from scipy.spatial.transform import Rotation
 
     found: Array = matrix @ Rotation.from_rotvec(vector).as_matrix()
@@ -161,7 +161,7 @@ def turned(matrix: Array, vector: Array) -> Array:
 
 
 def rotation_vector(matrix: Array) -> Array:
-    """The logarithms of rotations, (k, 3)."""
+    """Return the logarithms of rotations, (k, 3)."""
     from scipy.spatial.transform import Rotation
 
     vectors: Array = Rotation.from_matrix(matrix).as_rotvec()
@@ -169,22 +169,22 @@ def rotation_vector(matrix: Array) -> Array:
 
 
 def poses(walk: Walk, x: Array) -> tuple[Array, Array, Array]:
-    """Position (n, 3), optical frame to world (n, 3, 3), and motion (n, 6) of the lens in each
-    frame."""
+    """Return position (n, 3), optical frame to world (n, 3, 3), and motion (n, 6) of the lens in
+    each frame."""
     parts = x[walk.frames :].reshape(len(walk.at), walk.per_frame)
     motion = parts[:, FRAME:] if walk.per_frame > FRAME else numpy.zeros((len(parts), FRAME))
     return walk.at + parts[:, :3], turned(walk.turn, parts[:, 3:6]), motion
 
 
 def mounting(camera: Camera, x: Array) -> tuple[Array, Array]:
-    """The lens in the body, (3,), and its optical frame to the body, (3, 3)."""
+    """Return the lens in the body, (3,), and its optical frame to the body, (3, 3)."""
     first = x[LENS : LENS + MOUNT]
     turn = turned(numpy.eye(3), first[3:]) @ rotation(camera.attitude)
     return numpy.array(camera.position) + first[:3], turn
 
 
 def blocks(walk: Walk, x: Array, sigma: Mapping[str, float]) -> Iterator[Block]:
-    """All residuals. sigma: the standard deviation of each kind, in its unit."""
+    """Yield all residuals. sigma: the standard deviation of each kind, in its unit."""
     yield _corners(walk, x, sigma["corners"])
     if walk.reference is not None:
         yield from _reference(walk, walk.reference, x, sigma)
@@ -264,7 +264,7 @@ def _reference(
 def _reference_motion(
     walk: Walk, known: KnownPoses, x: Array, sigma: Mapping[str, float]
 ) -> Iterator[Block]:
-    """How a rolling shutter moves while it is read, as the body does with the believed mount."""
+    """Yield residuals of a rolling shutter's motion against the body's, with the prior mount."""
     m, mount = mounting(walk.camera, numpy.zeros(TAGS))
     velocity = known.velocity + numpy.einsum("kij,kj->ki", known.body, numpy.cross(known.rates, m))
     motion = poses(walk, x)[2][known.frame]
@@ -280,7 +280,7 @@ def _reference_motion(
 
 
 def _beliefs(walk: Walk, x: Array, sigma: Mapping[str, float]) -> Iterator[Block]:
-    """What is known beforehand, correction by correction."""
+    """Yield the priors as residuals."""
     tags = numpy.arange(TAGS, walk.frames).reshape(-1, TAG)
     kinds = {kind: numpy.array([columns]) for kind, columns in CORRECTIONS.items()} | {
         "survey": tags[:, :3],
@@ -307,7 +307,7 @@ def _about_vertical(angle: Array, vector: Array) -> Array:
 
 
 def skew(vector: Array) -> Array:
-    """[v]x, of one or many."""
+    """Return [v]x, of one or many."""
     x, y, z = numpy.moveaxis(vector, -1, 0)
     none = numpy.zeros_like(x)
     rows = ((none, -z, y), (z, none, -x), (-y, x, none))
@@ -319,6 +319,6 @@ def _eyes(count: int, size: int) -> Array:
 
 
 def _columns(first: int, size: int, which: Array) -> Array:
-    """The columns of things of `size` corrections each, (k, size)."""
+    """Return the columns of items of `size` corrections each, (k, size)."""
     columns: Array = first + size * which[:, None] + numpy.arange(size)
     return columns

@@ -1,8 +1,7 @@
-"""Where a body was on a walk, as motion capture has it, at the times of frames.
+"""The poses of a body from motion capture, at the times of frames.
 
-The clocks of the two are not the same. That by how much they differ is first looked for on a grid:
-the one at which the tags' poses are nearest to the track's, by the median. The bundle adjustment
-then finds the rest.
+The two clocks differ. A grid search finds the offset with the least median distance between the
+poses from tags and the track; the bundle adjustment then refines it.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ Array = NDArray[Any]
 
 _GRID = 0.05
 _GAP = 0.1
-"""Seconds between two poses between which none is known."""
+"""Largest gap between two poses to interpolate, seconds."""
 _AROUND = 0.01
-"""Seconds to either side over which velocities are taken."""
+"""Seconds to either side for finite differences of velocities."""
 _SHARE = 0.5
-"""Of the frames, how many must be in the track."""
+"""Least share of the frames that the track must cover."""
 
 
 class RecordedTrack(NamedTuple):
-    """Poses in order of time. time: (n,), seconds. position: (n, 3). attitude: (n, 4), w first,
-    body to world."""
+    """Poses ordered by time. time: (n,), seconds. position: (n, 3). attitude: (n, 4), w first, body
+    to world."""
 
     time: Array
     position: Array
@@ -35,8 +34,8 @@ class RecordedTrack(NamedTuple):
 
 
 def reference_at(track: RecordedTrack, times: Array, offset: float) -> KnownPoses:
-    """What the track says at the frames' `times`, of those that it covers; the track's clock shows
-    `offset` more than theirs."""
+    """Return the track's poses at those `times` that it covers. offset: the track's clock minus the
+    frames'."""
     from scipy.spatial.transform import Rotation, Slerp
 
     at = times + offset
@@ -54,8 +53,8 @@ def reference_at(track: RecordedTrack, times: Array, offset: float) -> KnownPose
 
 
 def rough_offset(track: RecordedTrack, times: Array, positions: Array) -> float | None:
-    """By how much the track's clock is ahead of the frames', to the nearest step of the grid;
-    `positions`, (n, 3): where the tags show the body. None where they have nothing in common."""
+    """Return the track's clock minus the frames', to the nearest step of the grid; None if they
+    don't overlap. positions: (n, 3), the body's from tags."""
     first, last = track.time[0] - times[-1], track.time[-1] - times[0]
     best, least = None, numpy.inf
     for offset in numpy.arange(first, last, _GRID):

@@ -1,10 +1,10 @@
-"""From the frames of a walk to the corrections of lens, mount and map.
+"""Computes the corrections of lens, mount and map from the frames of a walk.
 
-The tags are detected in each frame with nothing believed but their sizes, so that one that lies
-elsewhere is found too, and the corrections are searched from these corners, good to half a pixel.
-Then every tag is searched again where they say that it is, to a few hundredths of a pixel, and the
-corrections from there. The body is known, for the mount, where it stands on its start in the first
-frame, or from motion capture.
+First the tags are detected in each frame without the map's positions, so that displaced tags are
+found too, and corrections are computed from these corners, which are accurate to half a pixel. Then
+every tag is searched where the corrections predict it, to a few hundredths of a pixel, and the
+corrections are computed again. The mount needs the body's pose, from its start position in the
+first frame or from motion capture.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from kybflow.vision.calibration.model import (
 )
 from kybflow.vision.calibration.track import RecordedTrack, reference_at, rough_offset
 from kybflow.vision.locating.detect import Detector
-from kybflow.vision.locating.locate import acquired
+from kybflow.vision.locating.locate import acquire
 from kybflow.vision.locating.search import Search, Shapes
 from kybflow.vision.locating.sight import AT_REST, Sight, TagView
 from kybflow.vision.projection import rotation
@@ -44,16 +44,16 @@ from kybflow.world.tags import Tag, TagMap
 Array = NDArray[Any]
 
 MOST = 100
-"""Frames that are used."""
+"""Largest number of frames to use."""
 _FEWEST = 5
 _OFF = 2.0
-"""Pixels by which tags may be elsewhere than the first corrections say."""
-_TOLD = 0.5
-"""What is still this much of the standard deviation that was believed beforehand was not told."""
+"""Pixels by which tags may differ from the prediction of the first corrections."""
+_DETERMINED = 0.5
+"""Fraction of its prior standard deviation below which a correction counts as determined."""
 
 
 class Standing(NamedTuple):
-    """Where the body is in the first frame."""
+    """The pose of the body on the ground in the first frame."""
 
     position: Vec3
     heading: float
@@ -61,8 +61,8 @@ class Standing(NamedTuple):
 
 @dataclass(frozen=True)
 class WalkCalibration:
-    """What a walk told. ahead: by how many seconds the clock of the poses was ahead of that of the
-    frames, where there were poses."""
+    """The result of a walk. ahead: the clock of the poses minus that of the frames, seconds; None
+    without poses."""
 
     walk: Walk
     adjusted: Adjusted
@@ -70,7 +70,7 @@ class WalkCalibration:
 
     @property
     def camera(self) -> Camera:
-        """The camera, corrected."""
+        """The corrected camera."""
         x, camera = self.adjusted.x, self.walk.camera
         position, turn = mounting(camera, x)
         lens = corrected_lens(camera.lens, x)
@@ -78,7 +78,7 @@ class WalkCalibration:
 
     @property
     def tags(self) -> list[Tag]:
-        """The tags that were seen, corrected."""
+        """The observed tags, corrected."""
         return [
             tag._replace(
                 position=add(tag.position, _vec3(shift[:3])),
@@ -99,13 +99,13 @@ class WalkCalibration:
         spreads: Array = numpy.sqrt(numpy.diag(self.adjusted.covariance))
         return spreads
 
-    def is_told(self, spread: float, kind: str) -> bool:
-        """Whether the walk says more of a correction than was believed of its kind."""
-        return spread < _TOLD * BELIEVED[kind]
+    def is_determined(self, spread: float, kind: str) -> bool:
+        """Return whether the walk determines a correction better than its prior."""
+        return spread < _DETERMINED * BELIEVED[kind]
 
     @property
-    def elsewhere(self) -> NDArray[numpy.bool_]:
-        """The tags that lie elsewhere than surveyed, (t,): farther than the others let expect."""
+    def displaced(self) -> NDArray[numpy.bool_]:
+        """The tags whose position is an outlier of the survey, (t,)."""
         used = self.adjusted.used
         wrong: NDArray[numpy.bool_] = ~(used["survey"] & used["survey heading"])
         return wrong
@@ -117,7 +117,7 @@ def calibrated(
     tags: TagMap,
     known: RecordedTrack | Standing | None = None,
 ) -> WalkCalibration:
-    """The corrections. Raises CalibrationFailed where the frames tell none."""
+    """Compute the corrections. Raises CalibrationFailed if the frames don't determine any."""
     walk, shown = _observed(frames, camera, tags)
     times = numpy.array([frame.time for frame in shown])
     offset = 0.0
@@ -127,7 +127,9 @@ def calibrated(
     elif known is not None:
         if shown[0] is not frames[0]:
             raise CalibrationFailed("the first frame shows less than two tags of the map")
-        walk = replace(walk, reference=_standing(known))
+        body, none = rotation(from_heading(known.heading))[None], numpy.zeros((1, 3))
+        place = numpy.array([known.position])
+        walk = replace(walk, reference=KnownPoses(numpy.array([0]), place, body, none, none))
     rough = adjust(walk, numpy.zeros(walk.size))
     walk = _searched(shown, walk, rough)
     if isinstance(known, RecordedTrack):
@@ -144,7 +146,7 @@ def calibrated(
 def _observed(
     frames: Sequence[WalkFrame], camera: Camera, tags: TagMap
 ) -> tuple[Walk, list[WalkFrame]]:
-    """The tags of the map that are detected, and the frames that show two at least."""
+    """Detect the map's tags; return the frames that show at least two."""
     detector = Detector(tags.families)
     found = [_known(detector, frame.image, tags) for frame in frames]
     keys = {tag.key for one in found for tag, _ in one}
@@ -174,8 +176,8 @@ def _view(camera: Camera, found: Sequence[tuple[Tag, Array]]) -> TagView:
 
 
 def _lens_pose(view: TagView) -> tuple[Array, Array] | None:
-    """Where the lens roughly is, and its optical frame to the world."""
-    fit = acquired([Sight(view, AT_REST)], None)
+    """Return the approximate position of the lens, and its optical frame to the world."""
+    fit = acquire([Sight(view, AT_REST)], None)
     if fit is None:
         return None
     position, mount = mounting(view.camera, numpy.zeros(TAGS))
@@ -193,7 +195,7 @@ def _seen(views: Sequence[TagView], tags: Sequence[Tag]) -> Seen:
 
 
 def _searched(frames: Sequence[WalkFrame], walk: Walk, rough: Adjusted) -> Walk:
-    """The same walk, with the tags searched where the corrections say that they are."""
+    """Search the tags where the corrections predict them."""
     search = Search(Shapes())
     found = WalkCalibration(walk, rough)
     camera, tags = found.camera._replace(position=ZERO, attitude=LEVEL), found.tags
@@ -221,12 +223,6 @@ def _tracked(walk: Walk, track: RecordedTrack, times: Array, offset: float) -> W
     if not len(reference.frame):
         raise CalibrationFailed("the poses have gaps wherever a frame was taken")
     return replace(walk, reference=reference)
-
-
-def _standing(known: Standing) -> KnownPoses:
-    body = rotation(from_heading(known.heading))[None]
-    none = numpy.zeros((1, 3))
-    return KnownPoses(numpy.array([0]), numpy.array([known.position]), body, none, none)
 
 
 def _vec3(values: Array) -> Vec3:

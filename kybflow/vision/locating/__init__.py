@@ -1,2 +1,2 @@
-"""Images to the corners of tags, and these to where the camera is: finding, searching, solving, and
-the locator that does all three."""
+"""Localization from tags: detection in whole images, search near a prediction, the pose from
+corners, and the locator that combines them."""

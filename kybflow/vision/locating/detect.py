@@ -1,16 +1,14 @@
-"""Tags found in a whole image: with nothing known beforehand, or with a pose that is some
-centimetres or degrees off.
+"""Detection of tags in a whole image, without a prediction or with a poor one.
 
-With nothing known: OpenCV's detector, in its quick form (ArUco 3; Romero-Ramirez, Munoz-Salinas and
-Medina-Carnicer, "Speeded up detection of squared fiducial markers", 2018), which takes a third of
-the time; every other time that it finds nothing, in its thorough one. The corners are good to a
-pixel, enough for `kybflow.vision.locating.search` to start from.
+Without a prediction (`Detector`): OpenCV's detector in its quick form (ArUco 3; Romero-Ramirez,
+Munoz-Salinas and Medina-Carnicer, "Speeded up detection of squared fiducial markers", 2018), which
+takes a third of the time; in its thorough form after every other miss. The corners are accurate to
+a pixel, enough to start `kybflow.vision.locating.search`.
 
-With a pose that is nearly right (`WideSearch`): a few tags, spread over the image, are each
-compared with the image in all places around their prediction, half a cell apart: the correlation
-coefficient of pattern and grey levels at the centres of the cells. Each best place that is likely
-enough gives the corners of that tag, to half a cell, and all together the pose from which the
-search goes on.
+With a pose that is some centimetres or degrees off (`WideSearch`): a few tags, spread over the
+image, are each compared with the image at all places around their prediction, half a cell apart, by
+the correlation coefficient of pattern and grey levels at the cells' centres. The best place of a
+tag, if its correlation is high enough, gives the tag's corners to half a cell.
 """
 
 from __future__ import annotations
@@ -39,7 +37,7 @@ class DetectedTag(NamedTuple):
 
 
 class Detector:
-    """Finds the tags of some families."""
+    """Finds tags of given families."""
 
     def __init__(self, families: Sequence[str]) -> None:
         self._quick, self._thorough = (
@@ -48,7 +46,7 @@ class Detector:
         self._misses = 0
 
     def find(self, image: NDArray[Any]) -> list[DetectedTag]:
-        """The tags in a grey image, (height, width) uint8."""
+        """Return the tags in a grey image, (height, width) uint8."""
         detectors = self._thorough if self._misses % 2 else self._quick
         found = [tag for family, detector in detectors for tag in _found(image, family, detector)]
         self._misses = 0 if found else self._misses + 1
@@ -79,11 +77,11 @@ _ALIKE = 0.6
 _STRIDE = 0.4
 """Cells from one place to the next."""
 _PLACES = 20
-"""Places at most to either side."""
+"""Largest number of places to either side."""
 
 
 class WideSearch:
-    """Looks for tags that are not quite where they are predicted."""
+    """Searches for tags near a poor prediction."""
 
     def __init__(self, shapes: Shapes) -> None:
         self._shapes = shapes
@@ -91,11 +89,12 @@ class WideSearch:
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
     ) -> TagView:
-        """Some of `tags` that are in the grey image, seen from a body near `pose`, their corners
-        only nearly; `off`: by how many pixels they may be elsewhere."""
+        """Return some of `tags` in the grey image with approximate corners, seen from a body near
+        `pose`. off: largest error of the prediction, pixels."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         found, corners = [], []
-        for i in _spread(len(chosen)):
+        spread = numpy.linspace(0, len(chosen) - 1, min(len(chosen), _TAGS))
+        for i in sorted({round(i) for i in spread}):
             tag, shape = chosen[i], shapes[i]
             outline = project(camera, *pose, shape.sides[:, 0])[0]
             size = float(numpy.linalg.norm(outline - numpy.roll(outline, 1, axis=0), axis=1).min())
@@ -108,15 +107,11 @@ class WideSearch:
         return TagView(camera, found, numpy.array(corners).reshape(-1, 4, 2))
 
 
-def _spread(n: int) -> list[int]:
-    """At most so many of n things as are looked at, evenly."""
-    return sorted({round(i) for i in numpy.linspace(0, n - 1, min(n, _TAGS))})
-
-
 def _best(
     image: Array, pixels: Array, bits: Array, off: float, stride: float
 ) -> tuple[Array, float]:
-    """The shift of `pixels` with which the grey levels are most like the bits, and how alike."""
+    """Return the shift of `pixels` with the highest correlation of grey levels and bits, and the
+    correlation."""
     count = int(numpy.ceil(off / stride))
     steps = numpy.arange(-count, count + 1) * stride
     dy, dx = (grid.ravel() for grid in numpy.meshgrid(steps, steps, indexing="ij"))

@@ -1,13 +1,13 @@
-"""Where the body is: from all corners that all of its cameras saw at one time, together.
+"""The body's pose from all corners that its cameras saw at one time.
 
-The equation is that of `kybflow.vision.locating.sight`, solved from a start by Gauss-Newton with
-iterated weights, a weight a tag. Without one, or where that doesn't hold most of the tags together,
-pairs of tags say where to begin (SQPnP; Terzakis and Lourakis, ECCV 2020), and what most tags agree
-on wins (RANSAC). A single tag far off has two poses (IPPE; Collins and Bartoli, IJCV 2014): the one
-nearer to the start counts; without a start, the more upright one where both fit.
+The equation of `kybflow.vision.locating.sight` is solved from a start by Gauss-Newton with
+iterative reweighting, one weight a tag. Without a start, or if most tags don't fit the result,
+pairs of tags give starts (SQPnP; Terzakis and Lourakis, ECCV 2020), and the one that fits most tags
+wins (RANSAC). A single distant tag has two solutions (IPPE; Collins and Bartoli, IJCV 2014): the
+one nearer to the start is used; without a start, the more upright one if both fit.
 
 With e the root mean square of a tag's residuals and s their median over the tags, the weight is
-Huber's min(1, 2 s / e) at first, then Tukey's (1 - (e / 4 s)^2)^2, which leaves out a tag that is
+Huber's min(1, 2 s / e) at first, then Tukey's (1 - (e / 4 s)^2)^2, which rejects a tag that is
 wrong in the map (Huber and Ronchetti, "Robust Statistics", 2009, ch. 7).
 """
 
@@ -29,23 +29,22 @@ from kybflow.world.tags import Key
 Array = NDArray[Any]
 
 _STEPS, _CONVEX = 12, 2
-"""Iterations at most, and how many of them with Huber's weights."""
+"""Largest number of iterations, and how many of them use Huber's weights."""
 _DONE = 1e-5
-"""Metres and radians."""
-CALM, WILD = 0.1, 3.0
-"""Pixels: the least error that corners are believed to have, and the largest with which they tell a
-pose."""
+"""Step at which to stop, metres and radians."""
+LEAST_ERROR, MOST_ERROR = 0.1, 3.0
+"""Least assumed error of corners, and largest error of a valid pose, pixels."""
 _PRIOR, _PRIOR_WEIGHT = 0.3, 8.0
-"""The error of a corner's coordinate, pixels, that is believed before any was seen, and how many
-coordinates that counts for."""
+"""Prior error of a corner's coordinate, pixels, and the number of coordinates as which it
+counts."""
 _MAJORITY = 0.5
 
 
 class Located(NamedTuple):
     """A body's pose. covariance: (6, 6), of the position in the world (m^2), then of the rotation
-    in the body (rad^2). used: the tags that it rests on. error: of their corners' coordinates,
-    root mean square, pixels over their slack (`Sight.slack`). views: what it was made of, tags that
-    were left out included."""
+    in the body (rad^2). used: the tags with a weight. error: root mean square of their corners'
+    residuals, pixels over their slack (`Sight.slack`). views: all observations, including rejected
+    tags."""
 
     position: Vec3
     attitude: Quat
@@ -56,9 +55,9 @@ class Located(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """at, body: the pose. errors: of each tag, pixels over its slack. weights, counts: of each, and
-    how many coordinates it has. normal: J^T W J of the pose, and of the rates where they were in
-    doubt."""
+    """A solution. at, body: the pose. errors: of each tag, pixels over its slack. counts: the
+    number of each tag's coordinates. normal: J^T W J of the pose, and of the rates if they were
+    solved for."""
 
     at: Array
     body: Array
@@ -72,7 +71,7 @@ class Fit(NamedTuple):
         held = self.weights > 0.0
         return bool(
             held.mean() > _MAJORITY
-            and numpy.median(self.errors) < WILD
+            and numpy.median(self.errors) < MOST_ERROR
             and numpy.isfinite(self.at).all()
             and numpy.linalg.cond(self.normal) < 1e12
         )
@@ -93,7 +92,7 @@ class Fit(NamedTuple):
 
 
 def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
-    """Gauss-Newton from a start."""
+    """Solve by Gauss-Newton from a start."""
     prior, counts = _prior(sights), counted(sights)
     size = len(prior)
     step, more = numpy.full(size, numpy.inf), NONE
@@ -119,15 +118,16 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
 
 
 def _prior(sights: Sequence[Sight]) -> Array:
-    """What is known beforehand of what is solved for, 1 / variance in squared pixels: nothing of
-    the pose, and something of the rates where those are in doubt."""
+    """Return the prior information of the unknowns, 1 / variance in squared pixels: none of the
+    pose, and of the rates if they are solved for."""
     doubt = max(sight.doubt for sight in sights)
     known = [(_PRIOR / doubt) ** 2] * 3 if doubt > 0.0 else []
     return numpy.array([0.0] * 6 + known)
 
 
 def _slopes(sight: Sight, body: Array, b: Array, c: Array, size: int) -> Array:
-    """The derivatives after all that is solved for; a global shutter's not after the rates."""
+    """Return the derivatives with respect to all unknowns; those after the rates are zero for a
+    global shutter."""
     slopes = sight.slopes(body, b, c)
     if slopes.shape[2] == size:
         return slopes
@@ -135,26 +135,26 @@ def _slopes(sight: Sight, body: Array, b: Array, c: Array, size: int) -> Array:
 
 
 def counted(sights: Sequence[Sight]) -> Array:
-    """How many coordinates of each tag were seen."""
+    """Return the number of observed coordinates of each tag."""
     counts: Array = 2.0 * numpy.concatenate([sight.valid.sum(axis=1) for sight in sights])
     return counts
 
 
 def mean_squares(counts: Array, residuals: Array) -> Array:
-    """The mean square of each tag's residuals."""
+    """Return the mean square of each tag's residuals."""
     squares: Array = (residuals.reshape(-1, 8) ** 2).sum(axis=1) / numpy.maximum(counts, 1.0)
     return squares
 
 
 def _step(normal: Array, slope: Array) -> Array:
-    """normal step = -slope; metres and radians are near enough to each other for one damping."""
+    """Solve normal step = -slope. One damping suits both metres and radians."""
     damped = normal + numpy.eye(len(normal)) * (1e-9 * float(numpy.trace(normal)) + 1e-9)
     step: Array = numpy.linalg.solve(damped, -slope)
     return step
 
 
 def _weights(errors: Array, convex: bool) -> Array:
-    scale = max(float(numpy.median(errors)), CALM)
+    scale = max(float(numpy.median(errors)), LEAST_ERROR)
     if convex:
         return numpy.minimum(1.0, 2.0 * scale / numpy.maximum(errors, scale))
     return numpy.maximum(1.0 - (errors / (4.0 * scale)) ** 2, 0.0) ** 2
@@ -162,7 +162,7 @@ def _weights(errors: Array, convex: bool) -> Array:
 
 _PAIRS = 24
 _RIVAL = 2.0
-"""A second pose of a lone tag whose error is within this factor of the first's fits as well."""
+"""A second pose of a single tag counts as equally good if its error is within this factor."""
 
 
 def locate(
@@ -171,35 +171,35 @@ def locate(
     motion: BodyMotion = AT_REST,
     survey: float = 0.0,
 ) -> Located | None:
-    """The body's pose from views of one moment. start: where it is believed to be. motion: what it
-    is believed to do. survey: standard deviation of the place of a full-sized tag, metres. None
-    where the tags tell no pose."""
+    """Return the body's pose from views of one time; None if the tags don't determine it. start:
+    the expected pose. motion: the expected motion. survey: standard deviation of a full-sized tag's
+    position, metres."""
     sights = [Sight(view, motion, survey) for view in views if len(view.tags)]
     if not sights:
         return None
     if start is not None:
         fit = refined(sights, numpy.array(start[0]), rotation(start[1]))
-        if fit.is_sound and not _is_lone(sights):
+        if fit.is_sound and not _is_single_tag(sights):
             return fit.located(views)
-    best = acquired(sights, start)
+    best = acquire(sights, start)
     return best.located(views) if best is not None and best.is_sound else None
 
 
-def acquired(sights: Sequence[Sight], start: Start | None) -> Fit | None:
-    """The pose that most of the tags agree on."""
-    if _is_lone(sights):
-        return _lone(sights, start)
+def acquire(sights: Sequence[Sight], start: Start | None) -> Fit | None:
+    """Return the pose that fits most tags."""
+    if _is_single_tag(sights):
+        return _single_tag(sights, start)
     best, least, counts = None, numpy.inf, counted(sights)
     for at, body in _guesses(sights):
         residuals = numpy.concatenate([sight.residuals(at, body)[0] for sight in sights])
         squares = mean_squares(counts, residuals)
-        cost = float(numpy.minimum(squares, (4.0 * WILD) ** 2).sum())
+        cost = float(numpy.minimum(squares, (4.0 * MOST_ERROR) ** 2).sum())
         if cost < least:
             best, least = (at, body), cost
     return refined(sights, *best) if best is not None else None
 
 
-def _is_lone(sights: Sequence[Sight]) -> bool:
+def _is_single_tag(sights: Sequence[Sight]) -> bool:
     return len(sights) == 1 and len(sights[0].world) == 4
 
 
@@ -211,7 +211,7 @@ def _guesses(sights: Sequence[Sight]) -> Iterator[tuple[Array, Array]]:
 
 
 def _pairs(n: int) -> Iterator[tuple[int, ...]]:
-    """Pairs of n things, those far from each other in the list first; a lone one alone."""
+    """Yield pairs of n items, those far apart in the list first; a single item alone."""
     if n == 1:
         yield (0,)
     for gap in sorted(range(1, n // 2 + 1), key=lambda gap: -(gap % 3) * n - gap):
@@ -219,7 +219,7 @@ def _pairs(n: int) -> Iterator[tuple[int, ...]]:
 
 
 def _solved(sight: Sight, chosen: Array, method: int) -> Iterator[tuple[Array, Array]]:
-    """The body's poses from some corners of one camera."""
+    """Yield the body's poses from some corners of one camera."""
     chosen = chosen[sight.valid.ravel()[chosen]]
     if len(chosen) < 4:
         return
@@ -229,7 +229,7 @@ def _solved(sight: Sight, chosen: Array, method: int) -> Iterator[tuple[Array, A
         _, turns, shifts, _ = cv2.solvePnPGeneric(
             world - middle, flat[:, None], numpy.eye(3), None, flags=method
         )
-    except cv2.error:  # corners in a line, or too near to each other to tell a pose
+    except cv2.error:  # collinear or too close corners
         return
     for turn, shift in zip(turns, shifts, strict=True):
         body = (sight.turn @ cv2.Rodrigues(turn)[0]).T
@@ -238,8 +238,8 @@ def _solved(sight: Sight, chosen: Array, method: int) -> Iterator[tuple[Array, A
             yield at, body
 
 
-def _lone(sights: Sequence[Sight], start: Start | None) -> Fit | None:
-    """From a single tag, which may have two."""
+def _single_tag(sights: Sequence[Sight], start: Start | None) -> Fit | None:
+    """Return the pose from a single tag, which may have two solutions."""
     guesses = list(_solved(sights[0], numpy.arange(4), cv2.SOLVEPNP_IPPE))
     if start is not None:
         guesses.append((numpy.array(start[0]), rotation(start[1])))
@@ -247,7 +247,7 @@ def _lone(sights: Sequence[Sight], start: Start | None) -> Fit | None:
     if not fits:
         return None
     least = min(float(fit.errors[0]) for fit in fits)
-    rivals = [fit for fit in fits if fit.errors[0] <= _RIVAL * max(least, CALM)]
+    rivals = [fit for fit in fits if fit.errors[0] <= _RIVAL * max(least, LEAST_ERROR)]
     if start is None:
         return max(rivals, key=lambda fit: float(fit.body[2, 2]))
     before = rotation(start[1])

@@ -1,9 +1,9 @@
-"""From frames to the body's pose, frame by frame, the quick way wherever there is one.
+"""Locates the body from frames, by the fastest method that works.
 
-With a prediction, tags are searched where it says (`search`); where that doesn't hold, around there
-(`search_wide`), and from the pose that this gives again where it says. Without one, or where that
-doesn't hold either, in the whole image (`detect`), and again from there. A search of whole images
-that brings nothing is not made again for up to four frames, because it takes long.
+With a prediction, tags are searched where it says (`search`). If that fails, a wide search gives a
+rough pose, from which tags are searched again. Without a prediction, or if that fails too, the
+whole image is searched (`detect`), and tags are searched again from the result. After a failure
+the search of whole images, which is slow, is skipped for up to four frames.
 """
 
 from __future__ import annotations
@@ -25,21 +25,22 @@ from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag, TagMap
 
 _CLOSE = 6.0
-"""Pixels by which tags are elsewhere than a located pose says, at most."""
+"""Largest distance of tags from where a located pose predicts them, pixels."""
 _MOVED = 4.0
-"""Pixels by which the prediction was wrong for the search to be made again from what it gave."""
+"""Error of the prediction from which the search is repeated with its result, pixels."""
 _SURE = 3.0
-"""Standard deviations."""
+"""Standard deviations of the prediction within which to search."""
 _NARROW, _WIDEST = 12.0, 100.0
-"""Pixels: how far is always looked; how far the wide search looks at most."""
+"""Least search distance, and the largest of the wide search, pixels."""
 _ENOUGH, _SHARE = 3, 0.4
-"""Tags that hold a pose, if so many should be in view; and the share of these that must."""
-_PATIENCE = 4
+"""Number of tags that a pose needs, or fewer if fewer should be in view; and the share of those in
+view that it needs."""
+_MOST_SKIPPED = 4
 _GRAZING = 0.05
 
 
 class Prediction(NamedTuple):
-    """Where the body should be when a frame is taken, and what it does. spread, turn: standard
+    """The expected pose and motion of the body when a frame is taken. spread, turn: standard
     deviations of the position (metres) and of the attitude (radians)."""
 
     position: Vec3
@@ -50,15 +51,15 @@ class Prediction(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """What frames of one time told: None for no pose."""
+    """Frames of one time, and the pose from them; None for no pose."""
 
     frames: Sequence[Frame]
     located: Located | None
 
 
 class Locator:
-    """Locates one body; remembers nothing of where it was. survey: standard deviation of the place
-    of a full-sized tag, metres. `sighting` is the newest, for the record."""
+    """Locates one body, independently of earlier poses. survey: standard deviation of a full-sized
+    tag's position, metres. `sighting`: the newest, for the recording."""
 
     def __init__(self, tags: TagMap, cameras: Mapping[str, Camera], survey: float = 0.0) -> None:
         self._tags, self._cameras, self._survey = tags, cameras, survey
@@ -72,8 +73,8 @@ class Locator:
         self.sighting: Sighting | None = None
 
     def locate(self, frames: Sequence[Frame], prediction: Prediction | None) -> Located | None:
-        """The body's pose from frames that were taken at one time; None where they tell none.
-        Raises KeyError for a frame of a camera that is not on the body."""
+        """Return the body's pose from frames of one time; None if they don't determine it. Raises
+        KeyError for a frame of a camera that is not on the body."""
         located = self._located(frames, prediction)
         self.sighting = Sighting(frames, located)
         return located
@@ -89,9 +90,9 @@ class Locator:
         if self._wait > 0:
             self._wait -= 1
             return weak
-        located = self._anywhere(frames, motion)
+        located = self._detected(frames, motion)
         if located is None or (weak is not None and len(located.used) <= len(weak.used)):
-            self._wait, self._misses = self._misses, min(self._misses + 1, _PATIENCE)
+            self._wait, self._misses = self._misses, min(self._misses + 1, _MOST_SKIPPED)
             return weak
         self._misses = 0
         return located
@@ -99,13 +100,13 @@ class Locator:
     def _predicted(
         self, frames: Sequence[Frame], prediction: Prediction
     ) -> tuple[Located | None, bool]:
-        """The pose near a prediction, and whether enough tags hold it."""
+        """Return the pose near a prediction, and whether enough tags support it."""
         pose, motion = (prediction.position, prediction.attitude), prediction.motion
         off = max(
             _NARROW,
             self._pixels(frames, pose, _SURE * prediction.spread, _SURE * prediction.turn),
         )
-        located, holds = self._looked(frames, pose, motion, off)
+        located, holds = self._searched(frames, pose, motion, off)
         if holds:
             return located, True
         wide = min(off, _WIDEST)
@@ -113,11 +114,11 @@ class Locator:
         rough = locate([self._wide.find(*s, off=wide) for s in seen], pose, motion, self._survey)
         if rough is None:
             return located, False
-        again, holds = self._looked(frames, rough[:2], motion, _NARROW)
+        again, holds = self._searched(frames, rough[:2], motion, _NARROW)
         return (again, holds) if again is not None else (located, False)
 
-    def _anywhere(self, frames: Sequence[Frame], motion: BodyMotion) -> Located | None:
-        """The pose from whole images."""
+    def _detected(self, frames: Sequence[Frame], motion: BodyMotion) -> Located | None:
+        """Return the pose from whole images."""
         views = []
         for frame in frames:
             found = [(self._tags.get(f.family, f.id), f) for f in self._detector.find(frame.image)]
@@ -127,33 +128,34 @@ class Locator:
         rough = locate(views, None, motion, self._survey)
         if rough is None:
             return None
-        located, holds = self._looked(frames, rough[:2], motion, _CLOSE)
+        located, holds = self._searched(frames, rough[:2], motion, _CLOSE)
         return located if holds else None
 
-    def _looked(
+    def _searched(
         self, frames: Sequence[Frame], pose: Start, motion: BodyMotion, off: float
     ) -> tuple[Located | None, bool]:
-        """The pose from where `pose` says that tags are, and whether enough of them hold it."""
-        looked = [self._search.find(*seen, off=off) for seen in self._seen(frames, pose)]
-        located = locate([view for view, _ in looked], pose, motion, self._survey)
+        """Search the tags where `pose` predicts them; return the pose, and whether enough tags
+        support it."""
+        views = [self._search.find(*seen, off=off) for seen in self._seen(frames, pose)]
+        located = locate([view for view, _ in views], pose, motion, self._survey)
         if located is None:
             return None, False
         if off > _CLOSE and self._pixels(frames, pose, *_apart(pose, located[:2])) > _MOVED:
-            return self._looked(frames, located[:2], motion, _CLOSE)
-        expected = sum(count for _, count in looked)
+            return self._searched(frames, located[:2], motion, _CLOSE)
+        expected = sum(count for _, count in views)
         return located, len(located.used) >= max(min(_ENOUGH, expected), _SHARE * expected)
 
     def _seen(
         self, frames: Sequence[Frame], pose: Start
     ) -> Iterator[tuple[NDArray[Any], Camera, Start, list[Tag]]]:
-        """What a search needs, frame by frame."""
+        """Yield the arguments of a search for each frame."""
         for frame in frames:
             camera = self._cameras[frame.camera]
             yield frame.image, camera, pose, self._near(camera, pose)
 
     def _near(self, camera: Camera, pose: Start) -> list[Tag]:
-        """The tags that the camera may see: those within a circle around what it sees of the
-        lowest tag's plane, as far away as the largest tag can be made out."""
+        """Return the tags that the camera may see: those within a circle around its view of the
+        lowest tag's plane, up to the distance at which the largest tag is detectable."""
         at, turn = optical_pose(camera, *pose)
         rays = self._rims[camera.name] @ rotation(turn).T
         far = self._largest * camera.lens.fx / LEAST_SIDE
@@ -165,7 +167,7 @@ class Locator:
         return self._tags.near(x, y, 0.5 * float(numpy.hypot(*(high - low))) + self._largest)
 
     def _pixels(self, frames: Sequence[Frame], pose: Start, metres: float, turn: float) -> float:
-        """How far a pose's error moves what is seen."""
+        """Return how far an error of the pose moves tags in the image."""
         most = 0.0
         for frame in frames:
             camera = self._cameras[frame.camera]
@@ -175,7 +177,7 @@ class Locator:
 
 
 def _rim(camera: Camera) -> NDArray[Any]:
-    """Rays of the image's corners, optical frame, (4, 3)."""
+    """Return the rays of the image's corners in the optical frame, (4, 3)."""
     right, low = camera.lens.width - 1.0, camera.lens.height - 1.0
     pixels = numpy.array(((0.0, 0.0), (right, 0.0), (right, low), (0.0, low)))
     flat = undistort(camera.lens, pixels)
@@ -185,7 +187,7 @@ def _rim(camera: Camera) -> NDArray[Any]:
 
 
 def _apart(a: Start, b: Start) -> tuple[float, float]:
-    """Between two poses: metres, radians (for small angles)."""
+    """Return the distance of two poses: metres, and radians (for small angles)."""
     metres = float(numpy.linalg.norm(numpy.subtract(a[0], b[0])))
     cosine = abs(sum(x * y for x, y in zip(a[1], b[1], strict=True)))
     return metres, 2.0 * max(0.0, 2.0 * (1.0 - min(1.0, cosine))) ** 0.5

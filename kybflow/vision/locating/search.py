@@ -1,19 +1,19 @@
-"""Tags found where a predicted pose says that they are, with their corners to a tenth of a pixel.
+"""Search for tags where a pose predicts them, with corners accurate to a tenth of a pixel.
 
-Each side of a predicted tag is crossed by profiles, which go from the tag's black border outwards.
-First all profiles of a side together say where it is (the shift with the steepest step from dark to
-light), within the prediction's error and at most 1.4 cells, where no other edge of the kind can be:
-inside, the border is light to dark, and so is the next tag outside. Then each profile says it
-alone, as the centroid of its steep part; a line is fitted to them (least squares, once reweighted
-with Tukey's weights), and two lines give a corner. So a covered part of a side does no harm. All is
-measured as a shift from the prediction, which has the lens's distortion in it.
+Profiles cross each side of a predicted tag from its black border outwards. First, all profiles of a
+side together locate it, as the shift with the steepest step from dark to light. The shift is within
+the prediction's error and at most 1.4 cells, where no other such edge can be: the border's inner
+edge and the next tag outside are light to dark. Then each profile locates the side by the centroid
+of its steep part. A line is fitted to them (least squares, reweighted once with Tukey's weights),
+and two lines intersect in a corner, so that a partly covered side does no harm. Everything is
+measured as a shift from the prediction, which includes the lens's distortion.
 
-A tag counts as seen when its cells, sampled between these corners, look like its pattern: the
-correlation coefficient of grey levels and pattern is at least 0.8. Two tags of 36h11 have 0.65 with
-each other at most, however turned; of the large ArUco families some have up to 0.89, and must be
-told apart by where they are.
+A tag is found if the correlation coefficient of its pattern and the grey levels of its cells,
+sampled between these corners, is at least 0.8. Two tags of 36h11 correlate by 0.65 at most, in any
+orientation; in the large ArUco families some correlate by up to 0.89, and only their positions
+distinguish them.
 
-Nothing here loops over tags: some 50 calls of NumPy and OpenCV, however many are in view.
+There are no loops over tags: about 50 calls of NumPy and OpenCV handle any number of tags.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from kybflow.world.tags import Key, Tag
 Array = NDArray[Any]
 
 _MOST = 48
-"""Tags at most that are looked for, the largest first; more make the pose no better."""
+"""Largest number of tags to search, the largest first; more don't improve the pose."""
 _MARGIN = 3.0
-"""Pixels from the image's edge."""
+"""Least distance from the image's edge, pixels."""
 _SMALLEST = 2.0
-"""Pixels that a cell must have."""
+"""Least size of a cell, pixels."""
 _PLENTY, _CORNERS = 6, 2
 _REMEMBERED = 2000
 PROFILES = 12
 ALONG = (numpy.arange(PROFILES) + 1.0) / (PROFILES + 1.0)
-"""Where on a side its profiles are, in parts of its length."""
+"""Positions of the profiles on a side, as fractions of its length."""
 SHARE = numpy.concatenate(((0.0,), ALONG, (1.0,)))[:, None]
 
 
 class Shape(NamedTuple):
-    """A tag in the world. size: cells along a side. sides: (4, profiles + 2, 3) from corner to
-    corner. cells: (k, 3), their centres. weights: (k, 4), how much of each corner's shift a cell
-    shares. bits: (k,), the pattern with mean 0."""
+    """A tag in the world. size: cells along a side. sides: (4, profiles + 2, 3), from corner to
+    corner. cells: (k, 3), their centres. weights: (k, 4), of each corner's shift on a cell. bits:
+    (k,), the pattern with mean 0."""
 
     size: int
     sides: Array
@@ -60,7 +60,7 @@ class Shape(NamedTuple):
 
 
 class Shapes:
-    """The shapes of tags; remembers those that it was asked for."""
+    """The shapes of tags, cached."""
 
     def __init__(self) -> None:
         self._shapes: dict[Key, Shape] = {}
@@ -68,8 +68,8 @@ class Shapes:
     def in_view(
         self, camera: Camera, pose: Start, tags: Iterable[Tag]
     ) -> tuple[list[Tag], list[Shape]]:
-        """The tags that are wholly in the image, seen from the front, and large enough;
-        where these are few, also those of which two corners are in it."""
+        """Return the tags that are entirely in the image, seen from the front and large enough; if
+        these are few, also those with two corners in the image."""
         if len(self._shapes) > _REMEMBERED:
             self._shapes.clear()
         near = list(tags)
@@ -115,14 +115,14 @@ def _largest(camera: Camera, pose: Start, shapes: Sequence[Shape]) -> Sequence[i
 
 
 def within(camera: Camera, pixels: Array) -> Array:
-    """Which pixels (..., 2) are in the image, and not at its edge."""
+    """Return which pixels (..., 2) are in the image and not at its edge."""
     edge = (camera.lens.width - 1.0 - _MARGIN, camera.lens.height - 1.0 - _MARGIN)
     inside: Array = ((pixels >= _MARGIN) & (pixels <= edge)).min(axis=-1)
     return inside
 
 
 def cell_sizes(sides: Array, shapes: Sequence[Shape]) -> Array:
-    """The least size of a cell of each tag, pixels."""
+    """Return the least size of a cell of each tag, pixels."""
     along = sides[:, :, -1] - sides[:, :, 0]
     least = numpy.hypot(along[..., 0], along[..., 1]).min(axis=1)
     size: Array = least / numpy.array([shape.size for shape in shapes])
@@ -130,22 +130,22 @@ def cell_sizes(sides: Array, shapes: Sequence[Shape]) -> Array:
 
 
 _LONGEST = 1.4
-"""Cells that a side may be off."""
+"""Largest shift of a side, cells."""
 _STEPS = 8
 """Samples of a profile to either side."""
 _FINE, _FINE_LEAST, _FINE_MOST = 0.45, 1.5, 3.5
-"""Half the length of a fine profile: cells, and pixels at least and at most."""
+"""Half the length of a fine profile, cells; its least and largest value, pixels."""
 _ALIKE = 0.8
 _LEAST_CORNERS, _LEAST_PROFILES, _LEAST_SHARE = 2, 4, 0.3
-"""A tag that is not wholly in the image must show two corners, so many profiles of each side that
-they are on, and this share of its cells."""
+"""The corners, profiles of each side at these corners, and share of cells that a tag partly outside
+of the image must show."""
 _GROWN = 0.6
-"""Cells by which a tag's side may be longer or shorter than predicted."""
+"""Largest difference of a side's length from the prediction, cells."""
 _ACROSS = numpy.linspace(-1.0, 1.0, 2 * _STEPS + 1)
 
 
 class Search:
-    """Looks for tags that are nearly where they are predicted."""
+    """Searches for tags near their prediction."""
 
     def __init__(self, shapes: Shapes) -> None:
         self._shapes = shapes
@@ -153,8 +153,8 @@ class Search:
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
     ) -> tuple[TagView, int]:
-        """The tags that are in the grey image, seen from a body near `pose`, and how many
-        should be; `off`: by how many pixels they may be elsewhere."""
+        """Return the tags in the grey image, seen from a body near `pose`, and how many should be
+        visible. off: largest error of the prediction, pixels."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         if not chosen:
             return TagView(camera, (), numpy.empty((0, 4, 2))), 0
@@ -176,7 +176,7 @@ class Search:
 
 
 def _held(shifts: Array, valid: Array) -> Array:
-    """The corners' shifts; those that were not seen go with the others of their tag."""
+    """Return the corners' shifts; an invisible corner gets the mean shift of its tag."""
     if valid.all():
         return shifts
     share = valid / numpy.maximum(valid.sum(axis=1, keepdims=True), 1)
@@ -185,7 +185,8 @@ def _held(shifts: Array, valid: Array) -> Array:
 
 
 def _outward(sides: Array) -> Array:
-    """The unit normals of the profiles, (n, 4, profiles, 2): corners go clockwise in the image."""
+    """Return the outward unit normals of the profiles, (n, 4, profiles, 2); corners are clockwise
+    in the image."""
     along = sides[:, :, 2:] - sides[:, :, :-2]
     normal = numpy.stack((along[..., 1], -along[..., 0]), axis=-1)
     unit: Array = normal / numpy.maximum(numpy.hypot(along[..., 0], along[..., 1]), 1e-9)[..., None]
@@ -193,7 +194,7 @@ def _outward(sides: Array) -> Array:
 
 
 def _steps(image: Array, sides: Array, normals: Array, reach: Array) -> Array:
-    """How steeply profiles climb, (n, 4, profiles, samples - 2)."""
+    """Return the slopes along the profiles, (n, 4, profiles, samples - 2)."""
     across = (_ACROSS * reach[:, None])[:, None, None].astype(numpy.float32)
     at, out = sides[:, :, 1:-1].astype(numpy.float32), normals.astype(numpy.float32)
     x, y = (at[..., i, None] + out[..., i, None] * across for i in (0, 1))
@@ -204,13 +205,13 @@ def _steps(image: Array, sides: Array, normals: Array, reach: Array) -> Array:
 
 
 def _sampled(image: Array, x: Array, y: Array) -> Array:
-    """Grey levels between pixels, the image's edge repeated; x and y are (m, k), float32."""
+    """Interpolate grey levels, with the image's edge repeated. x, y: (m, k), float32."""
     levels: Array = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return levels
 
 
 def _coarse(image: Array, sides: Array, profiles: Array, reach: Array) -> Array:
-    """By how much the corners are off, (n, 4, 2), from the shift of each side as a whole."""
+    """Return the corners' shifts, (n, 4, 2), from the shift of each side as a whole."""
     normals = _outward(sides)
     slopes = (_steps(image, sides, normals, reach) * profiles[..., None]).sum(axis=2)
     shift = _ACROSS[1:-1][slopes.argmax(axis=-1)] * reach[:, None] * profiles.any(axis=2)
@@ -220,8 +221,8 @@ def _coarse(image: Array, sides: Array, profiles: Array, reach: Array) -> Array:
 def _fine(
     image: Array, sides: Array, profiles: Array, corners: Array, reach: Array
 ) -> tuple[Array, Array]:
-    """By how much the corners are off, given nearly, (n, 4, 2); and by how much each tag is larger
-    or smaller than predicted, (n,), pixels."""
+    """Refine the corners' shifts, (n, 4, 2); return also by how much each tag's size differs from
+    the prediction, (n,), pixels."""
     after = numpy.roll(corners, -1, axis=1)
     moved = sides + corners[:, :, None] * (1.0 - SHARE) + after[:, :, None] * SHARE
     normals = _outward(moved)
@@ -237,7 +238,7 @@ def _fine(
 
 
 def _lines(shift: Array, mass: Array) -> tuple[Array, Array]:
-    """Lines through the shifts of the profiles of each side: at its begin and its end."""
+    """Fit a line to the shifts of each side's profiles; return its values at both ends."""
     weights = mass / numpy.maximum(mass.max(axis=-1, keepdims=True), 1e-9)
     for again in (True, False):
         s0, s1, s2 = (weights @ ALONG**k for k in (0, 1, 2))
@@ -253,7 +254,7 @@ def _lines(shift: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _crossed(normals: Array, begin: Array, end: Array) -> Array:
-    """The shifts of the corners, from those of the sides at both of their ends."""
+    """Intersect the sides; return the corners' shifts."""
     first, before = normals[:, :, 0], numpy.roll(normals[:, :, -1], 1, axis=1)
     a, b = begin, numpy.roll(end, 1, axis=1)
     determinant = first[..., 0] * before[..., 1] - first[..., 1] * before[..., 0]
@@ -266,7 +267,7 @@ def _crossed(normals: Array, begin: Array, end: Array) -> Array:
 def _likeness(
     image: Array, camera: Camera, pose: Start, shapes: Sequence[Shape], shifts: Array
 ) -> Array:
-    """The correlation of each tag's cells with its pattern."""
+    """Return the correlation of each tag's cells with its pattern."""
     sizes = [len(shape.bits) for shape in shapes]
     starts = numpy.concatenate(((0,), numpy.cumsum(sizes)[:-1]))
     owner = numpy.repeat(numpy.arange(len(shapes)), sizes)

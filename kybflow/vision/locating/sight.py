@@ -1,14 +1,14 @@
-"""What cameras saw of tags, and the equation between that and the body's pose.
+"""Observations of tags, and the equation that relates them to the body's pose.
 
 A corner X of the world lies at b = R^T (X - p) in the body and at c = C^T (b - t) in the optical
-frame, with p, R the body's pose and t, C the camera's mounting. It should be seen at
-u = f (c_x / c_z, c_y / c_z). With R <- R exp([d]x), the derivatives of u after p and d are
--G R^T and the rows g x b, where G = f/c_z [1, 0, -c_x/c_z; 0, 1, -c_y/c_z] C^T and g its rows.
+frame, with p, R the body's pose and t, C the camera's mounting. Its pixel is
+u = f (c_x / c_z, c_y / c_z). With R <- R exp([d]x), the derivatives of u with respect to p and d
+are -G R^T and the rows g x b, where G = f/c_z [1, 0, -c_x/c_z; 0, 1, -c_y/c_z] C^T and g its rows.
 
-While a rolling shutter reads row y, dt = (y - (height - 1) / 2) row_time after the middle, the body
-is elsewhere: with its velocity v and body rates w, b = exp(-[w dt]x) R^T (X - v dt - p), and the
-derivatives after w are the rows dt g x b. Rates that are wrong by 1 rad/s stretch the image by 1 %,
-which looks like a tilt of many degrees; where they are not known well they are solved for as well.
+A rolling shutter reads row y at dt = (y - (height - 1) / 2) row_time after the middle. With the
+body's velocity v and body rates w, b = exp(-[w dt]x) R^T (X - v dt - p) then, and the derivatives
+with respect to w are the rows dt g x b. An error of 1 rad/s stretches the image by 1 %, which looks
+like a tilt of many degrees; rates that are uncertain are therefore solved for as well.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ NONE: Array = numpy.zeros(3)
 
 
 class TagView(NamedTuple):
-    """What one camera saw. corners: of `tags`, (n, 4, 2) pixels in the order of `Tag.corners`;
-    NaN for one that is not in the image."""
+    """The tags that one camera saw. corners: (n, 4, 2) pixels in the order of `Tag.corners`; NaN
+    for one outside of the image."""
 
     camera: Camera
     tags: Sequence[Tag]
@@ -54,10 +54,10 @@ class TagView(NamedTuple):
 
 
 class Sight:
-    """A view, ready for the equation. survey: standard deviation of the place of a full-sized tag,
-    metres. valid: (n, 4), which corners were seen; known: the same as numbers, (4 n, 1). world:
-    (4 n, 3) corners, where they would be had the body not moved since the middle row; flat: (4 n,
-    2), where they are seen, undistorted; late: (4 n, 1), when, in seconds after the middle row."""
+    """A view, prepared for the equation. survey: standard deviation of a full-sized tag's position,
+    metres. valid: (n, 4), which corners were seen; known: valid as numbers, (4 n, 1). world: (4 n,
+    3), corners shifted by the body's velocity since the middle row; flat: (4 n, 2), observed and
+    undistorted; late: (4 n, 1), seconds after the middle row."""
 
     def __init__(self, view: TagView, motion: BodyMotion, survey: float = 0.0) -> None:
         lens = view.camera.lens
@@ -72,13 +72,13 @@ class Sight:
         self.doubt = motion.doubt if view.camera.row_time > 0.0 else 0.0
         self.flat = undistort(lens, corners).reshape(-1, 2)
         self.focal = numpy.array((lens.fx, lens.fy))
-        self._laid = survey * numpy.array([share_of(tag.size) for tag in view.tags])
+        self._survey = survey * numpy.array([share_of(tag.size) for tag in view.tags])
         self.turn = rotation(view.camera.attitude)
         self.offset = numpy.array(view.camera.position)
 
     def residuals(self, at: Array, body: Array, more: Array = NONE) -> tuple[Array, Array, Array]:
-        """Residuals (m, 2) in pixels, and what their derivatives are made of: b and c. more: rates
-        beside the believed ones."""
+        """Return the residuals (m, 2) in pixels, and b and c for their derivatives. more:
+        corrections of the expected rates."""
         b = (self.world - at) @ body
         rates = self.rates + more
         if rates.any():
@@ -88,14 +88,15 @@ class Sight:
         return (c[:, :2] / depth - self.flat) * (self.focal * self.known), b, c
 
     def slack(self, c: Array) -> Array:
-        """By how much more than where all are known to a pixel corners may be off, (n,): what the
-        survey leaves open, on top of `_SHARP` pixels, over these."""
+        """Return each tag's uncertainty by the survey and by `_SHARP` pixels together, over
+        `_SHARP` pixels, (n,)."""
         depth = numpy.maximum(c[:, 2].reshape(-1, 4).mean(axis=1), 1e-3)
-        slack: Array = numpy.hypot(1.0, self.focal[0] / _SHARP * self._laid / depth)
+        slack: Array = numpy.hypot(1.0, self.focal[0] / _SHARP * self._survey / depth)
         return slack
 
     def slopes(self, body: Array, b: Array, c: Array) -> Array:
-        """The derivatives of the residuals, (m, 2, 6); (m, 2, 9) where the rates are in doubt."""
+        """Return the derivatives of the residuals, (m, 2, 6); (m, 2, 9) if the rates are
+        uncertain."""
         depth = numpy.maximum(c[:, 2], 1e-3)
         g = numpy.zeros((len(c), 2, 3))
         g[:, 0, 0], g[:, 1, 1] = self.focal[0] / depth, self.focal[1] / depth
@@ -111,6 +112,6 @@ class Sight:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """numpy.cross, five times as fast."""
+    """Return numpy.cross(a, b), five times as fast."""
     (ax, ay, az), (bx, by, bz) = numpy.moveaxis(a, -1, 0), numpy.moveaxis(b, -1, 0)
     return numpy.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)

@@ -1,21 +1,21 @@
-"""How a pose from tags errs with what is wrong with lens, mount, map and stamps.
+"""Systematic errors of a pose from tags, due to errors of lens, mount, map and stamps.
 
-The pose solves J^T W r = 0, so what moves the seen corners by K dc moves it by
+The pose solves J^T W r = 0, so an error c that moves the corners by K dc moves the pose by
 
     dx = (J^T W J)^-1 J^T W K dc
 
 (consider parameters; Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977,
-ch. VIII). No average over frames takes that away, because the next frame errs the same way. The
-derivatives K, with u the seen corner from the image's centre in pixels, n = u / f, and J_p those of
-J after the position:
+ch. VIII). Averaging over frames doesn't remove it, because it is the same in the next frame. The
+derivatives K, with u the corner relative to the image's centre in pixels, n = u / f, and J_p the
+derivatives with respect to the position:
 
     focal length   u           first radial term   u |n|^2
     tag's place   -J_p         tag's heading      -J_p (z x its corner from its centre)
 
-A camera whose lens is dm from where it should be on the body and whose attitude there is exp([r]x)
-times the believed one, gives a pose that is R (dm + t x r) and the rotation r off, with R the
-body's attitude and t the believed place of the lens. Frames that are stamped o too late give the
-pose of the time before: -o v and -o w of the velocity and the body rates.
+If the lens is displaced by dm on the body and its attitude is exp([r]x) times the assumed one, the
+pose is off by R (dm + t x r) and the rotation r, with R the body's attitude and t the assumed
+position of the lens. Frames that are stamped o too late give an earlier pose, off by -o v and -o w
+with the velocity v and the body rates w.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _ROUNDING = 1e-15
 
 
 class Systematic(NamedTuple):
-    """How a pose errs, in the order of its covariance, per standard deviation of what is wrong.
-    slopes: (6, 6 + 8 cameras + 1), first a square root of the covariance that the map gives it,
-    then focal length, radial term, place (3) and attitude (3) of each camera, then the stamps.
-    extent: by how much the body moves until it goes by other tags, metres."""
+    """The errors of a pose, in the order of its covariance, per standard deviation of each source.
+    slopes: (6, 6 + 8 cameras + 1), first a square root of the covariance due to the map, then focal
+    length, radial term, position (3) and attitude (3) of each camera, then the stamps. extent:
+    distance after which the body sees other tags, metres."""
 
     slopes: Array
     extent: float
@@ -54,7 +54,7 @@ class Systematic(NamedTuple):
 def systematic(
     located: Located, cameras: Sequence[str], motion: BodyMotion, errors: CalibrationErrors
 ) -> Systematic:
-    """Of a pose. cameras: the names of all that the body has."""
+    """Return the systematic errors of a pose. cameras: the names of all the body's cameras."""
     at, body = numpy.array(located.position), rotation(located.attitude)
     used = frozenset(located.used)
     views = [view for view in (_kept(v, used) for v in located.views) if len(view.tags)]
@@ -70,7 +70,8 @@ def systematic(
     pose_of = numpy.linalg.inv(normal)
     slopes = numpy.zeros((6, WANDERING + _OF_CAMERA * len(cameras) + 1))
     of_map = [_of_map(*share[:3], errors) for share in shares]
-    slopes[:, :WANDERING] = _root(pose_of @ numpy.concatenate(of_map, axis=1))
+    wide = pose_of @ numpy.concatenate(of_map, axis=1)
+    slopes[:, :WANDERING] = numpy.linalg.cholesky(wide @ wide.T + _ROUNDING * numpy.eye(6))
     for sight, (view, jacobian, weighted, c) in zip(sights, shares, strict=True):
         first = WANDERING + _OF_CAMERA * cameras.index(view.camera.name)
         pulled = numpy.hstack(
@@ -81,11 +82,12 @@ def systematic(
         )
         slopes[:, first : first + _OF_CAMERA] += pose_of @ pulled
     slopes[:, -1] = -errors.stamp_error * numpy.array((*motion.velocity, *motion.rates))
-    return Systematic(slopes, _extent(views))
+    places = numpy.array([tag.position[:2] for view in views for tag in view.tags])
+    return Systematic(slopes, max(_NEAREST, sqrt(float(places.var(axis=0).sum()))))
 
 
 def _kept(view: TagView, used: frozenset[Key]) -> TagView:
-    """What is seen of the tags that the pose rests on."""
+    """Return the view of the tags that the pose uses."""
     held = [i for i, tag in enumerate(view.tags) if tag.key in used]
     return view._replace(tags=[view.tags[i] for i in held], corners=view.corners[held])
 
@@ -100,7 +102,7 @@ def _of_lens(sight: Sight, weighted: Array, c: Array, errors: CalibrationErrors)
 
 
 def _of_mount(view: TagView, body: Array, errors: CalibrationErrors) -> Array:
-    """By how much a pose that goes by this camera alone is off, (6, 6)."""
+    """Return the error of a pose from this camera alone, (6, 6)."""
     x, y, z = view.camera.position
     off = numpy.zeros((6, 6))
     off[:3, :3] = errors.mount_error * body
@@ -110,7 +112,7 @@ def _of_mount(view: TagView, body: Array, errors: CalibrationErrors) -> Array:
 
 
 def _of_map(view: TagView, jacobian: Array, weighted: Array, errors: CalibrationErrors) -> Array:
-    """By how much each tag's errors pull, (6, 4 tags)."""
+    """Return the effect of each tag's errors, (6, 4 tags)."""
     share = numpy.array([share_of(tag.size) for tag in view.tags])[:, None]
     places = share * (errors.survey_error, errors.survey_error, errors.height_error)
     corners = numpy.array([tag.corners() for tag in view.tags])
@@ -123,13 +125,3 @@ def _of_map(view: TagView, jacobian: Array, weighted: Array, errors: Calibration
     moved[:, :, 3] = turned.reshape(-1, 8)
     pulled: Array = (weighted @ moved).swapaxes(0, 1).reshape(6, -1)
     return pulled
-
-
-def _root(wide: Array) -> Array:
-    """A lower triangle L with L L^T = wide wide^T."""
-    return numpy.linalg.cholesky(wide @ wide.T + _ROUNDING * numpy.eye(6))
-
-
-def _extent(views: Sequence[TagView]) -> float:
-    places = numpy.array([tag.position[:2] for view in views for tag in view.tags])
-    return max(_NEAREST, sqrt(float(places.var(axis=0).sum())))

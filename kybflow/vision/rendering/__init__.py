@@ -1,1 +1,1 @@
-"""Images of tags as a simulated camera sees them."""
+"""Renders images of tags, obstacles and parcels for simulated cameras."""

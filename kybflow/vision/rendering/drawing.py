@@ -1,9 +1,9 @@
 """Draws what a camera over a tag floor sees, without a graphics card.
 
-The ray of each pixel (undistorted) meets the floor, or a tag's plane, where the camera is while the
-pixel's row is exposed; there the print is looked up, with texels a little larger than a pixel so
-that edges are smooth. Obstacles and a parcel that lies about hide what is behind them. Then come
-motion blur, defocus, exposure and noise. Nothing here costs more with more tags out of view.
+The undistorted ray of each pixel is intersected with the floor or a tag's plane, from the camera's
+pose while the pixel's row is exposed, and the print is sampled there, with texels slightly larger
+than a pixel so that edges are smooth. Obstacles and a released parcel hide what is behind them.
+Motion blur, defocus, exposure and noise follow. Tags out of view add no cost.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from kybflow.core.signals import Truth
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.vision.projection import Array
 from kybflow.vision.rendering.exposure import ImageNoise, blur_lens, blur_motion
-from kybflow.vision.rendering.floor import QUIET, Floor, Sheet, mixed_up
+from kybflow.vision.rendering.floor import QUIET, Floor, Sheet, swapped
 from kybflow.vision.rendering.grid import NO_MAP, Grid, Region, grid
 from kybflow.vision.rendering.shutter import FLOOR, Shot
 from kybflow.vision.rendering.solids import NONE, Solid, Solids, cover, hides
@@ -29,20 +29,20 @@ from kybflow.world.shapes import Shape
 from kybflow.world.tags import TagMap
 
 _FINE, _COARSE = 8, 80
-"""Pixels between the nodes of what is seen, and of how it moves."""
+"""Pixels between the grid nodes of the view, and of its motion."""
 _TEXEL = 1.25
-"""Pixels that a print's texel covers."""
+"""Size of a print's texel, pixels."""
 _LEAST_TEXELS, _MOST_TEXELS = 0.6, 64
 _RIM = 3
-"""Pixels by which the edges of a tag bulge beyond its outline."""
+"""Pixels by which distortion may curve a tag's edges beyond its outline."""
 _LARGEST = 0.5
-"""How far the largest tag reaches from its centre, metres."""
+"""Radius of the largest tag, metres."""
 _PATCH_GREY = 90
 
 
 class Room:
-    """Draws what cameras see of a floor with tags, of obstacles and of a parcel whose side is
-    `parcel`, metres. The same seed and calls give the same images."""
+    """Draws a floor with tags, obstacles and a parcel for cameras. parcel: its side, metres. The
+    same seed and calls give the same images."""
 
     def __init__(
         self,
@@ -54,16 +54,16 @@ class Room:
     ) -> None:
         self._optics = optics
         if optics.misplaced > 0.0:
-            tags = mixed_up(tags, optics.misplaced, seed)
+            tags = swapped(tags, optics.misplaced, seed)
         self._floor = Floor(tags, seed, 255.0 * optics.floor, optics.pattern)
         self._solids = Solids(obstacles, parcel, seed)
         self._generator = numpy.random.default_rng(seed)
         self._noises: dict[str, ImageNoise] = {}
 
     def draw(self, camera: Camera, body: Truth, weakness: Weakness = SOUND) -> Array:
-        """What a camera on a body sees: (height, width) uint8. body: true in the middle of the
-        exposure of the image's middle row; it moves on with constant velocity and body rates, and
-        its payload lies where it is, None for none that is to be seen."""
+        """Return the image of a camera on a body: (height, width) uint8. body: in the middle of the
+        middle row's exposure; it moves with constant velocity and body rates. Its payload is drawn
+        unless it is None."""
         lens, optics = camera.lens, self._optics
         noise = self._noises.get(camera.name)
         if noise is None:
@@ -82,8 +82,8 @@ class Room:
 
 
 def motion(shot: Shot, nodes: Grid, exposure: float) -> Array:
-    """How far what the nodes see moves in the image during the exposure of their rows, pixels,
-    (rows, columns, 2)."""
+    """Return the motion in the image at each node during the exposure of its row, pixels, (rows,
+    columns, 2)."""
     points = shot.meet(nodes, FLOOR).reshape(-1, 3)
     t = shot.times(nodes.pixels[..., 1]).ravel()
     first, _ = shot.image(points, t - 0.5 * exposure)
@@ -94,37 +94,36 @@ def motion(shot: Shot, nodes: Grid, exposure: float) -> Array:
 def _light(
     floor: Floor, solids: Sequence[Solid], shot: Shot, optics: Optics, covered: float
 ) -> Array:
-    """The sharp image, white paper being 255."""
+    """Return the sharp image, in which white paper is 255."""
     nodes = grid(shot.camera.lens, _FINE)
     met = shot.meet(nodes, FLOOR)[..., :2]
     places = nodes.fill(met, nodes.whole)
-    image = floor.bare(places, met.min(axis=(0, 1)))
+    image = floor.image(places, met.min(axis=(0, 1)))
     views = _in_view(floor, shot, met, optics.missing)
     lying = [
         (view, _texels(view, shot, nodes, places if view.sheet.plane is FLOOR else None))
         for view in views
-        if view.sheet.lies
+        if view.sheet.on_floor
     ]
-    for view, texels in lying:  # all paper first: what is around a tag hides no neighbour
-        _lay_paper(image, view, texels)
+    for view, texels in lying:  # all paper first, so that quiet zones don't hide neighbours
+        _draw_paper(image, view, texels)
     for view, texels in lying:
-        _lay_ink(image, view, texels, covered)
-    _lay_patches(image, shot, optics.patches)
+        _draw_ink(image, view, texels, covered)
+    _draw_patches(image, shot, optics.patches)
     for solid in solids:
         cover(image, shot, solid)
     eye: Vec3 = tuple(shot.place.tolist())
-    for view in views:  # those that are on a solid, or before it
+    for view in views:  # tags on or in front of solids
         place = view.sheet.tag.position
-        if not (view.sheet.lies or any(hides(solid, eye, place) for solid in solids)):
+        if not (view.sheet.on_floor or any(hides(solid, eye, place) for solid in solids)):
             texels = _texels(view, shot, nodes)
-            _lay_paper(image, view, texels)
-            _lay_ink(image, view, texels, covered)
+            _draw_paper(image, view, texels)
+            _draw_ink(image, view, texels, covered)
     return image
 
 
 class _View(NamedTuple):
-    """A tag in the image: the pixels that it is within, how many texels a cell of it gets, how far
-    it is."""
+    """A tag in the image: the region of its pixels, the texels per cell, and its distance."""
 
     sheet: Sheet
     region: Region
@@ -133,11 +132,12 @@ class _View(NamedTuple):
 
 
 def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View]:
-    """The tags that may be in the image, the farthest first. met: where the nodes see the floor."""
+    """Return the tags that may be in the image, the farthest first. met: where the nodes' rays meet
+    the floor."""
     sheets = [
         sheet
         for sheet in _near(floor, shot, met)
-        if sheet.luck[0] >= missing and sheet.faces(shot.place)
+        if sheet.draws[0] >= missing and sheet.faces(shot.place)
     ]
     if not sheets:
         return []
@@ -158,7 +158,7 @@ def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View
 
 
 def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
-    """The tags between what the nodes see and the lens, from above."""
+    """Return the tags within the bounding box of the lens and what the nodes see, from above."""
     low = numpy.minimum(met.min(axis=(0, 1)), shot.place[:2])
     high = numpy.maximum(met.max(axis=(0, 1)), shot.place[:2])
     (x, y), (left, bottom), (right, top) = (a.tolist() for a in (0.5 * (low + high), low, high))
@@ -172,7 +172,7 @@ def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
 
 
 def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
-    """Where the nodes see a tag of which the lens can't image every corner."""
+    """Return where the nodes see a tag of which the lens can't image every corner."""
     nodes = grid(shot.camera.lens, _FINE)
     if sheet.plane is not FLOOR:
         met = shot.meet(nodes, sheet.plane)[..., :2]
@@ -182,7 +182,8 @@ def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
 
 
 def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View | None:
-    """A tag whose paper is in `region` and has a `side`, pixels; None where it is too small."""
+    """Return the view of a tag whose paper covers `region` with a `side` in pixels; None if it is
+    too small."""
     texels = min(side / (sheet.cells + 2 * QUIET) / _TEXEL, _MOST_TEXELS)
     if region is None or texels < _LEAST_TEXELS:
         return None
@@ -191,43 +192,36 @@ def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View
 
 
 def _texels(view: _View, shot: Shot, nodes: Grid, places: Array | None = None) -> Array:
-    """The texels that the pixels of a view's region show. places: on the tag's plane, of all
-    pixels, where these are known."""
+    """Return the texel coordinates of the pixels in a view's region. places: of all pixels on the
+    tag's plane, if known."""
     if places is None:
         met = shot.meet(nodes, view.sheet.plane, nodes.around(view.region))[..., :2]
         seen = nodes.fill(met, view.region)
     else:
         seen = places[_pixels(view.region)]
-    texels: Array = cv2.transform(seen, _to_texels(view))
+    to_texels = view.sheet.to_cells * view.texels
+    to_texels[:, 2] += 0.5  # the picture has a frame of one texel; the first centre is (0, 0)
+    texels: Array = cv2.transform(seen, to_texels)
     return texels
 
 
-def _to_texels(view: _View) -> Array:
-    """From places on the tag's plane to the texels of its picture, which has a frame of one: (2,
-    3). The centre of the first texel is (0, 0)."""
-    at = view.sheet.to_cells * view.texels
-    at[:, 2] += 0.5
-    return at
-
-
-def _lay_paper(image: Array, view: _View, texels: Array) -> None:
-    """Make what is paper, quiet zone and all, white."""
+def _draw_paper(image: Array, view: _View, texels: Array) -> None:
+    """Draw the white paper, including the quiet zone."""
     rim = QUIET * view.texels
     low, high = 0.5 - rim, view.sheet.cells * view.texels + rim + 0.5
     part = image[_pixels(view.region)]
     cv2.max(part, cv2.inRange(texels, (low, low), (high, high)), dst=part)
 
 
-def _lay_ink(image: Array, view: _View, texels: Array, covered: float) -> None:
-    """Draw the tag."""
-    picture = view.sheet.picture(view.texels, view.sheet.luck[1] < covered)
+def _draw_ink(image: Array, view: _View, texels: Array, covered: float) -> None:
+    picture = view.sheet.picture(view.texels, view.sheet.draws[1] < covered)
     part = image[_pixels(view.region)]
     cv2.remap(
         picture, texels, NO_MAP, cv2.INTER_LINEAR, dst=part, borderMode=cv2.BORDER_TRANSPARENT
     )
 
 
-def _lay_patches(image: Array, shot: Shot, patches: tuple[Vec3, ...]) -> None:
+def _draw_patches(image: Array, shot: Shot, patches: tuple[Vec3, ...]) -> None:
     turn = numpy.linspace(0.0, 2.0 * numpy.pi, 48, endpoint=False)
     for x, y, radius in patches:
         rim = (x + radius * numpy.cos(turn), y + radius * numpy.sin(turn), 0.0 * turn)

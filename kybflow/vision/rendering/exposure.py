@@ -1,5 +1,4 @@
-"""From the light that a lens gathers to the pixels that a sensor gives: blur by motion and by the
-lens, exposure, noise. Grey images, (height, width) uint8."""
+"""Motion blur, defocus, exposure and noise of grey images, (height, width) uint8."""
 
 from __future__ import annotations
 
@@ -13,17 +12,17 @@ from kybflow.vision.projection import Array
 from kybflow.vision.rendering.grid import NO_MAP, Grid
 
 _SHARP = 0.1
-"""A blur that is smaller is none, pixels."""
+"""Least blur to apply, pixels."""
 _EVEN = 1.0
-"""Motion that differs less over the image is the same everywhere, pixels."""
+"""Largest variation of motion over the image that counts as uniform, pixels."""
 _APART, _MOST_IMAGES = 1.5, 16
-"""Between displaced images, pixels; and how many there are at most, farther apart if need be."""
+"""Distance between displaced images, pixels, and their largest number, which takes precedence."""
 
 
 def blur_motion(image: Array, motion: Array, nodes: Grid) -> Array:
-    """Blurred along `motion`, how far what is seen at the nodes moved in the image during the
-    exposure, pixels, (rows, columns, 2). The middle of the exposure stays in place. Where the
-    motion is about the same everywhere a kernel does it, else the mean of displaced images."""
+    """Blur along `motion` in the image at the nodes during the exposure, pixels, (rows, columns,
+    2). The middle of the exposure stays in place. Uniform motion uses a kernel, other motion the
+    mean of displaced images."""
     inside = motion[1:-1, 1:-1]
     longest = float(numpy.linalg.norm(inside, axis=2).max())
     if longest < _SHARP:
@@ -45,13 +44,13 @@ def blur_motion(image: Array, motion: Array, nodes: Grid) -> Array:
 
 
 def streak(dx: float, dy: float) -> Array:
-    """The kernel that spreads a point evenly over the line from -(dx, dy)/2 to (dx, dy)/2."""
+    """Return the kernel that spreads a point evenly from -(dx, dy)/2 to (dx, dy)/2."""
     half = ceil(0.5 * max(abs(dx), abs(dy))) + 1
     count = 4 * ceil(hypot(dx, dy)) + 4
     along = (numpy.arange(count) + 0.5) / count - 0.5
     x, y = along * dx + half, along * dy + half
     places = numpy.arange(2 * half + 1)
-    # a sample's weight falls linearly to the pixels beside it
+    # linear interpolation between neighbouring pixels
     across = numpy.maximum(0.0, 1.0 - abs(x - places[:, None]))
     down = numpy.maximum(0.0, 1.0 - abs(y - places[:, None]))
     kernel: Array = (down @ across.T / count).astype(numpy.float32)
@@ -59,9 +58,9 @@ def streak(dx: float, dy: float) -> Array:
 
 
 def blur_lens(image: Array, optics: Optics, pixels: float, depth: float, more: float) -> Array:
-    """Blurred by the lens: in focus by `optics.blur`; nearer than the focus a point becomes a disc
-    of the diameter c = aperture pixels (1/depth - 1/focus), whose standard deviation along an axis
-    is c/4 (thin lens). pixels: the focal length. depth: metres. more: another blur, pixels."""
+    """Blur by `optics.blur`, and by defocus nearer than the focus: a point becomes a disc with the
+    diameter c = aperture pixels (1/depth - 1/focus), whose standard deviation along an axis is c/4
+    (thin lens). pixels: the focal length. depth: metres. more: additional blur, pixels."""
     disc = optics.aperture * pixels * max(0.0, 1.0 / depth - 1.0 / optics.focus)
     deviation = hypot(optics.blur, 0.25 * disc, more)
     if deviation < _SHARP:
@@ -70,8 +69,8 @@ def blur_lens(image: Array, optics: Optics, pixels: float, depth: float, more: f
 
 
 class ImageNoise:
-    """A sensor's noise: normal, of the variance read_noise^2 + shot_noise^2 light, `light` being 1
-    for white. Numbers are drawn once, and each frame takes them from another place."""
+    """A sensor's normal noise, with the variance read_noise^2 + shot_noise^2 light, where light is
+    1 for white. The numbers are drawn once, and each frame uses them at another offset."""
 
     _RIM = 256
 
@@ -81,7 +80,7 @@ class ImageNoise:
         self._drawn = generator.standard_normal(size, numpy.float32)
 
     def expose(self, image: Array, optics: Optics) -> Array:
-        """What the sensor gives for the light of `image`, 255 being white paper."""
+        """Return the sensor's image for the light of `image`, in which 255 is white paper."""
         grey = 255.0 * optics.brightness * numpy.arange(256) / 255.0
         if optics.read_noise == 0.0 and optics.shot_noise == 0.0:
             return cv2.LUT(image, numpy.clip(grey, 0.0, 255.0).round().astype(numpy.uint8))

@@ -1,4 +1,4 @@
-"""What a simulated camera looks at: the floor's own pattern, the tags on it, what covers them."""
+"""The floor in front of a simulated camera: its pattern, the tags on it, and their covers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kybflow.vision.rendering.shutter import FLOOR, ProjectionPlane
 from kybflow.world.tags import Key, Tag, TagMap
 
 PAPER, INK = 255, 20
-"""Grey levels of a print, before the exposure."""
+"""Grey levels of a print before the exposure."""
 QUIET = 1
 """White cells around the black square."""
 TEXEL = 0.004
@@ -30,8 +30,8 @@ _RING = ((-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0))
 
 
 class Cover(NamedTuple):
-    """Something round that lies on a tag: its centre and radius as parts of the tag's side, from
-    the upper left corner; its grey level."""
+    """A round object on a tag: its centre, from the upper left corner, and radius as fractions of
+    the tag's side; and its grey level."""
 
     x: float
     y: float
@@ -40,14 +40,13 @@ class Cover(NamedTuple):
 
 
 class Sheet:
-    """A tag as it is drawn.
+    """The print of a tag.
 
-    reach: of its paper from the centre, metres. outline: eight points around it in the world,
-    (8, 3). lies: on the floor, a bump of which may lift it by `_BUMP`. plane: the one it is in,
-    FLOOR for a tag that is flush with it. to_cells: from places on that plane to cells right and
-    down of the black square's upper left corner, (2, 3). luck: two numbers in [0, 1); the tag is
-    missing, or covered, where its number is below the fraction of tags that are.
-    """
+    reach: radius of its paper, metres. outline: eight points around it in the world, (8, 3).
+    on_floor: whether it lies on the floor, within `_BUMP`. plane: its plane, FLOOR if it is flush
+    with the floor. to_cells: transforms places on that plane to cells right and down of the black
+    square's upper left corner, (2, 3). draws: two numbers in [0, 1); the tag is missing, or
+    covered, if its number is below the share of tags that are."""
 
     def __init__(self, tag: Tag, seed: int) -> None:
         chance = random.Random(f"{seed}/{tag.family}/{tag.id}")
@@ -62,23 +61,23 @@ class Sheet:
         centre = numpy.array(tag.position)
         self.normal = axes[2]
         off = float(abs(self.outline[:, 2]).max())
-        self.lies = bool(off < _BUMP and axes[2, 2] > 0.0)
-        self.plane = FLOOR if self.lies and off < _FLUSH else ProjectionPlane(centre, axes)
+        self.on_floor = bool(off < _BUMP and axes[2, 2] > 0.0)
+        self.plane = FLOOR if self.on_floor and off < _FLUSH else ProjectionPlane(centre, axes)
         across = (
             axes[:2] @ self.plane.axes[:2].T * ((self.cells / tag.size,), (-self.cells / tag.size,))
         )
         shift = 0.5 * self.cells - across @ self.plane.axes[:2] @ (centre - self.plane.centre)
         self.to_cells = numpy.column_stack((across, shift))
-        self.luck = (chance.random(), chance.random())
+        self.draws = (chance.random(), chance.random())
         place = (chance.uniform(0.25, 0.75), chance.uniform(0.25, 0.75))
         self.cover = Cover(*place, chance.uniform(0.2, 0.4), chance.randrange(40, 230))
 
     def faces(self, place: Array) -> bool:
-        """Whether its printed side is seen from a place of the world."""
+        """Return whether its printed side is visible from a place."""
         return bool(self.normal @ (place - self.tag.position) > 0.0)
 
     def picture(self, texels: int, covered: bool) -> Array:
-        """Its black square with `texels` a cell and a frame of one white texel."""
+        """Return its black square with `texels` a cell and a frame of one white texel."""
         return _picture(self.tag.family, self.tag.id, texels, self.cover if covered else None)
 
 
@@ -93,9 +92,9 @@ def _picture(family: str, id: int, texels: int, cover: Cover | None) -> Array:
     return numpy.pad(drawn, 1, constant_values=PAPER)
 
 
-def mixed_up(tags: TagMap, share: float, seed: int) -> TagMap:
-    """The tags as they lie on a floor where a share of each size lies in each other's places: of
-    those, drawn by the seed, each is where the map has the next one."""
+def swapped(tags: TagMap, share: float, seed: int) -> TagMap:
+    """Return the tags with a share of each size swapped: of those, drawn by the seed, each is where
+    the map has the next one."""
     chance = random.Random(f"{seed}/misplaced")
     laid = {tag.key: tag for tag in tags}
     for size in sorted({tag.size for tag in tags}):
@@ -107,8 +106,8 @@ def mixed_up(tags: TagMap, share: float, seed: int) -> TagMap:
 
 
 class Floor:
-    """The tags of a map and the floor that they lie on. The same seed gives the same floor. What is
-    kept grows with the tags that were ever in view, not with those in the map."""
+    """The tags of a map and the floor below them. The same seed gives the same floor. Memory grows
+    with the tags that have been in view, not with those of the map."""
 
     def __init__(
         self, tags: TagMap, seed: int, grey: float = 128.0, deviation: float = 5.0
@@ -119,19 +118,17 @@ class Floor:
         self._pattern = _pattern(seed, grey, deviation)
 
     def sheets(self, x: float, y: float, radius: float) -> list[Sheet]:
-        """At least every tag whose centre is within `radius` of (x, y)."""
-        return [self._sheet(tag) for tag in self._tags.near(x, y, radius)]
+        """Return at least every tag whose centre is within `radius` of (x, y)."""
+        near = list(self._tags.near(x, y, radius))
+        for tag in near:
+            if tag.key not in self._sheets:
+                self._sheets[tag.key] = Sheet(tag, self._seed)
+        return [self._sheets[tag.key] for tag in near]
 
-    def _sheet(self, tag: Tag) -> Sheet:
-        sheet = self._sheets.get(tag.key)
-        if sheet is None:
-            sheet = self._sheets[tag.key] = Sheet(tag, self._seed)
-        return sheet
-
-    def bare(self, places: Array, begin: Array) -> Array:
-        """The bare floor at `places` (height, width, 2), none of which is before `begin` (2,),
-        metres: grey levels, uint8."""
-        # the pattern is kept twice in each direction: what begins in its first half mostly fits
+    def image(self, places: Array, begin: Array) -> Array:
+        """Return the grey levels of the bare floor at `places` (height, width, 2), metres, uint8.
+        begin: (2,), the smallest coordinates."""
+        # the pattern is stored twice in each direction, so that most views fit without wrapping
         shift = -_TEXELS * numpy.floor(begin / TEXEL / _TEXELS)
         at = numpy.array(((1.0 / TEXEL, 0.0, shift[0]), (0.0, 1.0 / TEXEL, shift[1])))
         texels = cv2.transform(places, at)
@@ -141,7 +138,7 @@ class Floor:
 
 
 def _pattern(seed: int, grey: float, deviation: float) -> Array:
-    """Smooth noise that goes on where it ends, four times side by side."""
+    """Return periodic smooth noise, tiled 2 x 2."""
     noise = numpy.random.default_rng(seed).standard_normal((_TEXELS, _TEXELS))
     rim = 8 * round(_GRAIN)
     smooth = cv2.GaussianBlur(numpy.pad(noise, rim, mode="wrap"), (0, 0), _GRAIN)

@@ -1,4 +1,4 @@
-"""Nodes over an image: what varies smoothly is computed there and interpolated between them."""
+"""A grid of nodes over an image, where smooth quantities are computed; and their interpolation."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from kybflow.vision.projection import Array, undistort
 from kybflow.world.cameras import Lens
 
 NO_MAP = cast(Array, None)
-"""OpenCV's second map, where the first has both coordinates; its type hints forget it."""
+"""OpenCV's second map if the first has both coordinates; the type hints don't allow None."""
 
 
 class Region(NamedTuple):
-    """A rectangle of pixels: columns from `left` to before `right`, rows from `top` to before
-    `bottom`."""
+    """A rectangle of pixels; `right` and `bottom` are exclusive."""
 
     left: int
     top: int
@@ -26,9 +25,9 @@ class Region(NamedTuple):
 
 
 class Grid:
-    """Nodes every `step` pixels, one ring of them beyond the image.
+    """Nodes every `step` pixels, with one ring of them outside of the image.
 
-    pixels: of the nodes, (rows, columns, 2). rays: of the optical frame through them, (rows,
+    pixels: of the nodes, (rows, columns, 2). rays: through the nodes in the optical frame, (rows,
     columns, 3), z = 1.
     """
 
@@ -45,14 +44,14 @@ class Grid:
         return self.step * numpy.arange(-1, -(-length // self.step) + 1) + (self.step - 1) / 2.0
 
     def around(self, region: Region) -> tuple[slice, slice]:
-        """The rows and the columns of the nodes that the pixels of `region` lie between."""
+        """Return the rows and columns of the nodes around the pixels of `region`."""
         return (
             slice(region.top // self.step, (region.bottom - 1) // self.step + 3),
             slice(region.left // self.step, (region.right - 1) // self.step + 3),
         )
 
     def beside(self, nodes: Array) -> Region:
-        """The pixels beside those nodes that are set in (rows, columns)."""
+        """Return the pixels next to the nodes that are True in (rows, columns)."""
         rows, columns = numpy.flatnonzero(nodes.any(axis=1)), numpy.flatnonzero(nodes.any(axis=0))
         return Region(
             max(0, self.step * int(columns[0] - 2)),
@@ -62,8 +61,8 @@ class Grid:
         )
 
     def fill(self, values: Array, region: Region) -> Array:
-        """The pixels of `region`, by linear interpolation of `values` at the nodes `around` it:
-        (height, width, channels) float32."""
+        """Interpolate `values` at the nodes `around` a region linearly to its pixels: (height,
+        width, channels) float32."""
         height, width = values.shape[:2]
         size = (width * self.step, height * self.step)
         filled = cv2.resize(values.astype(numpy.float32), size, interpolation=cv2.INTER_LINEAR)
@@ -76,5 +75,5 @@ class Grid:
 
 @functools.lru_cache(maxsize=16)
 def grid(lens: Lens, step: int) -> Grid:
-    """The nodes of a lens, computed once."""
+    """Return the grid of a lens, cached."""
     return Grid(lens, step)

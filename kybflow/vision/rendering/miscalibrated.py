@@ -1,8 +1,8 @@
-"""Cameras over a floor as they are in a lab, drawn around what is believed of them.
+"""Draws the true calibration of cameras and tags around the assumed one.
 
-Each error is normal with the standard deviation that `CalibrationErrors` tells, and is drawn from
-the seed alone, a tag's by its family and number: the same seed gives the same lab, whatever else is
-in it. Who locates goes on with what was believed.
+Each error is normal with its standard deviation from `CalibrationErrors`. It depends only on the
+seed and, for a tag, on its family and number, so that the same seed gives the same lab, whatever
+else is in it. Localization keeps using the assumed calibration.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from kybflow.world.tags import Tag, TagMap
 
 
 class Setup(NamedTuple):
-    """stamps: how much later than they were taken frames are stamped, seconds."""
+    """The calibration of a lab. stamps: error of frames' stamps, seconds."""
 
     tags: TagMap
     cameras: tuple[Camera, ...]
@@ -28,16 +28,16 @@ class Setup(NamedTuple):
 
 
 def miscalibrated(believed: Setup, errors: CalibrationErrors, seed: int) -> Setup:
-    """What is there in truth, where `believed` is believed."""
+    """Return the true setup, given the assumed one."""
     stamps = random.Random(f"{seed}/stamps").gauss(0.0, errors.stamp_error)
     return Setup(
-        TagMap(_laid(tag, errors, seed) for tag in believed.tags),
-        tuple(_mounted(camera, errors, seed) for camera in believed.cameras),
+        TagMap(_displaced(tag, errors, seed) for tag in believed.tags),
+        tuple(_misaligned(camera, errors, seed) for camera in believed.cameras),
         believed.stamps + stamps,
     )
 
 
-def _laid(tag: Tag, errors: CalibrationErrors, seed: int) -> Tag:
+def _displaced(tag: Tag, errors: CalibrationErrors, seed: int) -> Tag:
     gauss = random.Random(f"{seed}/laid/{tag.family}/{tag.id}").gauss
     share = share_of(tag.size)
     across, up = share * errors.survey_error, share * errors.height_error
@@ -46,7 +46,7 @@ def _laid(tag: Tag, errors: CalibrationErrors, seed: int) -> Tag:
     return tag._replace(position=add(tag.position, moved), attitude=multiply(turned, tag.attitude))
 
 
-def _mounted(camera: Camera, errors: CalibrationErrors, seed: int) -> Camera:
+def _misaligned(camera: Camera, errors: CalibrationErrors, seed: int) -> Camera:
     gauss = random.Random(f"{seed}/mounted/{camera.name}").gauss
     spreads = [errors.focal_error, 0.0, 0.0, errors.k1_error]
     spreads += [errors.mount_error] * 3 + [errors.mount_misalignment] * 3

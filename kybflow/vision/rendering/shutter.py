@@ -1,7 +1,8 @@
-"""Where a moving camera's rows are while they are exposed.
+"""The pose of a moving camera while its rows are exposed.
 
-The middle of row v's exposure is (v - (height - 1)/2) row_time after that of the image's middle,
-and the body then is at p + v t with the attitude q exp(w t) (constant velocity and body rates).
+The middle of row v's exposure is t = (v - (height - 1)/2) row_time after that of the image's
+middle. The body's position is then p + v t and its attitude q exp(w t) (constant velocity and body
+rates).
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from kybflow.world.cameras import Camera
 _NEAR = 1e-6
 _TOUCHING = 0.005
 FAR = 15.0
-"""How deep a camera sees, metres along its optical axis."""
+"""Largest depth that a camera sees, metres along its optical axis."""
 
 
 class ProjectionPlane(NamedTuple):
-    """centre: a point of it. axes: rows right, up and normal, the world's components, (3, 3)."""
+    """A plane. centre: one of its points. axes: rows right, up and normal, in the world frame, (3,
+    3)."""
 
     centre: Array
     axes: Array
@@ -32,8 +34,8 @@ FLOOR = ProjectionPlane(numpy.zeros(3), numpy.eye(3))
 
 
 class Shot:
-    """A camera on a body that moves; `body` is true in the middle of the exposure of the middle
-    row. place: of the lens then."""
+    """A camera on a moving body. body: in the middle of the middle row's exposure. place: the
+    position of the lens then."""
 
     def __init__(self, camera: Camera, body: Truth, row_time: float) -> None:
         self.camera = camera
@@ -47,27 +49,27 @@ class Shot:
         self.place = self._at + self._turn @ numpy.array(camera.position)
 
     def poses(self, t: Array) -> tuple[Array, Array]:
-        """Poses of the lens, `t` (n,) seconds after the middle: rotations from the optical frame to
-        the world (n, 3, 3), places (n, 3)."""
+        """Return poses of the lens, `t` (n,) seconds after the middle: rotations from the optical
+        frame to the world (n, 3, 3), positions (n, 3)."""
         body = self._turn @ _turned(self._rate, t)
         at = self._at + t[:, None] * self._velocity + body @ numpy.array(self.camera.position)
         return body @ self._mount, at
 
     def depth(self) -> float | None:
-        """How far the floor is along the optical axis, at most FAR, metres; None where the lens
-        touches it."""
+        """Return the distance of the floor along the optical axis, at most FAR, metres; None if the
+        lens touches it."""
         height, slope = float(self.place[2]), float(self._middle[2, 2])
         if height < _TOUCHING:
             return None
         return min(height / -slope, FAR) if slope < 0.0 else FAR
 
     def times(self, rows: Array) -> Array:
-        """When rows are exposed, seconds after the middle."""
+        """Return the exposure times of rows, seconds after the middle."""
         return (rows - 0.5 * (self.camera.lens.height - 1)) * self.row_time
 
     def image(self, points: Array, t: Array) -> tuple[Array, Array]:
-        """The pixels (n, 2) of points of the world (n, 3), seen `t` (n,) or (1,) seconds after the
-        middle; and which of them the lens can image, as `projection.project` says."""
+        """Return the pixels (n, 2) of world points (n, 3), `t` (n,) or (1,) seconds after the
+        middle; and which of them the lens can image, as in `projection.project`."""
         turn, at = self.poses(t)
         local = numpy.einsum("nij,ni->nj", turn, points - at)
         before = local[:, 2] > _NEAR
@@ -76,8 +78,8 @@ class Shot:
         return distort(self.camera.lens, flat), seen
 
     def project(self, points: Array, passes: int = 4) -> tuple[Array, Array]:
-        """The pixels of points, each seen when the row is exposed in which it appears; found by
-        `passes` of fixed-point iteration."""
+        """Return the pixels of points, each at the exposure time of its row, by `passes` of
+        fixed-point iteration."""
         pixels, seen = self.image(points, numpy.zeros(1))
         for _ in range(passes - 1 if self.row_time > 0.0 else 0):
             t = numpy.where(seen, self.times(pixels[:, 1]), 0.0)
@@ -87,12 +89,12 @@ class Shot:
     def meet(
         self, grid: Grid, plane: ProjectionPlane, where: tuple[slice, slice] | None = None
     ) -> Array:
-        """Where the rays of the nodes meet a plane, in its axes, (rows, columns, 3): right and up
-        of its centre, and the height over it, which is 0 but for a ray that does not meet it within
-        FAR, and ends there."""
+        """Return where the nodes' rays meet a plane, in its axes, (rows, columns, 3): right and up
+        of its centre, and the height over it, which is 0 unless the ray ends at FAR before it meets
+        the plane."""
         rows, columns = where or (slice(None), slice(None))
         turn, at = self.poses(self.times(grid.pixels[rows, 0, 1]))
-        # the rays and their beginnings in the plane's axes
+        # the rays and their origins in the plane's axes
         rays = grid.rays[rows, columns] @ (plane.axes @ turn).swapaxes(1, 2)
         begin = (at - plane.centre) @ plane.axes.T
         with numpy.errstate(divide="ignore"):
@@ -103,7 +105,7 @@ class Shot:
 
 
 def _turned(rate: Array, t: Array) -> Array:
-    """exp([rate t]x) by Rodrigues' formula, (n, 3, 3)."""
+    """Return exp([rate t]x) by Rodrigues' formula, (n, 3, 3)."""
     speed = float(numpy.linalg.norm(rate))
     x, y, z = rate / speed if speed > 0.0 else rate
     k = numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))

@@ -1,10 +1,9 @@
-"""The solid things of a simulated room, as a camera sees them: obstacles, and a parcel that lies
-about, each in one grey.
+"""Draws the solids of a simulated room, obstacles and a released parcel, each in one grey level.
 
-All of them are convex, and so is what each covers of the image plane: the hull of its corners'
-projections, clipped at the lens and at the image's edges. Points of it are kept as (X/Z, Y/Z, 1/Z)
-of the optical frame, in which straight lines stay straight and have their depth along them. Its rim
-is then seen through the lens's distortion, each point when its row is exposed.
+Solids are convex, and so is their image: the hull of the projected corners, clipped at the lens and
+at the image's edges. Points are stored as (X/Z, Y/Z, 1/Z) of the optical frame, in which straight
+lines stay straight and depth can be interpolated. The outline is then distorted by the lens, each
+point at the exposure time of its row.
 """
 
 from __future__ import annotations
@@ -26,19 +25,19 @@ from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere, pa
 
 NONE: Mapping[str, Shape] = MappingProxyType({})
 _STEP = 8
-"""Pixels between the nodes that say how far the image reaches; points of the rim on each edge."""
+"""Pixels between the grid nodes that bound the image; points of the outline on each edge."""
 _NEAR = 0.01
-"""What is nearer to the lens's plane is cut off, metres."""
+"""Depth of the near clipping plane, metres."""
 _MARGIN = 0.03
-"""Beyond the image, as a tangent: what moves may come in while rows are exposed."""
+"""Clipping margin around the image, as a tangent, since points may move while rows are exposed."""
 _ROUND = 32
-"""Corners of what is round."""
+"""Corners of a circle."""
 _GREYS = 40, 200
 _TOUCHING, _STEPS = 0.005, 64
 
 
 class Solid(NamedTuple):
-    """centre, radius: of a ball around the shape."""
+    """A drawn shape. centre, radius: of a ball around it."""
 
     shape: Convex
     grey: int
@@ -47,8 +46,8 @@ class Solid(NamedTuple):
 
 
 class Solids:
-    """The obstacles of a room and a parcel whose side is `parcel`, metres. Walls without end aren't
-    seen. The same seed gives the same greys."""
+    """The obstacles of a room and a parcel. parcel: its side, metres. Infinite planes are not
+    drawn. The same seed gives the same grey levels."""
 
     def __init__(self, obstacles: Mapping[str, Shape], parcel: float, seed: int) -> None:
         self._fixed = [
@@ -63,8 +62,8 @@ class Solids:
         self._radii = numpy.array([solid.radius for solid in self._fixed])
 
     def in_view(self, shot: Shot, payload: Vec3 | None) -> list[Solid]:
-        """The solids that may be in the image, the farthest first. payload: the parcel's centre,
-        None where none lies about; its sides are along the world's axes."""
+        """Return the solids that may be in the image, the farthest first. payload: the centre of
+        the parcel, which is aligned with the world's axes; None if it is not visible."""
         near = [self._fixed[i] for i in numpy.flatnonzero(self._near(shot))]
         if payload is not None:
             box = Box(sub(payload, self._half), add(payload, self._half))
@@ -73,7 +72,7 @@ class Solids:
         return sorted(near, key=lambda solid: -solid.shape.distance(eye))
 
     def _near(self, shot: Shot) -> Array:
-        """Whose ball reaches into the cone of the image's farthest rays."""
+        """Return which balls intersect the cone of the image's outermost rays."""
         if not self._fixed:
             return numpy.zeros(0, bool)
         (turn,), (at,) = shot.poses(numpy.zeros(1))
@@ -87,7 +86,7 @@ class Solids:
 
 
 def cover(image: Array, shot: Shot, solid: Solid) -> None:
-    """Draw a solid over all that is in the image. A lens inside of it sees nothing else."""
+    """Draw a solid over the image, and over all of it if the lens is inside of the solid."""
     eye: Vec3 = tuple(shot.place.tolist())
     if solid.shape.distance(eye) <= 0.0:
         image[:] = solid.grey
@@ -99,8 +98,8 @@ def cover(image: Array, shot: Shot, solid: Solid) -> None:
 
 
 def hides(solid: Solid, eye: Vec3, goal: Vec3) -> bool:
-    """Whether it is between two places; `goal` may lie on it. Goes along the ray by the distance
-    from the shape, which is how far nothing is hit (sphere tracing, Hart 1996)."""
+    """Return whether a solid is between two places, by sphere tracing (Hart 1996). goal: may be on
+    the solid's surface."""
     way = sub(goal, eye)
     length = norm(way)
     gone = 0.0
@@ -117,7 +116,8 @@ def hides(solid: Solid, eye: Vec3, goal: Vec3) -> bool:
 
 
 def _rim(shot: Shot, corners: Array) -> Array:
-    """The outline of what is convex in the image, pixels (n, 2); nothing where it is not in it."""
+    """Return the outline of a convex solid in the image, pixels (n, 2); empty if it is not in the
+    image."""
     (turn,), (at,) = shot.poses(numpy.zeros(1))
     local = (corners - at) @ turn
     local = _part(local, local[:, 2] - _NEAR)
@@ -139,8 +139,7 @@ def _rim(shot: Shot, corners: Array) -> Array:
 
 
 def _part(points: Array, beyond: Array) -> Array:
-    """Points whose hull is that part of the hull of `points` where `beyond`, linear in them, is
-    positive."""
+    """Clip the hull of `points` to where `beyond`, which is linear in them, is positive."""
     is_in = beyond > 0.0
     if is_in.all():
         return points
@@ -152,7 +151,7 @@ def _part(points: Array, beyond: Array) -> Array:
 
 
 def _hull(points: Array) -> Array:
-    """The points (x, y, 1/z) that are corners of the hull in x and y, in turn."""
+    """Return the points (x, y, 1/z) that are corners of the hull in x and y, in order."""
     if len(points) < 3:
         return points[:0]
     flat = points[:, :2].astype(numpy.float32)
@@ -161,7 +160,7 @@ def _hull(points: Array) -> Array:
 
 
 def _corners(shape: Convex, eye: Vec3) -> Array:
-    """Points whose hull has the outline that the shape has from `eye`, (n, 3)."""
+    """Return points whose hull has the shape's outline as seen from `eye`, (n, 3)."""
     turn = numpy.linspace(0.0, 2.0 * pi, _ROUND, endpoint=False)
     ring = numpy.column_stack((numpy.cos(turn), numpy.sin(turn)))
     match shape:
@@ -170,7 +169,7 @@ def _corners(shape: Convex, eye: Vec3) -> Array:
             ends = [numpy.column_stack((level, numpy.full(_ROUND, h))) for h in (z, z + height)]
             return numpy.concatenate(ends)
         case Sphere(at, radius):
-            # where rays touch it: a circle around the line from the eye to its centre
+            # where rays are tangent: a circle around the line from the eye to the centre
             way = numpy.array(sub(at, eye))
             far = float(numpy.linalg.norm(way))
             share = radius / far
@@ -183,11 +182,11 @@ def _corners(shape: Convex, eye: Vec3) -> Array:
             sides = numpy.meshgrid(*zip(low, high, strict=True))
             return numpy.stack(sides, axis=-1).reshape(-1, 3)
         case Plane():
-            raise ValueError("a wall without end has no corners")
+            raise ValueError("an infinite plane has no corners")
 
 
 def _ball(shape: Convex) -> tuple[Vec3, float]:
-    """The centre and the radius of a ball around a shape."""
+    """Return the centre and radius of a ball around a shape."""
     match shape:
         case Cylinder(at, radius, height):
             return add(at, (0.0, 0.0, 0.5 * height)), norm((radius, 0.5 * height, 0.0))
@@ -196,7 +195,7 @@ def _ball(shape: Convex) -> tuple[Vec3, float]:
         case Box(low, high):
             return scale(add(low, high), 0.5), 0.5 * norm(sub(high, low))
         case Plane():
-            raise ValueError("a wall without end has no centre")
+            raise ValueError("an infinite plane has no centre")
 
 
 def _grey(seed: int, name: str) -> int:

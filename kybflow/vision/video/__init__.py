@@ -1,7 +1,6 @@
-"""Video over a network: the headers between coded pictures, and H.264 by PyAV (`codec`), its only
-user."""
+"""Video over a network: frame headers (`pave`), and H.264 by PyAV (`codec`), its only user."""
 
 PYAV = ("av",)
-"""The package of PyAV."""
+"""PyAV's package."""
 WAY_OUT = "install it: pip install 'kybflow[video]'"
-"""For who has none."""
+"""How to install PyAV."""

@@ -1,4 +1,4 @@
-"""H.264, decoded and coded by PyAV: grey pictures, (height, width) uint8."""
+"""H.264 decoding and encoding by PyAV: grey pictures, (height, width) uint8."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import av
 from kybflow.vision.video.pave import H264, FrameType, VideoFrame
 
 BLOCK = 16
-"""Pixels of which the sides of a coded picture are multiples."""
+"""The sides of a coded picture are multiples of this, pixels."""
 
 
 class FrameDecoder:
-    """Decodes the frames of one stream, from the first key frame on. `broken`: how many could not
-    be decoded."""
+    """Decodes the frames of one stream from the first key frame on. `broken`: the number of frames
+    that could not be decoded."""
 
     def __init__(self) -> None:
         self._codec: Any = av.CodecContext.create("h264", "r")
@@ -23,7 +23,7 @@ class FrameDecoder:
         self.broken = 0
 
     def decode(self, frame: VideoFrame) -> list[Any]:
-        """The pictures that are whole with this frame."""
+        """Return the pictures that this frame completes."""
         self._began = self._began or frame.is_key
         if not self._began or frame.codec != H264:
             return []
@@ -37,7 +37,8 @@ class FrameDecoder:
 
 
 class FrameEncoder:
-    """Codes pictures of one size, each by itself, so that a viewer may begin with any. rate: Hz."""
+    """Encodes pictures of one size, each as a key frame, so that a viewer may start with any. rate:
+    Hz."""
 
     def __init__(self, width: int, height: int, rate: int) -> None:
         self._size = width, height
@@ -50,7 +51,7 @@ class FrameEncoder:
         self._codec, self._number = codec, 0
 
     def encode(self, picture: Any, milliseconds: int) -> list[VideoFrame]:
-        """The frames of a picture: one."""
+        """Return the frames of a picture: one."""
         width, height = self._size
         padded = picture
         if (self._codec.width, self._codec.height) != self._size:

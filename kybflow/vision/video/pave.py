@@ -1,9 +1,7 @@
 """PaVE: the header before each frame of the video stream (SDK 2.0, `video_encapsulation.h`).
 
-Little-endian; 64 bytes, 68 and more in some firmwares, as its own field says. The payload of codec
-4 is H.264. A stream is cut into frames wherever it begins: what is not yet one is kept, what is no
-header is skipped.
-"""
+Little-endian; 64 bytes, or 68 and more in some firmwares, as a field of the header says. The
+payload of codec 4 is H.264. A stream may start anywhere: bytes before a header are skipped."""
 
 from __future__ import annotations
 
@@ -16,12 +14,10 @@ H264 = 4
 _LAYOUT = struct.Struct("<4sBBHIHHHHIIBBB")
 SHORTEST, LONGEST_HEADER = 64, 1024
 LARGEST = 1 << 20
-"""Bytes of a frame that is believed."""
+"""Largest plausible frame, bytes."""
 
 
 class FrameType(IntEnum):
-    """How a frame is coded."""
-
     UNKNOWN = 0
     IDR = 1
     I = 2  # noqa: E741  the codec's name
@@ -30,8 +26,8 @@ class FrameType(IntEnum):
 
 
 class VideoFrame(NamedTuple):
-    """One coded frame. width, height: as shown; the coded ones are multiples of 16. milliseconds:
-    since the drone's start."""
+    """One encoded frame. width, height: as displayed; the encoded ones are multiples of 16.
+    milliseconds: since the drone's start."""
 
     codec: int
     width: int
@@ -43,19 +39,19 @@ class VideoFrame(NamedTuple):
 
     @property
     def is_key(self) -> bool:
-        """Whether decoding can begin with it."""
+        """Whether decoding can start with this frame."""
         return self.kind in (FrameType.IDR, FrameType.I)
 
 
 class FrameCutter:
-    """Cuts a stream into frames. `skipped`: bytes that belonged to none."""
+    """Splits a stream into frames. `skipped`: the number of bytes outside of frames."""
 
     def __init__(self) -> None:
         self._data = bytearray()
         self.skipped = 0
 
     def take(self, data: bytes) -> list[VideoFrame]:
-        """The frames that are whole with these bytes."""
+        """Return the frames that these bytes complete."""
         self._data += data
         frames = []
         while self._seek():
@@ -70,7 +66,7 @@ class FrameCutter:
         return frames
 
     def _seek(self) -> bool:
-        """Drop what comes before a header; whether one may be whole."""
+        """Skip bytes before a header; return whether the header may be complete."""
         at = self._data.find(SIGNATURE)
         drop = at if at >= 0 else max(0, len(self._data) - len(SIGNATURE) + 1)
         self.skipped += drop
@@ -79,7 +75,8 @@ class FrameCutter:
 
 
 def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:
-    """The frame at the start and its bytes, 0 while some are missing; None where it is none."""
+    """Return the frame at the start and its size, 0 while bytes are missing; None for an invalid
+    header."""
     (
         _, _, codec, header, payload, _, _, width, height, number, at, _, _, kind,
     ) = _LAYOUT.unpack_from(data)  # fmt: skip
@@ -92,7 +89,6 @@ def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:
 
 
 def write_frame(frame: VideoFrame) -> bytes:
-    """A frame as a drone sends it."""
     header = _LAYOUT.pack(
         SIGNATURE, 2, frame.codec, SHORTEST, len(frame.payload),
         -(-frame.width // 16) * 16, -(-frame.height // 16) * 16, frame.width, frame.height,

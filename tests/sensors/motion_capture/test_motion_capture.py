@@ -18,9 +18,9 @@ from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
-from kybflow.sensors._stream import PoseStream
+from kybflow.sensors._stream import PoseStream, TrackerPose
 from kybflow.sensors.motion_capture import MotionCaptureSensor, MotionCaptureSensorParams, feed
-from kybflow.sensors.motion_capture.feed import Arrived, subscribe
+from kybflow.sensors.motion_capture.feed import subscribe
 from kybflow.world.moving_sphere import MovingSphere
 
 pytest.importorskip("motioncapture", "1.1")
@@ -30,7 +30,7 @@ MOCK = {"frequency": "200", "rigid_bodies": "a(1,2,3,1,0,0,0);nano(4,5,6,0.6,0,0
 
 def test_bodies_of_the_mock_arrive_by_one_program() -> None:
     readers = [subscribe("mock", MOCK, name) for name in ("a", "nano", "other")]
-    came: dict[str, list[Arrived]] = {}
+    came: dict[str, list[TrackerPose]] = {}
 
     def enough() -> bool:
         for reader in readers:
@@ -57,7 +57,7 @@ def test_a_system_that_never_answers_stops_nobody() -> None:
     params = MotionCaptureSensorParams(system="vicon", host="127.0.0.1")
     stream = MotionCaptureSensor.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
     assert [stream.read(tick * NS // 250) for tick in range(50)] == [[]] * 50
-    assert stream.trouble() == "vicon: no frame has come yet"
+    assert stream.trouble() == "vicon: no frame has arrived yet"
     stream.close()
 
 
@@ -70,10 +70,10 @@ def test_a_refusal_is_passed_on() -> None:
 
 def test_poses_are_in_the_world_on_the_clock_of_the_run() -> None:
     class Script:
-        def take(self) -> list[Arrived]:
+        def take(self) -> list[TrackerPose]:
             return [
-                Arrived(7 * NS, (1.0, 2.0, 3.0), LEVEL),
-                Arrived(7 * NS, (0.0,) * 3, (0.0,) * 4),
+                TrackerPose(7 * NS, 7 * NS, (1.0, 2.0, 3.0), LEVEL),
+                TrackerPose(7 * NS, 7 * NS, (0.0,) * 3, (0.0,) * 4),
             ]  # type: ignore[arg-type]
 
     stream = PoseStream(Script(), "m", "y_up", 0.02, lambda: 7 * NS)  # type: ignore[arg-type]
@@ -110,7 +110,7 @@ def test_a_program_that_can_not_be_begun_or_talks_nonsense_is_begun_again(
     system.end()
     reasons = [str(reason).removeprefix("mock: ").partition(":")[0] for reason in begun]
     assert reasons == [
-        "no frame has come yet", "OSError", "JSONDecodeError", "ValueError", "ValueError",
+        "no frame has arrived yet", "OSError", "JSONDecodeError", "ValueError", "ValueError",
     ]  # fmt: skip
 
 

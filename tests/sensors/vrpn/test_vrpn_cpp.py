@@ -8,7 +8,8 @@ import pytest
 from cpp_vrpn import CppClient, cpp_server
 from waiting import free_port, until
 
-from kybflow.sensors.vrpn.client import Report, subscribe
+from kybflow.sensors._stream import TrackerPose
+from kybflow.sensors.vrpn.client import subscribe
 from kybflow.sensors.vrpn.link import ServerAddress
 from kybflow.sensors.vrpn.server import Server
 
@@ -26,7 +27,7 @@ def test_our_client_reads_the_cpp_server(direct: bool) -> None:
     with cpp_server(port, "uav1", "uav2"):
         keys = list(itertools.product(("uav1", "uav2"), (0, 1)))
         open_ = {key: subscribe(address, *key) for key in keys}
-        came: dict[tuple[str, int], list[Report]] = {key: [] for key in keys}
+        came: dict[tuple[str, int], list[TrackerPose]] = {key: [] for key in keys}
 
         def enough() -> bool:
             for key, subscription in open_.items():

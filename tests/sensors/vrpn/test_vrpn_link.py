@@ -11,7 +11,8 @@ from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.sensors.vrpn.client import Client, Key, Report, VrpnSubscription, subscribe
+from kybflow.sensors._stream import TrackerPose
+from kybflow.sensors.vrpn.client import Client, Key, VrpnSubscription, subscribe
 from kybflow.sensors.vrpn.codec import COOKIE, POSE, PoseReport, encode_lob, encode_pose
 from kybflow.sensors.vrpn.link import ServerAddress, read_address
 from kybflow.sensors.vrpn.peer import Peer
@@ -28,9 +29,9 @@ def server() -> Iterator[Server]:
     opened.close()
 
 
-def taken(subscription: VrpnSubscription, server: Server, body: str = "a") -> list[Report]:
+def taken(subscription: VrpnSubscription, server: Server, body: str = "a") -> list[TrackerPose]:
     """What comes after poses of `body` were published until something did."""
-    came: list[Report] = []
+    came: list[TrackerPose] = []
 
     def some() -> bool:
         server.publish(body, (1.0, 2.0, 3.0), LEVEL, sensor=subscription.key.sensor)
@@ -72,7 +73,7 @@ def test_two_openings_at_once_are_refused() -> None:
 def test_bodies_and_sensors_are_kept_apart_on_one_link(server: Server, direct: bool) -> None:
     address = ServerAddress("127.0.0.1", server.port, direct)
     readers = [subscribe(address, *key) for key in (("a", 0), ("a", 1), ("b", 0), ("a", 0))]
-    came: list[list[Report]] = [[] for _ in readers]
+    came: list[list[TrackerPose]] = [[] for _ in readers]
 
     def all_came() -> bool:
         for x, (body, sensor) in enumerate((("a", 0), ("a", 1), ("b", 0))):
@@ -101,7 +102,7 @@ def test_a_new_reader_after_the_last_opens_the_link_again(server: Server) -> Non
 @OPENINGS
 def test_a_server_of_another_time_is_on_our_clock(server: Server, direct: bool) -> None:
     reader = subscribe(ServerAddress("127.0.0.1", server.port, direct), "a", 0)
-    came: list[Report] = []
+    came: list[TrackerPose] = []
     stamp = [1_000 * NS]
 
     def enough() -> bool:
@@ -124,7 +125,7 @@ def test_one_stamp_far_ahead_misdates_and_silences_nobody(server: Server) -> Non
     client = Client(ServerAddress("127.0.0.1", server.port), lambda: now[0])
     readers = [client.add(Key(body, 0)) for body in ("a", "b")]
     client.start()
-    came: list[list[Report]] = [[], []]
+    came: list[list[TrackerPose]] = [[], []]
 
     def arrived() -> bool:
         for mine, reader in zip(came, readers, strict=True):
@@ -208,13 +209,13 @@ def test_a_datagram_that_was_overtaken_is_left_out() -> None:
         with socket.create_connection((words[0].decode(), int(words[1]))) as stream:
             stream.sendall(COOKIE + peer.introduce("a", POSE))
             while peer.datagrams_to is None:
-                peer.hear(stream.recv(1000))
-            came: list[Report] = []
+                peer.receive(stream.recv(1000))
+            came: list[TrackerPose] = []
             for ms in (10, 30, 20, 30, 40):
                 payload = encode_pose(PoseReport(0, (float(ms), 0.0, 0.0), LEVEL))
                 out.sendto(b"garbage", peer.datagrams_to)
                 stamp = NS + ms * NS // 1000
-                out.sendto(peer.say_in_datagram("a", POSE, stamp, payload), peer.datagrams_to)
+                out.sendto(peer.datagram("a", POSE, stamp, payload), peer.datagrams_to)
             until(
                 lambda: came.extend(reader.take()) or any(r.position[0] == 40 for r in came),  # type: ignore[func-returns-value]
                 "the last",
@@ -255,7 +256,7 @@ def test_a_client_that_can_not_be_let_in_stops_nobody(
     def none(*_: object) -> None:
         raise OSError("Too many open files")
 
-    monkeypatch.setattr("kybflow.sensors.vrpn.server._Guest", none)
+    monkeypatch.setattr("kybflow.sensors.vrpn.server._ClientConnection", none)
     with socket.create_connection(place) as stream:
         stream.settimeout(HANGS)
         assert stream.recv(1) == b""

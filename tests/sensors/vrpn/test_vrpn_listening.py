@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from kybflow.core.signals import NS
-from kybflow.sensors.vrpn.client import Key, VrpnSubscription, _Listener
+from kybflow.sensors.vrpn.client import Key, VrpnSubscription, _Reader
 from kybflow.sensors.vrpn.codec import COOKIE, PING, POSE, PoseReport, encode_pose
 from kybflow.sensors.vrpn.peer import Peer, SenderStatus
 
@@ -20,14 +20,14 @@ class Wire:
     def __init__(self) -> None:
         self.coming: list[bytes] = []
         self.server = Peer()
-        self.server.hear(COOKIE)
+        self.server.receive(COOKIE)
         self.pings: list[str] = []
 
     def wait(self, seconds: float) -> tuple[bytes, list[bytes]]:
         return (self.coming.pop(0) if self.coming else b""), []
 
     def send(self, data: bytes) -> None:
-        for sender, _, what in self.server.hear(data):
+        for sender, _, what in self.server.receive(data):
             assert what == SenderStatus(PING)
             self.pings.append(sender)
 
@@ -43,13 +43,13 @@ def wire() -> Wire:
 
 
 @pytest.fixture
-def listener(wire: Wire, now: list[int]) -> _Listener:
-    return _Listener(wire, lambda: now[0])  # type: ignore[arg-type]
+def listener(wire: Wire, now: list[int]) -> _Reader:
+    return _Reader(wire, lambda: now[0])  # type: ignore[arg-type]
 
 
 def pose(server: Peer, stamp: int, body: str = "a") -> bytes:
     payload = encode_pose(PoseReport(0, (stamp / NS, 0.0, 0.0), LEVEL))
-    return server.say(body, POSE, stamp, payload)
+    return server.message(body, POSE, stamp, payload)
 
 
 def reader() -> VrpnSubscription:
@@ -57,20 +57,20 @@ def reader() -> VrpnSubscription:
 
 
 def test_nothing_is_said_before_the_cookie_and_then_where_datagrams_go(
-    wire: Wire, listener: _Listener, now: list[int]
+    wire: Wire, listener: _Reader, now: list[int]
 ) -> None:
-    listener.hear({Key("a", 0): ()})
+    listener.receive({Key("a", 0): ()})
     assert wire.server.datagrams_to is None
     assert wire.pings == []
     wire.coming = [COOKIE[:10], COOKIE[10:]]
-    listener.hear({})
+    listener.receive({})
     assert wire.server.datagrams_to is None
-    listener.hear({})
+    listener.receive({})
     assert wire.server.datagrams_to == ("127.0.0.1", 4000)
 
 
 def test_silent_bodies_are_asked_once_a_second_and_others_not(
-    wire: Wire, listener: _Listener, now: list[int]
+    wire: Wire, listener: _Reader, now: list[int]
 ) -> None:
     wanted = {Key("a", 0): (), Key("a", 1): (), Key("b", 0): ()}
     speaker = Peer()
@@ -80,7 +80,7 @@ def test_silent_bodies_are_asked_once_a_second_and_others_not(
         now[0] = tick * NS // 10
         if 10 <= tick < 20:
             wire.coming.append(pose(speaker, now[0]))
-        listener.hear(wanted)
+        listener.receive(wanted)
         asked += [(tick, body) for body in wire.pings]
         wire.pings.clear()
     assert asked == [
@@ -89,25 +89,25 @@ def test_silent_bodies_are_asked_once_a_second_and_others_not(
 
 
 def test_a_link_that_falls_silent_is_given_up(
-    wire: Wire, listener: _Listener, now: list[int]
+    wire: Wire, listener: _Reader, now: list[int]
 ) -> None:
     wire.coming = [COOKIE]
     for now[0] in (0, 2 * NS, 5 * NS):
-        listener.hear({})
+        listener.receive({})
     now[0] = 5 * NS + 1
-    with pytest.raises(TimeoutError, match="nothing heard for 5 s"):
-        listener.hear({})
+    with pytest.raises(TimeoutError, match="no data for 5 s"):
+        listener.receive({})
 
 
 def test_a_server_whose_clock_is_set_back_is_heard_on(
-    wire: Wire, listener: _Listener, now: list[int]
+    wire: Wire, listener: _Reader, now: list[int]
 ) -> None:
     mine, speaker = reader(), Peer()
     wire.coming = [COOKIE]
-    listener.hear({})
+    listener.receive({})
     stamps = [100 * NS, 101 * NS, 40 * NS, 41 * NS]
     for i, stamp in enumerate(stamps):
         now[0] = i * NS
         wire.coming = [pose(speaker, stamp)]
-        listener.hear({mine.key: (mine,)})
+        listener.receive({mine.key: (mine,)})
     assert [report.position[0] for report in mine.take()] == [100, 101, 40, 41]

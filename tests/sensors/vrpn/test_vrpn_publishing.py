@@ -20,7 +20,8 @@ from kybflow.core.signals import NS, Pose
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts.catalog import load_catalog
-from kybflow.sensors.vrpn.client import Report, subscribe
+from kybflow.sensors._stream import TrackerPose
+from kybflow.sensors.vrpn.client import subscribe
 from kybflow.sensors.vrpn.link import ServerAddress
 from kybflow.sensors.vrpn.publishing import PoseNoise, published, still, to
 
@@ -91,7 +92,7 @@ def test_the_command_serves_until_it_is_ended(what: list[str], plan: Plan, tmp_p
     program = [sys.executable, "-m", "kybflow", "mocap-server", *what, "--port", str(port), *out]
     reader = subscribe(ServerAddress("127.0.0.1", port), name, 0)
     with subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
-        came: list[Report] = []
+        came: list[TrackerPose] = []
         try:
             until(
                 lambda: (

@@ -75,7 +75,10 @@ class FlightControl:
         """Follow a command. A disarmed command stops the flight. A command of another kind, as
         during a blind landing, lands the drone, which knows its own height."""
         if not command.armed:
-            self._rest_or_stop(now)
+            if self._goal is Goal.STOP and not self._status.is_in_emergency:
+                self._switch(now)
+            else:
+                self.rest(now)
         elif command.kind is not CommandKind.TILT_CLIMB:
             self.land(now)
         elif self.override is None:
@@ -128,12 +131,6 @@ class FlightControl:
         doing = "it lands" if landing else "its rotors have stopped"
         self.override = Override(f"{doing}: {words}", lands=True)
         self._stream.hold(False)
-
-    def _rest_or_stop(self, now: Time) -> None:
-        if self._goal is Goal.STOP and not self._status.is_in_emergency:
-            self._switch(now)
-        else:
-            self.rest(now)
 
     def _switch(self, now: Time) -> None:
         """Set the emergency switch for a while, clear it, and repeat."""

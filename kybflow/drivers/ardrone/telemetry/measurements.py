@@ -87,9 +87,9 @@ class Measurements:
         """Process a packet that arrived at `now`."""
         sent = self._clock.stamp(drone_time(packet.options), now)
         dt = self._clock.dt
-        felt = phys_measures(packet.options)
-        if felt is not None:
-            self._add_imu(felt, dt, sent)
+        sensed = phys_measures(packet.options)
+        if sensed is not None:
+            self._add_imu(sensed, dt, sent)
         known = demo(packet.options)
         if known is not None:
             self._move(known, DroneState.FLYING in packet.state, dt, sent)
@@ -100,8 +100,8 @@ class Measurements:
         taken, self._pending = self._pending, []
         return taken
 
-    def _add_imu(self, felt: PhysMeasures, dt: float, sent: Time) -> None:
-        (ax, ay, az), (gx, gy, gz) = felt
+    def _add_imu(self, sensed: PhysMeasures, dt: float, sent: Time) -> None:
+        (ax, ay, az), (gx, gy, gz) = sensed
         if dt <= 0.0 or not isfinite(ax + ay + az + gx + gy + gz):
             return
         unit = GRAVITY / 1000.0

@@ -64,7 +64,9 @@ class EmulatedConfiguration:
         """Set a value; return whether the drone acknowledges."""
         key = key.lower()
         known = key in self.values and not key.startswith(FIXED)
-        if not known or (key in SESSION and not self._are_in_force(ids)):
+        current = Ids(*(self.values[name] for name in IDS))
+        is_owner = current in (ids, (NO_ID, NO_ID, NO_ID))
+        if not known or (key in SESSION and not is_owner):
             self.refused += 1
             return known
         self.values[key] = value
@@ -79,9 +81,3 @@ class EmulatedConfiguration:
 
     def truth(self, key: str) -> bool:
         return self.values[key].strip().upper() == "TRUE"
-
-    def _are_in_force(self, ids: Ids | None) -> bool:
-        session, user, application = (self.values[key] for key in IDS)
-        if (session, user, application) == (NO_ID, NO_ID, NO_ID):
-            return True
-        return ids == Ids(session, user, application)

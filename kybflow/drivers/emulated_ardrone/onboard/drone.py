@@ -83,7 +83,7 @@ class OnboardDrone:
         self._ids: Ids | None = None
         self._now: Time = 0
         self._stepped: Time = 0
-        self._obey: dict[str, Callable[[AtCommand], None]] = {
+        self._handlers: dict[str, Callable[[AtCommand], None]] = {
             "REF": self._ref, "PCMD": self._pcmd, "PCMD_MAG": self._pcmd, "CONFIG": self._config,
             "CONFIG_IDS": self._config_ids, "CTRL": self._ctrl, "COMWDG": self._comwdg,
             "FTRIM": self._accept, "CALIB": self._calib, "ANIM": self._accept,
@@ -159,15 +159,15 @@ class OnboardDrone:
         return self._in_bootstrap
 
     def _take(self, command: AtCommand, now: Time) -> None:
-        obey = self._obey.get(command.name)
+        handle = self._handlers.get(command.name)
         if command.sequence <= self._sequence and command.sequence not in FIRST_SEQUENCES:
             self.ignored["not newer"] += 1
-        elif obey is None:
+        elif handle is None:
             self.ignored["unknown"] += 1
         else:
             self._sequence, self._last_received, self.is_lost = command.sequence, now, False
             try:
-                obey(command)
+                handle(command)
             except (ValueError, TypeError, IndexError):
                 self.ignored["wrong arguments"] += 1
 
@@ -177,13 +177,11 @@ class OnboardDrone:
         if is_set and not self._toggle:
             self._switch_emergency()
         self._toggle = is_set
+        may_fly = self.battery.remaining >= LOW and not self._in_bootstrap
         if not bits & at.FLY:
             self.flight.land(self._now)
-        elif not self._emergency and self.flight.phase is Phase.LANDED and self._may_fly():
+        elif not self._emergency and self.flight.phase is Phase.LANDED and may_fly:
             self.flight.take_off(self._now)
-
-    def _may_fly(self) -> bool:
-        return self.battery.remaining >= LOW and not self._in_bootstrap
 
     def _pcmd(self, command: AtCommand) -> None:
         flag, *bits = _integers(command.arguments, 7 if command.name == "PCMD_MAG" else 5)

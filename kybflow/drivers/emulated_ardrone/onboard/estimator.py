@@ -36,7 +36,7 @@ FOLLOWS_FLOW, FOLLOWS_ECHO, CLIMB_BY_ECHO = 3.0, 6.0, 9.0
 
 class DroneEstimator:
     """The motion of one drone. `height`, `climb`: above the start. `velocity`: horizontal, forward
-    and left of its heading. `felt`: the newest IMU sample."""
+    and left of its heading. `imu`: the newest IMU sample."""
 
     def __init__(self, look: Callable[[], Truth], generator: random.Random) -> None:
         self._look, self._generator = look, generator
@@ -47,11 +47,11 @@ class DroneEstimator:
         self._echo: Time = 0
         self.height = self.climb = 0.0
         self.velocity: Vec3 = ZERO
-        self.felt: Imu | None = None
+        self.imu: Imu | None = None
 
     def add_imu(self, imu: Imu) -> None:
         """Predict with an IMU sample."""
-        self.felt = imu
+        self.imu = imu
         self.attitude.add_imu(imu, None)
         level = from_heading(self.attitude.heading)
         force = rotate(self.attitude.value, imu.specific_force)

@@ -171,7 +171,7 @@ class DroneFlight:
 
     def _learn(self, dt: float) -> None:
         estimator = self._estimator
-        if self.phase in (Phase.FLYING, Phase.HOVERING) and estimator.felt is not None:
+        if self.phase in (Phase.FLYING, Phase.HOVERING) and estimator.imu is not None:
             roll, pitch, _ = to_euler(estimator.attitude.value)
             upright = 1.0 - 0.5 * (roll * roll + pitch * pitch)
             self._control.learn(upright, 0.0, True, dt)

@@ -84,10 +84,10 @@ class NavdataSender:
             return write_time(now // 1000)
         if tag is OptionTag.RAW_MEASURES:
             return write_raw_measures(round(1000.0 * drone.battery.voltage))
-        felt = drone.estimator.felt
-        if tag is OptionTag.PHYS_MEASURES and felt is not None:
-            unit, (x, y, z) = 1000.0 / GRAVITY, felt.specific_force
-            gx, gy, gz = map(degrees, felt.angular_velocity)
+        imu = drone.estimator.imu
+        if tag is OptionTag.PHYS_MEASURES and imu is not None:
+            unit, (x, y, z) = 1000.0 / GRAVITY, imu.specific_force
+            gx, gy, gz = map(degrees, imu.angular_velocity)
             return write_phys_measures(
                 PhysMeasures((unit * x, -unit * y, -unit * z), (gx, -gy, -gz))
             )
