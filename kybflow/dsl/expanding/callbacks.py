@@ -35,7 +35,7 @@ _CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
 
 def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:
-    """The callbacks of `on:`; one whose event is no name is left out."""
+    """The callbacks of `on:`, without those whose event is no name."""
     callbacks = (_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
     return tuple(callback for callback in callbacks if callback is not None)
 
@@ -73,7 +73,7 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
 
 
 def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
-    """The actions of one item: `switch`, `set` and `perform` may name several things."""
+    """The actions of one item: `switch`, `set` and `perform` may have several targets."""
     found = decoder.found
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"

@@ -1,5 +1,5 @@
-"""Flows and the vehicles that they drive: ways out that every phase has, and which states flows and
-callbacks may ask for."""
+"""Flows and the vehicles that they drive: the transitions that every phase has, and the states that
+flows and callbacks may request."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
 
 
 def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
-    """The flow, each of whose phases has its transitions."""
+    """The flow with the transitions of its phases."""
     shared = []
     for way in flow.next:
         if way.after is not None:
@@ -82,8 +82,8 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
 
 
 def with_waiting(plan: Plan) -> Plan:
-    """The plan, whose vehicles wait on the ground for the flow that drives them, unless they say
-    how they `begin`, or their topmost behavior stays on the ground."""
+    """Let each vehicle wait on the ground for the flow that drives it, unless it has `begin` or its
+    first behavior stays on the ground."""
     driven = {name for flow in plan.flows for name in named_vehicles(plan, flow)}
     vehicles = list[VehiclePlan]()
     for vehicle in plan.vehicles:
@@ -95,7 +95,7 @@ def with_waiting(plan: Plan) -> Plan:
 
 
 def named_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
-    """The vehicles that a flow asks something of, or gives away."""
+    """The vehicles that a flow requests something of, or gives away."""
     names = [who for phase in flow.phases.values() for who in (*phase.run, *phase.give)]
     return tuple(dict.fromkeys(v for name in names for v in plan.members(name)))
 
@@ -113,13 +113,13 @@ def given_vehicles(plan: Plan, flow: FlowPlan) -> frozenset[str]:
 
 
 def own_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
-    """The vehicles that a flow drives from the start: those it names and that nobody gives it."""
+    """The vehicles that a flow drives from the start: those it names and no other flow gives it."""
     given = given_vehicles(plan, flow)
     return tuple(name for name in named_vehicles(plan, flow) if name not in given)
 
 
 def with_requests(plan: Plan) -> Plan:
-    """The plan, whose vehicles know which of their states callbacks and flows may request."""
+    """Add to each vehicle the states that callbacks and flows may request."""
     asked = set(_requests(plan))
     if not asked:
         return plan

@@ -26,7 +26,7 @@ CODES = {
 
 
 class States(NamedTuple):
-    """The states and chains of one vehicle, both as they are written, in order."""
+    """The states and chains of one vehicle; `written` has both in the order of the file."""
 
     states: dict[str, StatePlan]
     chains: dict[str, ChainPlan]
@@ -88,8 +88,8 @@ def _state(
 def _written(
     entry: StatePlan | ChainPlan, first: dict[str, str], found: Findings
 ) -> list[TransitionPlan]:
-    """The transitions of one entry; the goal of `within` is that of its `failed`, else empty. A
-    chain as a goal means its first state."""
+    """The transitions of one entry. The target of `within` is that of its `failed`, else empty. A
+    chain as a target means its first state."""
     ways = [next_transition(way, found) for way in entry.next]
     causes: tuple[tuple[Cause, str | None], ...] = (("then", entry.then), ("failed", entry.failed))
     for cause, target in causes:
@@ -140,7 +140,7 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
 
 
 def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
-    """The transition that an item of `next` is, judged alone."""
+    """The transition of an item of `next`, checked alone."""
     if all(way.entry(key) is None for key in ("when", "event", "after")):
         message = f"nothing says when to go to `{way.target}`"
         hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"

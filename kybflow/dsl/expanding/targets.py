@@ -48,7 +48,7 @@ class Target:
     """The chosen target of a mission: its name, and its entries as they are written."""
 
     def __init__(self, root: Mapping, target: str | None, decoder: Decoder) -> None:
-        """`sim` unless another is asked for."""
+        """The default target is `sim`."""
         self._decoder, self._found, catalog = decoder, decoder.found, decoder.catalog
         self._vehicles = entries_of(root.get("vehicles"))
         self._targets = entries_of(root.get("targets"))
@@ -115,8 +115,8 @@ class Target:
         return places
 
     def judge_others(self) -> None:
-        """Report what is wrong with the targets that are not flown on; what is not installed here,
-        and a file that is not there, is only a warning then."""
+        """Report what is wrong with the other targets; a part that is not installed and a missing
+        file are only warnings."""
         for name, entry in self._targets.items():
             if name == self.name.text:
                 continue
@@ -132,11 +132,11 @@ class Target:
             )
 
     def equipped(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
-        """The vehicles with their sensors and trackers.
+        """Yield the vehicles with their sensors and trackers.
 
-        Sensors are for each estimator the vehicle's own, else that of `all`; then those that the
-        driver brings. The tracker is that of the vehicle's own entry, else that of `all`, else the
-        one that the driver asks for, else the mission's.
+        The sensors of an estimator are the vehicle's own, else those of `all`; then follow those
+        that the driver brings. The tracker is that of the vehicle's own entry, else that of `all`,
+        else the one that the driver requests, else the mission's.
         """
         everybody = self._places.get("all", Place())
         for vehicle in vehicles:
@@ -163,8 +163,8 @@ class Target:
             )
 
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
-        """The sensors that the driver brings for what nothing else gives an estimator; they stand
-        where the first of those does."""
+        """The sensors that the driver brings for estimators that lack measurements; they are placed
+        at the first such estimator."""
         given, driver = _provided(vehicle.driver, own), vehicle.driver
         shows = driver.cls.shows(driver.params)
         parts = [use.part for use in vehicle.estimators]
@@ -181,8 +181,8 @@ class Target:
 
 
 def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
-    """The targets that every mission has beside `sim`, each with its driver and that one's
-    parameters as they would be written. Imports every driver."""
+    """The targets that every mission has beside `sim`, each with its driver and the driver's
+    parameters as text. Imports every driver."""
     found: dict[str, tuple[str, dict[str, str]]] = {}
     for name in catalog.names("drivers"):
         try:
@@ -238,8 +238,8 @@ CONTROL_RATE = 250
 
 
 def needed_rate(drivers: Iterable[PartPlan]) -> int:
-    """The lowest (Hz) that all drivers are content with; where it does not fall on the steps of
-    each of them, the usual one that does. Where that doesn't either, KYB303 tells so."""
+    """The lowest control rate (Hz) that all drivers accept; the usual one where only that falls on
+    the steps of each. KYB303 reports where neither does."""
     used = [(use.cls, use.params) for use in drivers]
     needed = max((driver.control_rate(params) for driver, params in used), default=CONTROL_RATE)
     steps = [rate for driver, params in used if (rate := driver.step_rate(params)) is not None]

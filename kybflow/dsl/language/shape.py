@@ -51,7 +51,7 @@ def has_shape(node: Node, cls: Any) -> bool:
 
 
 def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
-    """Whether a tree has the keys of a layout, each with what may stand under it."""
+    """Whether a tree has the keys of a layout, with fitting values."""
     if not isinstance(node, Mapping):
         return layout.part is not None and layout.part.word == "use" and _is_text(node)
     entries, keys = node.entries, layout.keys
@@ -191,4 +191,4 @@ _JUDGES: dict[type[ValueType], _Judge] = {
     PartOf: lambda node, kind, _: _is_laid_out(node, part_layout(kind)),
     UsesOf: _are_uses, AnyOf: _is_any_of,
 }  # fmt: skip
-"""What judges a value, by its type."""
+"""The check of a value, by its type."""

@@ -22,7 +22,7 @@ CODES = {
 }
 MAX_BYTES = 2_000_000
 MOST_FILES = 200
-"""Files of a folder, at most, among which the one is sought that an unknown name could mean."""
+"""The most files of a folder that are compared with an unknown name."""
 
 
 class ParsedFile(NamedTuple):
@@ -68,7 +68,7 @@ def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
 
 
 def _near(path: Path) -> str:
-    """The file that could be meant: one in the folder that was named, or beside."""
+    """The hint for a file that the path could mean, in the named folder or beside."""
     try:
         folder = path if os.path.isdir(path) else path.parent
         names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]
