@@ -28,8 +28,9 @@ from kybflow.parts.action import BUILT_IN
 CODES = {
     "KYB170": "An action that neither the language nor an installed package has.",
     "KYB171": "A callback that does nothing, or an action that is not one key with a value.",
-    "KYB461": "A callback that says neither an event nor a condition, or what needs the other one.",
-    "KYB180": "A fault that does not say when, or says it twice.",
+    "KYB461": "A callback with neither an event nor a condition, or a key that needs the other "
+    "one.",
+    "KYB180": "A fault without a time and a condition, or with both.",
 }
 _CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
@@ -53,14 +54,16 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
         found.report("KYB461", "an event has no duration", span, help=hint)
     elif event is None and node.get("when") is None:
         hint = "write `event: NAME`, `when: CONDITION`, or both"
-        found.report("KYB461", "nothing says when this is done", head_of(node), help=hint)
+        message = "the callback has neither `event` nor `when`"
+        found.report("KYB461", message, head_of(node), help=hint)
     for entry in asked if event is None else ():
-        message = f"`{entry.key.text}` asks for a field of an event, and there is none"
+        message = f"`{entry.key.text}` is a field of an event, but there is no `event`"
         hint = "add `event: NAME`, or ask for it in the `when`"
         found.report("KYB461", message, entry.key.span, help=hint)
     if not items:
-        told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
-        found.report("KYB171", f"nothing is done {told}", head_of(node), help="write `do: [...]`")
+        what = f"callback of `{event.text}`" if isinstance(event, Scalar) else "callback"
+        message = f"the {what} has no action"
+        found.report("KYB171", message, head_of(node), help="write `do: [...]`")
     for entry in asked:
         decoder.misplaced(entry.value, entry.key.text)
     fields = tuple((e.key.text, e.value.text) for e in asked if isinstance(e.value, Scalar))
@@ -95,7 +98,7 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
     elif isinstance(value, Sequence):
         decoder.misplaced(value, name)
     else:
-        found.report("KYB171", f"`{name}` says nothing", entry.key.span)
+        found.report("KYB171", f"`{name}` has no value", entry.key.span)
 
 
 def named_values(entry: MappingEntry, decoder: Decoder) -> Iterator[tuple[MappingEntry, Any]]:
@@ -145,7 +148,7 @@ def _fault(node: Mapping, decoder: Decoder) -> FaultPlan | None:
     if (at is None) is (when is None):
         both = when is not None
         what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
-        message = f"{what} says twice when" if both else f"nothing says when {what} is injected"
+        message = f"{what} has {'both `at` and' if both else 'neither `at` nor'} `when`"
         span = node.entries["when"].key.span if both else head_of(node)
         hint = "write one: `at: 20 s` or `when: CONDITION`"
         decoder.found.report("KYB180", message, span, help=hint)

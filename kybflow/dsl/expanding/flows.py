@@ -65,7 +65,7 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
     limit, goal = phase.entry("within"), phase.entry("otherwise")
     if limit is not None and goal is not None:
         if phase.otherwise is None:
-            return ()  # told already: it is no name
+            return ()  # reported already: it is no name
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
         target, after = phase.otherwise, phase.within
@@ -73,10 +73,10 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
             TransitionPlan(target=target, cause="within", after=after, at=span.at, source=source),
         )
     if limit is not None:
-        message = "nothing says where the phase goes after `within`"
+        message = "`within` needs `otherwise`"
         found.report("KYB192", message, limit.value.span, help="add `otherwise: PHASE`")
     elif goal is not None:
-        message = "nothing says when the phase goes to `otherwise`"
+        message = "`otherwise` needs `within`"
         found.report("KYB192", message, goal.value.span, help="add `within: 20 s`")
     return ()
 

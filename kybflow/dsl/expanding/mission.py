@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
 CODES = {
-    "KYB152": "A control rate that is no whole number of Hz, or one that nothing flies with.",
+    "KYB152": "A control rate that is no whole number of Hz, or too low or too high to fly with.",
 }
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
 _LEFT_TO_LIKE = frozenset({"KYB108", "KYB385"})

@@ -21,7 +21,7 @@ from kybflow.dsl.resolving.chains import OF_CHAINS
 from kybflow.parts.observables import chains_of
 
 CODES = {
-    "KYB143": "A transition that says nothing of when, or how long of nothing.",
+    "KYB143": "A transition without a condition, or a `for` without a `when`.",
 }
 
 
@@ -142,10 +142,10 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
 def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
     """The transition of an item of `next`, checked alone."""
     if all(way.entry(key) is None for key in ("when", "event", "after")):
-        message = f"nothing says when to go to `{way.target}`"
+        message = f"the transition to `{way.target}` has no condition"
         hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"
         found.report("KYB143", message, way.span_of("go"), help=hint)
     elif way.entry("when") is None and way.entry("for") is not None:
-        message = f"nothing says what must hold before it goes to `{way.target}`"
+        message = f"`for` of the transition to `{way.target}` needs a `when`"
         found.report("KYB143", message, way.key_span("for"), help="`for` belongs to a `when`")
     return way

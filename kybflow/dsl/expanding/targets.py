@@ -187,7 +187,7 @@ def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
     for name in catalog.names("drivers"):
         try:
             targets = catalog.get("drivers", name).cls.targets
-        except (KybflowError, ImportError):  # told where it is used
+        except (KybflowError, ImportError):  # reported where it is used
             continue
         for target, values in targets.items():
             written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}

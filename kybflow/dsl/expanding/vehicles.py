@@ -122,7 +122,7 @@ def _lens(camera: CameraPlan, found: Findings) -> Lens | None:
         entries = entries_of(camera.source.node)
         depth = entries["calibration"].depth
         written = [key for key in written if entries[key].depth == depth]
-        message = f"the calibration of `{camera.name}` says its {' and '.join(written)} already"
+        message = f"the calibration of `{camera.name}` already has its {' and '.join(written)}"
         span = entries[written[0]].key.span
         found.report("KYB385", message.replace("_", " "), span, help="write one of both")
         return None

@@ -236,7 +236,7 @@ class Decoder:
             if is_null(asked.value):
                 return Request(asked.key.text, source=Source(place))
         if not self.misplaced(node, name):
-            message = f"`{name}` is asked for what is no state with its values"
+            message = f"`{name}` needs a state"
             hint = f"write `{name}: STATE` or `{name}: {{STATE: {{...}}}}`"
             self.found.report("KYB244", message, node.span, help=hint)
         return None
