@@ -62,8 +62,8 @@ class Target:
         elif name != "sim" and name not in (implied := implied_targets(catalog)):
             known = {*self._targets, *implied, "sim"}
             message = f"the mission has no target `{name}`"
-            asked = Span(FILE, 1, 1, 1, len(name) + 1)
-            self._found.report("KYB150", message, asked, help=did_you_mean(name, known))
+            place = Span(FILE, 1, 1, 1, len(name) + 1)
+            self._found.report("KYB150", message, place, help=did_you_mean(name, known))
 
     def drivers(self) -> dict[str, PartPlan]:
         """The driver of each vehicle: its own entry, else that of `all`, else the one that the
@@ -107,8 +107,8 @@ class Target:
             places[name] = place
             for label, _ in place.pairs("sensors"):
                 if label.text in place.sensors and label.text not in known:
-                    whose = "no vehicle has an" if name == "all" else f"`{name}` has no"
-                    message = f"{whose} estimator `{label.text}`"
+                    lacks = "no vehicle has an" if name == "all" else f"`{name}` has no"
+                    message = f"{lacks} estimator `{label.text}`"
                     hint = did_you_mean(label.text, known)
                     hint = hint or "name one under `estimators` of the vehicle"
                     decoder.found.report("KYB390", message, label.span, help=hint)
@@ -138,24 +138,24 @@ class Target:
         that the driver brings. The tracker is that of the vehicle's own entry, else that of `all`,
         else the one that the driver requests, else the mission's.
         """
-        everybody = self._places.get("all", Place())
+        shared = self._places.get("all", Place())
         for vehicle in vehicles:
             own = self._places.get(vehicle.name, Place())
             labels = set(_estimators(self._vehicles[vehicle.name].value))
-            named = {k: v for k, v in _sensors(everybody).items() if k in labels}
+            named = {k: v for k, v in _sensors(shared).items() if k in labels}
             lists = {**named, **_sensors(own)}.values()
             sensors = [use for several in lists for use in several]
             sensors += self._brought(vehicle, sensors)
-            tracker, driver = own.tracker or everybody.tracker, vehicle.driver
-            if tracker is None and (asked := driver.cls.tracker(driver.params)) is not None:
-                tracker = self._decoder.part("trackers", _node(asked, driver.span))
+            tracker, driver = own.tracker or shared.tracker, vehicle.driver
+            if tracker is None and (requested := driver.cls.tracker(driver.params)) is not None:
+                tracker = self._decoder.part("trackers", _node(requested, driver.span))
             yield vehicle.but(
                 sensors=tuple(sensors),
                 tracker=tracker or vehicle.tracker,
                 own_tracker=None if tracker is None else vehicle.tracker,
                 reached=own.but(
                     **{
-                        field.name: getattr(everybody, field.name)
+                        field.name: getattr(shared, field.name)
                         for field in fields_of(Place)
                         if not own.is_written(field.key)
                     }

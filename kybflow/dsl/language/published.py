@@ -29,7 +29,7 @@ from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
 
-_SAID = ("title", "description", "examples", "defaultSnippets")
+_SHOWN = ("title", "description", "examples", "defaultSnippets")
 _NOTHING: Schema = {"type": "null"}
 _ANY_NAME: Schema = {"defaultSnippets": [{"label": "NAME", "body": "\n  ${1:name}: "}]}
 
@@ -108,18 +108,18 @@ class Editor:
         right = {"type": schema["type"], "errorMessage": needed}
         of_mappings = isinstance(kind, ListOf) and isinstance(kind.item, RecordOf | PartOf)
         if "object" in types or of_mappings:
-            said = {key: one for key, one in schema.items() if key != "type"}
+            shown = {key: one for key, one in schema.items() if key != "type"}
             right = right if may_lack else {"type": schema["type"]}
-            if types == ["object"] and not said.keys() & {"properties", "examples"}:
-                said |= _ANY_NAME
+            if types == ["object"] and not shown.keys() & {"properties", "examples"}:
+                shown |= _ANY_NAME
         else:
-            said = {key: one for key, one in schema.items() if key in _SAID}
-            right |= {key: one for key, one in schema.items() if key not in _SAID}
+            shown = {key: one for key, one in schema.items() if key in _SHOWN}
+            right |= {key: one for key, one in schema.items() if key not in _SHOWN}
             if isinstance(kind, Numbers):
                 right = self._shared(right)
-            if not said.keys() & {"examples", "defaultSnippets"}:
-                said["anyOf"] = [{}]  # a value of no type: the key is inserted, and none with it
-        return {**said, "if": _NOTHING, "else": right} if may_lack else {**said, **right}
+            if not shown.keys() & {"examples", "defaultSnippets"}:
+                shown["anyOf"] = [{}]  # a value of no type: the key is inserted, and none with it
+        return {**shown, "if": _NOTHING, "else": right} if may_lack else {**shown, **right}
 
     def _shared(self, numbers: Schema) -> Schema:
         """The schema of numbers, which refers to the shared one of their dimension."""

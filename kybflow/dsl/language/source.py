@@ -18,7 +18,7 @@ from kybflow.dsl.reading.nodes import (
     items_of,
 )
 
-NOBODY = Span("", 1, 1, 1, 1)
+NO_PLACE = Span("", 1, 1, 1, 1)
 """The place of values that no file has."""
 
 
@@ -26,8 +26,8 @@ class Source(NamedTuple):
     """What a record was decoded from: the place to report, its mapping, and whether it came through
     `like`."""
 
-    span: Span = NOBODY
-    node: Mapping = Mapping({}, NOBODY)
+    span: Span = NO_PLACE
+    node: Mapping = Mapping({}, NO_PLACE)
     inherited: bool = False
 
 

@@ -213,12 +213,12 @@ def _flow(record: Any) -> str:
 
 def _action(action: ActionKeys) -> str:
     value = action.value
-    said = _request(value) if isinstance(value, Request) else as_written(action.value_node)
+    text = _request(value) if isinstance(value, Request) else as_written(action.value_node)
     if action.part is not None:
-        said = f"{{{', '.join(_pairs(action.part.params))}}}"
+        text = f"{{{', '.join(_pairs(action.part.params))}}}"
     elif action.target is not None:
-        said = f"{{{action.target}: {said}}}"
-    return f"{{{action.name}: {said}}}"
+        text = f"{{{action.target}: {text}}}"
+    return f"{{{action.name}: {text}}}"
 
 
 def _request(request: Request) -> str:
