@@ -90,9 +90,7 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
         if part is not None:
             yield ActionKeys(name=name, part=part, source=source)
     elif isinstance(value, Mapping):
-        for target, said in named_values(entry, decoder):
-            at = Source(target.key.span, Mapping({target.key.text: target}, target.key.span))
-            yield ActionKeys(name=name, target=target.key.text, value=said, source=at)
+        yield from _targeted(entry, decoder)
     elif isinstance(value, Scalar) and not value.is_null:
         yield ActionKeys(name=name, value=value.text, source=source)
     elif isinstance(value, Sequence):
@@ -101,24 +99,23 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
         found.report("KYB171", f"`{name}` has no value", entry.key.span)
 
 
-def named_values(entry: MappingEntry, decoder: Decoder) -> Iterator[tuple[MappingEntry, Any]]:
-    """(target, its value) of each of `{set: {NAME: VALUE, ...}}`."""
+def _targeted(entry: MappingEntry, decoder: Decoder) -> Iterator[ActionKeys]:
+    """The actions of `{set: {NAME: VALUE, ...}}`."""
+    name = entry.key.text
     for target in entries_of(entry.value).values():
+        value: Any = None
+        key = target.key
         if is_null(target.value):
-            message = f"`{target.key.text}` has no value"
-            decoder.found.report("KYB171", message, target.key.span)
-            continue
-        value: Any = target.value
-        if entry.key.text == "switch":
+            decoder.found.report("KYB171", f"`{key.text}` has no value", key.span)
+        elif name == "set":
+            value = target.value
+        elif name == "switch":
             value = decoder.request(target)
-            if value is None:
-                continue
-        elif entry.key.text != "set":
-            if not isinstance(value, Scalar):
-                decoder.misplaced(value, target.key.text)
-                continue
-            value = value.text
-        yield target, value
+        elif not decoder.misplaced(target.value, key.text) and isinstance(target.value, Scalar):
+            value = target.value.text
+        if value is not None:
+            source = Source(key.span, Mapping({key.text: target}, key.span))
+            yield ActionKeys(name=name, target=key.text, value=value, source=source)
 
 
 def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:

@@ -22,7 +22,7 @@ from kybflow.core.units import is_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.source import Record, Source
+from kybflow.dsl.language.source import NO_PLACE, Record, Source
 from kybflow.dsl.language.types import (
     CONDITION,
     EVENT,
@@ -230,11 +230,10 @@ class Decoder:
             return Request(node.text, source=Source(node.as_text.span))
         if isinstance(node, Mapping) and len(node.entries) == 1:
             [asked] = node.entries.values()
-            place = asked.key.as_text.span
-            if isinstance(asked.value, Mapping):
-                return Request(asked.key.text, source=Source(place, asked.value))
-            if is_null(asked.value):
-                return Request(asked.key.text, source=Source(place))
+            values = asked.value if isinstance(asked.value, Mapping) else Mapping({}, NO_PLACE)
+            if values is asked.value or is_null(asked.value):
+                source = Source(asked.key.as_text.span, values)
+                return Request(asked.key.text, source=source)
         if not self.misplaced(node, name):
             message = f"`{name}` needs a state"
             hint = f"write `{name}: STATE` or `{name}: {{STATE: {{...}}}}`"

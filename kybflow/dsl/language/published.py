@@ -166,15 +166,8 @@ class Editor:
         properties = action["properties"]
         for name in self._catalog.names("actions"):
             spec = self._catalog.get("actions", name)
-            needed = [field.key for field in spec.fields if field.required]
-            properties[name] = {
-                "title": name,
-                "description": spec.summary,
-                "type": "object",
-                "properties": self.schemas.properties(spec.fields, needed),
-                "required": needed,
-                "additionalProperties": False,
-            }
+            params: Any = spec.params
+            properties[name] = self.schemas.mapping(layout_of(params), name, spec.summary)
         return {**action, "additionalProperties": False, "maxProperties": 1}
 
 

@@ -97,7 +97,7 @@ class Schemas:
     def record(self, cls: Any, help: str = "") -> Schema:
         """The schema of a record's mapping; `help` describes it at this place."""
         about = help or " ".join(cls.__doc__.partition("\n\n")[0].split())
-        return self._mapping_of(layout_of(cls), cls.title, about)
+        return self.mapping(layout_of(cls), cls.title, about)
 
     def properties(self, fields: Iterable[Field], needed: Container[str] = ()) -> Schema:
         """The schemas of the values of several keys; the others may be left out."""
@@ -112,7 +112,8 @@ class Schemas:
             whole["examples"] = list(field.examples)
         return self._finish(whole, field, may_lack)
 
-    def _mapping_of(self, layout: RecordLayout, title: str, about: str) -> Schema:
+    def mapping(self, layout: RecordLayout, title: str, about: str) -> Schema:
+        """The schema of a mapping with the keys of a layout."""
         has_like = "like" in layout.keys
         needed = () if has_like else layout.needed
         is_use = layout.part is not None and layout.part.word == "use"
@@ -186,7 +187,7 @@ class Schemas:
             cls = kind.item.cls
             layout, title, about = layout_of(cls), cls.title, cls.__doc__.partition("\n\n")[0]
         keys = {**layout.keys, "stack": stack}
-        whole = self._mapping_of(layout._replace(keys=keys, needed=()), title, about)
+        whole = self.mapping(layout._replace(keys=keys, needed=()), title, about)
         alone = {
             "title": "stack's place",
             "description": "A stack.",
@@ -212,7 +213,7 @@ class Schemas:
 
     def _use(self, kind: Any, field: Field) -> Schema:
         """A part by its bare name, or a mapping with `use` and its parameters."""
-        return self._mapping_of(part_layout(kind), kind.kind[:-1], field.help)
+        return self.mapping(part_layout(kind), kind.kind[:-1], field.help)
 
     def _request(self, _: Any, field: Field) -> Schema:
         about = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
