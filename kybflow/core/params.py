@@ -222,17 +222,14 @@ class Field:
             return ()
         return (value,) if isinstance(value, str) else tuple(value)
 
-    def outside(self, value: float) -> str | None:
-        """Return which bound `value` (SI) violates, in words, or None."""
-        if self.above is not None and not value > self.above:
-            return f"must be above {self.above:g}"
-        if self.at_least is not None and not value >= self.at_least:
-            return f"must be at least {self.at_least:g}"
-        if self.below is not None and not value < self.below:
-            return f"must be below {self.below:g}"
-        if self.at_most is not None and not value <= self.at_most:
-            return f"must be at most {self.at_most:g}"
-        return None
+    def is_within(self, value: float) -> bool:
+        """Return whether `value` (SI) is within the bounds."""
+        return (
+            (self.above is None or value > self.above)
+            and (self.at_least is None or value >= self.at_least)
+            and (self.below is None or value < self.below)
+            and (self.at_most is None or value <= self.at_most)
+        )
 
     def flaw(self, value: Any) -> str | None:
         """Return why a value whose numbers are within bounds is wrong as a whole, or None: a matrix

@@ -221,10 +221,8 @@ def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
         return None
     if after == "cut":
         return f"`{name}` can't become `cut` in flight"
-    old, new = field.numbers(before), field.numbers(after)
-    if field.tightens == "down":
-        old, new = new, old
-    if len(old) == len(new) and all(b >= a for a, b in zip(old, new, strict=True)):
+    has_both = len(field.numbers(before)) == len(field.numbers(after))
+    if has_both and not field.loosens(before, after):
         return None
     word = "stricter" if field.choices else "greater" if field.tightens == "up" else "smaller"
     return f"`{name}` is a safety parameter: in flight it only becomes {word}"

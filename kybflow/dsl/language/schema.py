@@ -328,11 +328,11 @@ def _example(field: Field) -> str:
         whole = str(max(1, int(field.at_least or 0)))
         return whole if kind is INTEGER else f"[{whole}, {whole}]"
     one, zero = kind.dimension.example, format_quantity(0.0, kind.dimension)
-    if field.outside(parse_quantity(one, kind.dimension)) is not None:
+    if not field.is_within(parse_quantity(one, kind.dimension)):
         low = next((b for b in (field.above, field.at_least) if b is not None), 0.0)
         high = next((b for b in (field.below, field.at_most) if b is not None), 2.0 * low + 2.0)
         one = format_quantity(0.5 * (low + high), kind.dimension)
-    first = one if field.outside(0.0) is not None else zero
+    first = one if not field.is_within(0.0) else zero
     if field.shape == "matrix":
         return diagonal(kind.size, one, first)
     depth = len(kind.size)

@@ -162,14 +162,14 @@ def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
         number = parse_quantity(node.text, kind.dimension)
     except UnitError:
         return False
-    return isinstance(value, str) or field.outside(number) is None
+    return isinstance(value, str) or field.is_within(number)
 
 
 def _is_whole(node: Node, _: Any, field: Field) -> bool:
     value = to_json(node)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return _is_parameter(node)
-    return value == int(value) and field.outside(value) is None
+    return value == int(value) and field.is_within(value)
 
 
 _Judge = Callable[[Node, Any, Field], bool]

@@ -88,7 +88,7 @@ _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 def decode_value(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; None, and a finding, when it is none."""
     value = _value(node, field, field.type, found)
-    flaw = field.flaw(value) if field.is_definite else None
+    flaw = field.flaw(value)
     if flaw is None:
         return value
     found.report("KYB105", f"`{field.key}` {flaw}", node.span)
@@ -165,7 +165,7 @@ def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> 
 
 def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
     """`value`; None, and a finding, where it is outside of the bounds."""
-    if field.outside(value) is None:
+    if field.is_within(value):
         return value
     message, hint = f"`{field.key}` must be {bounds_of(field)}", _way_inside(value, node, field)
     found.report("KYB105", message, node.span, f"`{node.text}`", origin(node), hint)
@@ -189,9 +189,9 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     if dimension is None or not dimension.units:
         return ""
     for unit, factor in sorted(dimension.units.items(), key=lambda item: -item[1]):
-        if _BARE.match(bare) and factor < 1.0 and field.outside(value * factor) is None:
+        if _BARE.match(bare) and factor < 1.0 and field.is_within(value * factor):
             return f"did you mean `{bare} {unit}`?"
-    fits = field.outside(parse_quantity(dimension.example, dimension)) is None
+    fits = field.is_within(parse_quantity(dimension.example, dimension))
     return f"write it like `{dimension.example}`" if value <= 0.0 and fits else ""
 
 
