@@ -8,7 +8,6 @@ their times count from the entry of the chain.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
@@ -25,15 +24,9 @@ CODES = {
 }
 
 
-class States(NamedTuple):
-    """The states and chains of one vehicle; `written` has both in the order of the file."""
-
-    states: dict[str, StatePlan]
-    chains: dict[str, ChainPlan]
-    written: dict[str, StatePlan | ChainPlan]
-
-
-def states_of(behaviors: dict[str, MappingEntry], decoder: Decoder) -> States:
+def states_of(
+    behaviors: dict[str, MappingEntry], decoder: Decoder
+) -> dict[str, StatePlan | ChainPlan]:
     """The states and chains in the entries of `behaviors`; a state with errors is left out."""
     entries = {name: e for name, e in behaviors.items() if not is_null(e.value)}
     names = [n for n, e in entries.items() if "do" in entries_of(e.value)]
@@ -43,16 +36,8 @@ def states_of(behaviors: dict[str, MappingEntry], decoder: Decoder) -> States:
             first.setdefault(chain, name)
     first = {chain: name for chain, name in first.items() if chain not in names}
     chains = {n: _chain(e, first, decoder) for n, e in entries.items() if n in first}
-    states: dict[str, StatePlan] = {}
-    written: dict[str, StatePlan | ChainPlan] = {}
-    for name, entry in entries.items():
-        if name in chains:
-            written[name] = chains[name]
-            continue
-        state = _state(entry, first, chains, decoder)
-        if state is not None:
-            written[name] = states[name] = state
-    return States(states, chains, written)
+    found = {n: chains.get(n) or _state(e, first, chains, decoder) for n, e in entries.items()}
+    return {name: one for name, one in found.items() if one is not None}
 
 
 def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> ChainPlan:

@@ -41,10 +41,9 @@ def read(path: Path, file: str) -> ParsedFile:
     found = Findings()
     data = _bytes_of(path, file, found)
     text = None if data is None else _decode(data, file, found)
-    if data is None or text is None:
-        return ParsedFile(file, "", "", None, tuple(found.all))
-    root = compose(text, file, found)
-    return ParsedFile(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found.all))
+    root = None if text is None else compose(text, file, found)
+    digest = "" if data is None or text is None else hashlib.sha256(data).hexdigest()
+    return ParsedFile(file, text or "", digest, root, tuple(found.all))
 
 
 def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
