@@ -72,11 +72,11 @@ class EventRefused(KybflowError):
 
 
 class CommandUnreadable(KybflowError):
-    """What a person asked of a run is no command; the message says how it is written."""
+    """A person's command can't be read; the message says how it is written."""
 
 
 class CalibrationFailed(KybflowError):
-    """The frames of a walk tell no calibration; the message says why, and what to do."""
+    """The frames of a walk give no calibration; the message says why, and what to do."""
 
 
 class DriverError(KybflowError):

@@ -22,14 +22,14 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, dataclass_transform
 from kybflow.core.signals import Alarm, Done, FieldValue, Setpoint, kind_name
 
 Needs = Literal["a camera", "motion capture", "a payload", "flows", "other commanders"]
-"""What a vehicle must have to emit an event. flows: the mission has some. other commanders:
-somebody beside this program can command the vehicle."""
+"""What a vehicle must have to emit an event. flows: the mission has some. other commanders: other
+programs or people can command the vehicle."""
 Awaited = Literal["anywhere", "to log it", "too late", "nowhere"]
 """Where a mission can wait for an event. to log it: only a simulator knows it, so a callback may
 log it and nothing else. too late: no tick follows it. nowhere: it is recorded only."""
 
 _NEEDED: Any = object()
-"""Stands for the default of a field that has none."""
+"""The default of a field that has none."""
 
 
 class _Interpreted(type):

@@ -1,10 +1,10 @@
 """The exit codes of the command line; 0 is success."""
 
 FAILED = 1
-"""What the command did or judged has failed or was refused, or its output can't be written."""
+"""The command failed or was refused, its verdict is negative, or its output can't be written."""
 INVALID = 2
 """A mission or a command line is not valid: nothing ran."""
 DRIVER_FAILED = 3
 """A vehicle, or what emulates one, could not be reached or opened."""
 INTERRUPTED = 130
-"""Somebody interrupted the command."""
+"""The user interrupted the command."""

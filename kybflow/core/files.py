@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 CONTROL = "control.json"
-"""The file in a run's folder that says where the run takes commands, while it flies."""
+"""The file in a run's folder with the address at which a flying run takes commands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,8 +17,7 @@ class File:
     flies with the contents that were checked.
 
     name: the path as written, relative to the YAML file that names it. sha256: the digest of its
-    bytes. text: its contents (UTF-8; what is no text, where the parameter takes such a file, stands
-    as surrogates).
+    bytes. text: its contents, UTF-8; other bytes, where the parameter allows them, are surrogates.
     """
 
     name: str
@@ -51,8 +50,8 @@ class FilePath(str):
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, or leave none, for half of it would pass for the whole: where the disk is full,
-    or somebody interrupts. A file that can't be opened stays as it is. Raises OSError."""
+    """Write a file completely or not at all: a full disk or an interruption leaves no file. A file
+    that can't be opened stays as it is. Raises OSError."""
     stream = path.open("wb")
     try:
         with stream:

@@ -1,9 +1,9 @@
 """Declares a record once: a mapping of YAML as a frozen dataclass whose fields are its keys.
 
 A part's parameters (`@params`, `param`) and the records of the mission language (`@record`, `key`)
-are the same thing. The annotation says what may stand there, `key` says help, default and bounds.
-The YAML decoder, the JSON Schema, the text that reads back, the tables of the docs, completion and
-the run-time options all follow from this declaration.
+work alike. The annotation gives the type of a value, `key` its help, default and bounds. The YAML
+decoder, the JSON Schema, the text that reads back, the tables of the docs, completion and the
+run-time options all follow from this declaration.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ Reads = Callable[[File], object]
 
 @dataclass(frozen=True, eq=False)
 class ValueType:
-    """What may stand as the value of a key. `shape` is its word in docs; a value that is `fixed`
-    can't change during a run."""
+    """The type of a key's value. `shape` is its word in docs; a `fixed` value can't change during a
+    run."""
 
     shape: str
     fixed: bool = False
@@ -84,15 +84,15 @@ class Choice(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class ListOf(ValueType):
-    """A list of values of one type; the value is a tuple."""
+    """A list of values of one type, as a tuple."""
 
     item: ValueType = _NOTHING
 
 
 @dataclass(frozen=True, eq=False)
 class MappingOf(ValueType):
-    """Values of one type by names that the author gives. The value is a dict, or a tuple of records
-    that know their names."""
+    """Values of one type by the author's names: a dict, or a tuple of records that know their
+    names."""
 
     item: ValueType = _NOTHING
     as_dict: bool = True
@@ -100,8 +100,8 @@ class MappingOf(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class RecordOf(ValueType):
-    """The mapping of another record. One that is `flat` has its keys beside those of the record
-    that holds it. `or_name`: the name of one may stand in its place."""
+    """The mapping of another record. A `flat` record has its keys beside those of the record that
+    holds it. `or_name`: its name may replace it."""
 
     cls: Any = None
     flat: bool = False
@@ -140,20 +140,19 @@ def numbers(dimension: Dimension, shape: str = "scalar") -> Numbers:
 @dataclass(frozen=True)
 class Field:
     """One key of a record, or one parameter of a part. `key` declares it; name, type, optional and
-    required follow from where that stands.
+    required follow from the declaration.
 
-    name: the field's in Python. type: what may stand there. optional: it may be null. default and
-    bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a matrix is
+    name: the field's name in Python. type: the type of its value. optional: it may be null. default
+    and bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a matrix is
     symmetric and positive definite. read_only: it can't change during a run. tightens: in flight it
-    may change in that direction only. names: the compiler checks that a text names such a thing.
-    reads: the compiler checks a file with this reader. limited_by: the parameter beside it that it
-    may not exceed, or the part never succeeds. room: the length says nothing where it is more than
-    half of the fence's longest side (`across`), or more than its height (`up`). binary: the file
-    need not be text. key: its spelling in YAML, where Python forbids the field's name. examples:
-    values that editors offer. each: what each item of a list or a mapping is, with `each_examples`.
-    least: how many items it has at least. needed: whether a file must have it; unless said, one
-    without a default of a record that is whole in each file. names_like: how the names of a mapping
-    are formed.
+    may change in that direction only. names: the compiler checks that such a thing exists. reads:
+    the compiler checks a file with this reader. limited_by: another parameter that it may not
+    exceed, or the part never succeeds. room: the length has no effect where it is more than half of
+    the fence's longest side (`across`), or more than its height (`up`). binary: the file need not
+    be text. key: its spelling in YAML, where Python forbids the field's name. examples: values that
+    editors offer. each: what each item of a list or a mapping is, with `each_examples`. least: the
+    least number of items. needed: whether a file must have it; by default, a key without a default
+    of a whole record. names_like: how the names of a mapping are formed.
     """
 
     help: str = ""
@@ -223,21 +222,18 @@ class Field:
             return ()
         return (value,) if isinstance(value, str) else tuple(value)
 
-    def outside(self, value: float) -> str | None:
-        """Return which bound `value` (SI) violates, in words, or None."""
-        if self.above is not None and not value > self.above:
-            return f"must be above {self.above:g}"
-        if self.at_least is not None and not value >= self.at_least:
-            return f"must be at least {self.at_least:g}"
-        if self.below is not None and not value < self.below:
-            return f"must be below {self.below:g}"
-        if self.at_most is not None and not value <= self.at_most:
-            return f"must be at most {self.at_most:g}"
-        return None
+    def is_within(self, value: float) -> bool:
+        """Return whether `value` (SI) is within the bounds."""
+        return (
+            (self.above is None or value > self.above)
+            and (self.at_least is None or value >= self.at_least)
+            and (self.below is None or value < self.below)
+            and (self.at_most is None or value <= self.at_most)
+        )
 
     def flaw(self, value: Any) -> str | None:
-        """Return what is wrong with a value as a whole whose numbers are within bounds, in words,
-        or None: of a matrix that is to be symmetric and positive definite."""
+        """Return why a value whose numbers are within bounds is wrong as a whole, or None: a matrix
+        may have to be symmetric and positive definite."""
         if not self.is_definite or value is None:
             return None
         if (place := asymmetry(value)) is not None:
@@ -284,8 +280,8 @@ def params(cls: type[T]) -> type[T]:
 )
 def record(title: str = "", **facts: Any) -> Callable[[type[T]], type[T]]:
     """Make a class a frozen dataclass for a mapping of the language that is no part, called `title`
-    in reports. Its keys may have `RESERVED` names, because no parameters stand beside them; fields
-    without `key` are what the compiler works out. `facts`: see `Record`."""
+    in reports. Its keys may have `RESERVED` names, because it has no parameters beside them; the
+    compiler computes fields without `key`. `facts`: see `Record`."""
 
     def made(cls: type[T]) -> type[T]:
         whole = dataclass(frozen=True)(cls)
@@ -347,7 +343,7 @@ def names_in(parameters: Any, what: Named) -> Iterator[tuple[str, str]]:
 
 @functools.cache
 def fields_with(cls: Any, fact: Literal["limited_by", "room", "names"]) -> tuple[Field, ...]:
-    """Return the parameters of `cls` whose declaration has `fact`."""
+    """Return the parameters of `cls` that declare `fact`."""
     return tuple(field for field in fields_of(cls) if getattr(field, fact) is not None)
 
 
@@ -373,7 +369,7 @@ def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: 
 
 
 def _type(where: str, hint: Any) -> tuple[ValueType, bool]:
-    """(what may stand where `hint` is annotated, whether it may be None)."""
+    """(the type that `hint` declares, whether the value may be None)."""
     if _is_optional(hint):
         rest = [a for a in get_args(hint) if a is not type(None)]
         if len(rest) == 1:

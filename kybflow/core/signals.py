@@ -76,8 +76,8 @@ class Pose(NamedTuple):
 
 
 class BatteryWarning(NamedTuple):
-    """What a vehicle itself says of a battery that runs low, in words. acts: its own failsafe acts
-    on that, or would if it were set up to."""
+    """A vehicle's own warning of a low battery, in words. acts: the vehicle's own failsafe acts on
+    that, or would if it were set up to."""
 
     words: str
     acts: bool
@@ -105,7 +105,7 @@ class Imu(NamedTuple):
 
 
 IMU_TIMEOUT: Time = NS // 10
-"""An IMU that was not heard for so long tells nothing about the motion since."""
+"""After such a gap, the IMU says nothing of the motion since."""
 
 
 class Frame(NamedTuple):
@@ -311,18 +311,16 @@ class Grip(NamedTuple):
 
 
 class Retune(NamedTuple):
-    """A processor's setpoint, and other values (SI) of options of its vehicle's tracker, by name:
-    those that its class declares. They are asked for as `set` asks, in effect from the next tick
-    on.
-    """
+    """A processor's setpoint, and new values (SI) of options that the class of its vehicle's
+    tracker declares, by name. They take effect at the next tick, as with `set`."""
 
     output: Setpoint
     options: Mapping[str, float]
 
 
 class PlannedPoint(NamedTuple):
-    """Where a vehicle should be at `time`, as an external planner says it: seconds of the run;
-    position, velocity and acceleration in the world; heading in radians, None to keep it."""
+    """Where an external planner wants a vehicle at `time`: seconds of the run; position, velocity
+    and acceleration in the world; heading in radians, None to keep it."""
 
     time: float
     position: Vec3
@@ -336,8 +334,8 @@ FieldValue = str | float | bool | None
 
 
 class Event(NamedTuple):
-    """Something that happened, as it is heard and recorded (`kybflow.core.events` says what it can
-    be). at: the mission line that caused it, or empty."""
+    """An event as it is recorded (`kybflow.core.events` declares them). at: the mission line that
+    caused it, or empty."""
 
     time: Time
     name: str
@@ -351,9 +349,9 @@ CENTRE = 0.05
 
 
 class InputReading(NamedTuple):
-    """What a person's input says: each axis by name, -1 to 1, and the names of the buttons that are
-    held. heard: when the device said so, or was last known to have nothing new. engaged: its
-    dead-man switch is held, or it has none."""
+    """A reading of a person's input: each axis by name, -1 to 1, and the names of the pressed
+    buttons. heard: when the device sent it, or last had nothing new. engaged: its dead-man switch
+    is held, or it has none."""
 
     heard: Time
     axes: Mapping[str, float]
@@ -366,7 +364,7 @@ class InputReading(NamedTuple):
 
 
 InputReadings = Mapping[str, InputReading | None]
-"""What each input says, by its name in the mission; None while the input is lost."""
+"""The reading of each input, by its name in the mission; None while the input is lost."""
 NO_INPUTS: InputReadings = MappingProxyType({})
 
 
@@ -387,8 +385,8 @@ NO_OBSTACLES: SeenObstacles = MappingProxyType({})
 
 
 class NeighbourState(NamedTuple):
-    """What a vehicle published to its neighbours at the end of the tick at `time`: its estimate,
-    the setpoint that it followed, and what its behavior `says`; None where there is none."""
+    """The state that a vehicle published to its neighbours at the end of the tick at `time`: its
+    estimate, the setpoint that it followed, and its behavior's `says`; None where there is none."""
 
     time: Time
     estimate: Estimate | None
@@ -407,8 +405,8 @@ class Neighbours(Protocol):
         nothing yet."""
 
     def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
-        """Return the `answer` that the news gives to a `question`: asked by many in a tick, it is
-        worked out for the first."""
+        """Return the `answer` to a `question` about the neighbours; it is computed once a tick, for
+        the first that asks."""
 
 
 class _Nobody:

@@ -1,5 +1,5 @@
-"""Reads from a compiled module's source what mypyc drops: the module's docstring and the
-annotations of its classes, which become plain types without units. The source stands beside it."""
+"""Read from a compiled module's source what mypyc drops: the module's docstring and the annotations
+of its classes, whose units it forgets. The source is in the same folder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def is_compiled(cls: type) -> bool:
 
 
 def hints_of(cls: type) -> dict[str, Any]:
-    """Return what the annotations of a class and its bases mean, units included."""
+    """Return the types of the annotations of a class and its bases, units included."""
     for base in cls.__mro__:
         for node in _source(base.__module__).body:
             if isinstance(node, ast.ClassDef) and node.name == base.__name__:
@@ -48,7 +48,7 @@ def _file(module: str) -> Path:
 
 
 def _source(module: str) -> ast.Module:
-    """The source beside a compiled module; empty for a module that is not compiled."""
+    """The source of a compiled module; empty for a module that is not compiled."""
     file = _file(module)
     return _parsed(file) if file.suffix in _COMPILED else ast.Module([], [])
 

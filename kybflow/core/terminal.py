@@ -1,7 +1,7 @@
-"""The terminal in which a mission flies, told to pass on each key as it is pressed.
+"""Read each key from the terminal as it is pressed, while a mission flies.
 
-It is a person's: whatever ends or stops the run, the shell gets it back as it was. It is read only
-while the run is in the foreground.
+The shell gets the terminal back unchanged, however the run ends or stops. It is read only while the
+run is in the foreground.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Terminal:
         return data
 
     def _take(self) -> None:
-        """Set the terminal up, unless that is done and nobody has changed it back."""
+        """Set the terminal up, unless that is done and still in effect."""
         found = termios.tcgetattr(self._number)
         if self._before is not None and not found[3] & termios.ICANON:
             return
@@ -74,8 +74,8 @@ class Terminal:
         self._show(_PASTES_MARKED)
 
     def _give_back(self) -> None:
-        """Set it as it was. Keys that nobody has read are forgotten: they were meant for the run,
-        not for the shell."""
+        """Restore the terminal. Unread keys are dropped: they were for the run, not for the
+        shell."""
         before, self._before = self._before, None
         with suppress(OSError, termios.error):  # it may be gone, as this run may be for it
             if before is not None and self._is_ours():
@@ -84,7 +84,7 @@ class Terminal:
                 termios.tcsetattr(self._number, termios.TCSANOW, before)
 
     def _is_ours(self) -> bool:
-        """Whether the run is in the foreground, so that what is typed is meant for it."""
+        """Whether the run is in the foreground and its keys are for it."""
         return os.tcgetpgrp(self._number) == os.getpgrp()
 
     def _show(self, codes: str) -> None:

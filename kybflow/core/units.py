@@ -155,8 +155,8 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
 
 
 def _way_out(text: str, dimension: Dimension) -> str:
-    """The hint for a text that is no quantity: with a decimal point in place of a comma, a sign
-    beside its number and characters of a keyboard, where that makes it one."""
+    """The hint for a text that is no quantity: the same with a decimal point, its sign attached and
+    plain characters, where that is one."""
     typed = _COMMA.sub(".", _APART.sub(r"\1", as_typed(text).strip()))
     match = _QUANTITY.match(typed)
     if match is not None and (match[2] or "") in {"", *dimension.units}:

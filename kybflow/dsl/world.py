@@ -35,16 +35,16 @@ from kybflow.world.shapes import Box, Shape
 from kybflow.world.tags import Tag
 
 CameraFacing = Literal["down", "up", "forward", "backward", "left", "right"]
-_TRIM = "Turned from there about the body's {} axis, right-handed; roll first, then pitch, yaw."
+_TRIM = "Rotation from `facing` about the body's {} axis, right-handed; roll, then pitch, then yaw."
 
 
 @record("camera", missing="KYB108")
 class CameraPlan(Record):
     """A camera."""
 
-    at: Position = key("Where its lens is, body frame (x forward, y left, z up).")
+    at: Position = key("Position of its lens, body frame (x forward, y left, z up).")
     facing: CameraFacing = key(
-        "Where it looks; `down` and `up` have the image's upper edge forward.", default="down"
+        "Its view; `down` and `up` have the image's upper edge forward.", default="down"
     )
     roll: Angle = key(_TRIM.format("x"), default=0.0)
     pitch: Angle = key(_TRIM.format("y"), default=0.0)
@@ -77,8 +77,8 @@ else:
     Family = Literal[tuple(FAMILIES)]
 
 TagFacing = Literal["up", "down", "east", "north", "west", "south"]
-_HEADING = "Turned about the vertical by this, counter-clockwise from above."
-_FACES = "Where the printed side looks; `up` has the upper edge to the north."
+_HEADING = "Rotation about the vertical, counter-clockwise from above."
+_FACES = "Direction of the printed side; `up` has the upper edge to the north."
 
 
 @record("grid", missing="KYB108")
@@ -97,7 +97,7 @@ class GridParams(Record):
         "Where the rows go from the first tag: `up` to the tags' upper edges, or `down`.",
         default="up",
     )
-    leave_out: tuple[int, ...] = key("Numbers that are not there.", default=())
+    leave_out: tuple[int, ...] = key("Numbers of missing tags.", default=())
 
 
 @record("tag", missing="KYB108")
@@ -114,36 +114,36 @@ class TagParams(Record):
 
 @record("moving_sphere", missing="KYB108")
 class MovingSphereParams(Record):
-    """A ball that goes along lines, there and back."""
+    """A ball that moves along a path and back."""
 
-    along: Path = key("The points through which its centre goes, where it is simulated.")
+    along: Path = key("Its path through these points, where it is simulated.")
     radius: Length = key("Its radius.", above=0.0)
-    speed: Speed = key("How fast it goes, at most.", above=0.0, at_most=2.0)
+    speed: Speed = key("Its greatest speed.", above=0.0, at_most=2.0)
     body: str | None = key(
-        "Its name in motion capture, which sees where it is; the obstacle's by default.",
+        "Its name in motion capture, the obstacle's by default.",
         default=None,
     )
 
 
 @record("point_cloud", missing="KYB108")
 class PointCloudParams(Record):
-    """What a scanner saw: balls around points."""
+    """A scan: a ball around each point."""
 
     file: File = key(
         "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
         reads=read_points, binary=True,
     )  # fmt: skip
     radius: Length = key(
-        "How far around each point it is solid: half the greatest gap in the scan, or more.",
+        "Radius of the balls: half the widest gap in the scan, or more.",
         at_least=1e-3, at_most=1.0,
     )  # fmt: skip
-    units: Literal["m", "mm"] = key("What the file measures in.", default="m")
-    at: Position = key("Where the scan's origin is, world frame.", default=ZERO)
+    units: Literal["m", "mm"] = key("Unit of the file's numbers.", default="m")
+    at: Position = key("Position of the scan's origin, world frame.", default=ZERO)
     heading: Angle = key(
-        "The scan turned about the vertical by this, counter-clockwise from above.", default=0.0
+        "Rotation of the scan about the vertical, counter-clockwise from above.", default=0.0
     )
     above: Length | None = key(
-        "Points that are not higher than this are left out, world frame: the floor's.",
+        "Leaves out points at or below this height, world frame, such as the floor.",
         default=None,
     )
 
@@ -153,11 +153,9 @@ class OccupancyParams(Record):
     """The occupied cells of a map, as upright columns."""
 
     file: File = key(
-        "A map's YAML file, as ROS's map_server has it, beside its PGM picture.", reads=read_info
+        "A map's YAML file of ROS's map_server, beside its PGM image.", reads=read_info
     )
-    height: Length = key(
-        "How high what is occupied stands, from its foot.", at_least=1e-3, at_most=FARTHEST
-    )
+    height: Length = key("Height of the columns above their foot.", at_least=1e-3, at_most=FARTHEST)
     foot: Length = key(
         "Height of the foot, world frame.", default=0.0, at_least=-FARTHEST, at_most=FARTHEST
     )
@@ -165,9 +163,9 @@ class OccupancyParams(Record):
 
 @record("map")
 class MapImage(Record):
-    """The picture of a map."""
+    """The image of a map."""
 
-    image: File = key("The picture of a map.", reads=read_image, binary=True)
+    image: File = key("The image of a map.", reads=read_image, binary=True)
 
 
 @record("fence")
@@ -189,7 +187,7 @@ class CylinderParams(Record):
 
     at: Position = key("The centre of its foot.")
     radius: Length = key("Its radius.", above=0.0)
-    height: Length = key("From its foot up.", above=0.0)
+    height: Length = key("Its height.", above=0.0)
 
 
 @record("sphere")
@@ -202,38 +200,33 @@ class SphereParams(Record):
 
 @record("plane")
 class PlaneParams(Record):
-    """A wall without end: all behind it is solid."""
+    """An infinite wall, solid behind."""
 
     at: Position = key("A point on it.")
-    facing: Annotated[Vec3, NUMBER] = key(
-        "Its direction, of any length; what is behind it is solid."
-    )
+    facing: Annotated[Vec3, NUMBER] = key("Its normal, of any length, away from the solid.")
 
 
 @record("obstacle", terse=True)
 class Obstacle(Record):
-    """One solid: a box, a cylinder, a sphere, a plane, a point cloud, a map or a moving sphere.
+    """An obstacle: a box, cylinder, sphere, plane, point cloud, map or moving sphere.
 
-    `shape` is the solid, None for one that moves; `files` are those that something scanned is made
-    of.
+    `shape` is the solid, None for a moving one; `files` are those of a scan or a map.
     """
 
     name: str
     box: BoxParams | None = key("A box along the axes.", default=None)
     cylinder: CylinderParams | None = key("An upright cylinder.", default=None)
     sphere: SphereParams | None = key("A ball.", default=None)
-    plane: PlaneParams | None = key("A wall without end: all behind it is solid.", default=None)
-    point_cloud: PointCloudParams | None = key(
-        "What a scanner saw: balls around points.", default=None
-    )
+    plane: PlaneParams | None = key("An infinite wall, solid behind.", default=None)
+    point_cloud: PointCloudParams | None = key("A scan: a ball around each point.", default=None)
     occupancy: OccupancyParams | None = key(
         "The occupied cells of a map, as upright columns.", default=None
     )
     moving_sphere: MovingSphereParams | None = key(
-        "A ball that goes along lines, there and back.", default=None
+        "A ball that moves along a path and back.", default=None
     )
     contact: Literal["forbidden", "allowed"] = key(
-        "`allowed`: it is there to be touched, and nothing keeps away from it.",
+        "`allowed`: vehicles may touch it, and nothing keeps them away from it.",
         default="forbidden",
     )
     shape: Shape | None = None
@@ -242,15 +235,15 @@ class Obstacle(Record):
 
     @property
     def may_touch(self) -> bool:
-        """Whether it is there to be touched."""
+        """Whether vehicles may touch it."""
         return self.contact == "allowed"
 
 
 @record("entry of tags")
 class Tags(Record):
-    """Printed tags: a grid, a single one, or those of a file.
+    """Printed tags: a grid, a single tag, or those of a file.
 
-    `tags` are those that it means, and `lines` where they stand in a file.
+    `tags` are its tags, and `lines` their lines in a file.
     """
 
     name: str
@@ -266,18 +259,16 @@ class Tags(Record):
 
 @record("world", like="Start from this world: mappings merge, `null` removes.", block=True)
 class World(Record):
-    """Where it flies."""
+    """The world that the vehicles fly in."""
 
     fence: Corners | None = key("The box that no vehicle may leave.", default=None)
     points: dict[str, Position] = key(
-        "Places by name, world frame (ENU); `world.points.NAME` stands for one.",
+        "Positions by name, world frame (ENU); write one as `world.points.NAME`.",
         default={}, each="A place.",
     )  # fmt: skip
-    obstacles: Annotated[tuple[Obstacle, ...], NAMED] = key(
-        "What stands in the way, by name.", default=()
-    )
+    obstacles: Annotated[tuple[Obstacle, ...], NAMED] = key("Obstacles, by name.", default=())
     tags: Annotated[tuple[Tags, ...], NAMED] = key(
-        "Printed tags to find the way by, by name.", default=()
+        "Printed tags for localization, by name.", default=()
     )
     box: Box | None = None
     """The fence."""

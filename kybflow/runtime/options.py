@@ -16,7 +16,7 @@ from kybflow.core.errors import OptionRefused
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.text import nearest
 from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.language.source import NOBODY
+from kybflow.dsl.language.source import NO_PLACE
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Node, Scalar, Sequence
@@ -200,14 +200,17 @@ def _node(value: Any, field: Field, found: Findings) -> Node | None:
     if isinstance(value, str):
         text, is_list = value.strip(), field.shape in ("vector", "matrix", "names")
         if not is_list or not text:
-            return Scalar(value, NOBODY, quoted=field.shape == "text")
+            return Scalar(value, NO_PLACE, quoted=field.shape == "text")
         return compose(text if text[0] + text[-1] == "[]" else f"[{text}]", "", found)
     if isinstance(value, Iterable):
-        items = (Scalar(i, NOBODY) if isinstance(i, str) else _node(i, field, found) for i in value)
-        return Sequence(tuple(item for item in items if item is not None), NOBODY)
+        items: list[Node | None] = [
+            Scalar(item, NO_PLACE) if isinstance(item, str) else _node(item, field, found)
+            for item in value
+        ]
+        return Sequence(tuple(item for item in items if item is not None), NO_PLACE)
     if field.dimension is not None and isinstance(value, int | float):
-        return Scalar(f"{float(value)!r} {field.dimension.si}".rstrip(), NOBODY)
-    return Scalar(str(value), NOBODY)
+        return Scalar(f"{float(value)!r} {field.dimension.si}".rstrip(), NO_PLACE)
+    return Scalar(str(value), NO_PLACE)
 
 
 def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
@@ -218,10 +221,8 @@ def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
         return None
     if after == "cut":
         return f"`{name}` can't become `cut` in flight"
-    old, new = field.numbers(before), field.numbers(after)
-    if field.tightens == "down":
-        old, new = new, old
-    if len(old) == len(new) and all(b >= a for a, b in zip(old, new, strict=True)):
+    has_both = len(field.numbers(before)) == len(field.numbers(after))
+    if has_both and not field.loosens(before, after):
         return None
     word = "stricter" if field.choices else "greater" if field.tightens == "up" else "smaller"
     return f"`{name}` is a safety parameter: in flight it only becomes {word}"

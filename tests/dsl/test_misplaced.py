@@ -72,7 +72,7 @@ def test_a_point_is_no_name_in_a_vehicle(key: str, tmp_path: Path) -> None:
 
 def test_a_transition_after_null_says_nothing_of_when(tmp_path: Path) -> None:
     text = MISSION.replace("then: down", "next: [{after: null, go: down}]")
-    assert found(tmp_path, text) == [("KYB143", "nothing says when to go to `down`")]
+    assert found(tmp_path, text) == [("KYB143", "the transition to `down` has no condition")]
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_every_parameter_has_help_a_unit_and_a_valid_default(spec: PartSpec) -> 
             assert field.required or field.optional, field.name
             continue
         for number in numbers(field.default):
-            assert field.outside(number) is None, field.name
+            assert field.is_within(number), field.name
         assert not field.choices or field.default in field.choices, field.name
 
 

@@ -28,14 +28,15 @@ from kybflow.parts.action import BUILT_IN
 CODES = {
     "KYB170": "An action that neither the language nor an installed package has.",
     "KYB171": "A callback that does nothing, or an action that is not one key with a value.",
-    "KYB461": "A callback that says neither an event nor a condition, or what needs the other one.",
-    "KYB180": "A fault that does not say when, or says it twice.",
+    "KYB461": "A callback with neither an event nor a condition, or a key that needs the other "
+    "one.",
+    "KYB180": "A fault without a time and a condition, or with both.",
 }
 _CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
 
 def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:
-    """The callbacks of `on:`; one whose event is no name is left out."""
+    """The callbacks of `on:`, without those whose event is no name."""
     callbacks = (_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
     return tuple(callback for callback in callbacks if callback is not None)
 
@@ -53,14 +54,16 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
         found.report("KYB461", "an event has no duration", span, help=hint)
     elif event is None and node.get("when") is None:
         hint = "write `event: NAME`, `when: CONDITION`, or both"
-        found.report("KYB461", "nothing says when this is done", head_of(node), help=hint)
+        message = "the callback has neither `event` nor `when`"
+        found.report("KYB461", message, head_of(node), help=hint)
     for entry in asked if event is None else ():
-        message = f"`{entry.key.text}` asks for a field of an event, and there is none"
+        message = f"`{entry.key.text}` is a field of an event, but there is no `event`"
         hint = "add `event: NAME`, or ask for it in the `when`"
         found.report("KYB461", message, entry.key.span, help=hint)
     if not items:
-        told = f"when `{event.text}` is heard" if isinstance(event, Scalar) else "here"
-        found.report("KYB171", f"nothing is done {told}", head_of(node), help="write `do: [...]`")
+        what = f"callback of `{event.text}`" if isinstance(event, Scalar) else "callback"
+        message = f"the {what} has no action"
+        found.report("KYB171", message, head_of(node), help="write `do: [...]`")
     for entry in asked:
         decoder.misplaced(entry.value, entry.key.text)
     fields = tuple((e.key.text, e.value.text) for e in asked if isinstance(e.value, Scalar))
@@ -73,7 +76,7 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
 
 
 def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
-    """The actions of one item: `switch`, `set` and `perform` may name several things."""
+    """The actions of one item: `switch`, `set` and `perform` may have several targets."""
     found = decoder.found
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"
@@ -87,35 +90,32 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
         if part is not None:
             yield ActionKeys(name=name, part=part, source=source)
     elif isinstance(value, Mapping):
-        for target, said in named_values(entry, decoder):
-            at = Source(target.key.span, Mapping({target.key.text: target}, target.key.span))
-            yield ActionKeys(name=name, target=target.key.text, value=said, source=at)
+        yield from _targeted(entry, decoder)
     elif isinstance(value, Scalar) and not value.is_null:
         yield ActionKeys(name=name, value=value.text, source=source)
     elif isinstance(value, Sequence):
         decoder.misplaced(value, name)
     else:
-        found.report("KYB171", f"`{name}` says nothing", entry.key.span)
+        found.report("KYB171", f"`{name}` has no value", entry.key.span)
 
 
-def named_values(entry: MappingEntry, decoder: Decoder) -> Iterator[tuple[MappingEntry, Any]]:
-    """(target, its value) of each of `{set: {NAME: VALUE, ...}}`."""
+def _targeted(entry: MappingEntry, decoder: Decoder) -> Iterator[ActionKeys]:
+    """The actions of `{set: {NAME: VALUE, ...}}`."""
+    name = entry.key.text
     for target in entries_of(entry.value).values():
+        value: Any = None
+        key = target.key
         if is_null(target.value):
-            message = f"`{target.key.text}` has no value"
-            decoder.found.report("KYB171", message, target.key.span)
-            continue
-        value: Any = target.value
-        if entry.key.text == "switch":
+            decoder.found.report("KYB171", f"`{key.text}` has no value", key.span)
+        elif name == "set":
+            value = target.value
+        elif name == "switch":
             value = decoder.request(target)
-            if value is None:
-                continue
-        elif entry.key.text != "set":
-            if not isinstance(value, Scalar):
-                decoder.misplaced(value, target.key.text)
-                continue
-            value = value.text
-        yield target, value
+        elif not decoder.misplaced(target.value, key.text) and isinstance(target.value, Scalar):
+            value = target.value.text
+        if value is not None:
+            source = Source(key.span, Mapping({key.text: target}, key.span))
+            yield ActionKeys(name=name, target=key.text, value=value, source=source)
 
 
 def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:
@@ -145,7 +145,7 @@ def _fault(node: Mapping, decoder: Decoder) -> FaultPlan | None:
     if (at is None) is (when is None):
         both = when is not None
         what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
-        message = f"{what} says twice when" if both else f"nothing says when {what} is injected"
+        message = f"{what} has {'both `at` and' if both else 'neither `at` nor'} `when`"
         span = node.entries["when"].key.span if both else head_of(node)
         hint = "write one: `at: 20 s` or `when: CONDITION`"
         decoder.found.report("KYB180", message, span, help=hint)

@@ -1,4 +1,4 @@
-"""The values that a state is entered with in place of its own: `run: {a: {goto: {position: [1, 0,
+"""The values with which a state is entered in place of its own: `run: {a: {goto: {position: [1, 0,
 1]}}}` in a phase, `switch: {a: {goto: {...}}}` in a callback. Only parameters change: the state
 keeps its transitions."""
 
@@ -38,13 +38,13 @@ def valued_requests(plan: Plan) -> Iterator[ValuedRequest]:
 
 
 def written(request: Request) -> bool:
-    """Whether values stand beside the state that is asked for."""
+    """Whether a request has values."""
     return bool(entries_of(request.source.node))
 
 
 def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
-    """The values (SI) that stand at `source` for the parameters of a state's part; empty where they
-    have errors."""
+    """The values (SI) at `source` for the parameters of a state's part; empty where they have
+    errors."""
     fields = {field.key: field for field in part.fields}
     values: list[tuple[str, Any]] = []
     before = len(found.all)
@@ -73,7 +73,7 @@ def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
 
 
 def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:
-    """(vehicle, its state as it is entered) of each vehicle that is asked; nothing for values with
+    """(vehicle, its state with the new values) of each requested vehicle; nothing for values with
     errors."""
     for name in plan.members(asked.who):
         vehicle = plan.fleet[name]

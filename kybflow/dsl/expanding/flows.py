@@ -1,5 +1,5 @@
-"""Flows and the vehicles that they drive: ways out that every phase has, and which states flows and
-callbacks may ask for."""
+"""Flows and the vehicles that they drive: the transitions that every phase has, and the states that
+flows and callbacks may request."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
 
 
 def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
-    """The flow, each of whose phases has its transitions."""
+    """The flow with the transitions of its phases."""
     shared = []
     for way in flow.next:
         if way.after is not None:
@@ -65,7 +65,7 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
     limit, goal = phase.entry("within"), phase.entry("otherwise")
     if limit is not None and goal is not None:
         if phase.otherwise is None:
-            return ()  # told already: it is no name
+            return ()  # reported already: it is no name
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
         target, after = phase.otherwise, phase.within
@@ -73,17 +73,17 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
             TransitionPlan(target=target, cause="within", after=after, at=span.at, source=source),
         )
     if limit is not None:
-        message = "nothing says where the phase goes after `within`"
+        message = "`within` needs `otherwise`"
         found.report("KYB192", message, limit.value.span, help="add `otherwise: PHASE`")
     elif goal is not None:
-        message = "nothing says when the phase goes to `otherwise`"
+        message = "`otherwise` needs `within`"
         found.report("KYB192", message, goal.value.span, help="add `within: 20 s`")
     return ()
 
 
 def with_waiting(plan: Plan) -> Plan:
-    """The plan, whose vehicles wait on the ground for the flow that drives them, unless they say
-    how they `begin`, or their topmost behavior stays on the ground."""
+    """Let each vehicle wait on the ground for the flow that drives it, unless it has `begin` or its
+    first behavior stays on the ground."""
     driven = {name for flow in plan.flows for name in named_vehicles(plan, flow)}
     vehicles = list[VehiclePlan]()
     for vehicle in plan.vehicles:
@@ -95,7 +95,7 @@ def with_waiting(plan: Plan) -> Plan:
 
 
 def named_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
-    """The vehicles that a flow asks something of, or gives away."""
+    """The vehicles that a flow requests something of, or gives away."""
     names = [who for phase in flow.phases.values() for who in (*phase.run, *phase.give)]
     return tuple(dict.fromkeys(v for name in names for v in plan.members(name)))
 
@@ -113,13 +113,13 @@ def given_vehicles(plan: Plan, flow: FlowPlan) -> frozenset[str]:
 
 
 def own_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
-    """The vehicles that a flow drives from the start: those it names and that nobody gives it."""
+    """The vehicles that a flow drives from the start: those it names and no other flow gives it."""
     given = given_vehicles(plan, flow)
     return tuple(name for name in named_vehicles(plan, flow) if name not in given)
 
 
 def with_requests(plan: Plan) -> Plan:
-    """The plan, whose vehicles know which of their states callbacks and flows may request."""
+    """Add to each vehicle the states that callbacks and flows may request."""
     asked = set(_requests(plan))
     if not asked:
         return plan

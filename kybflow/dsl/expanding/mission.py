@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
 CODES = {
-    "KYB152": "A control rate that is no whole number of Hz, or one that nothing flies with.",
+    "KYB152": "A control rate that is no whole number of Hz, or too low or too high to fly with.",
 }
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
 _LEFT_TO_LIKE = frozenset({"KYB108", "KYB385"})
@@ -104,9 +104,11 @@ _LEFT_TO_MISSION = frozenset({"KYB102", "KYB108"})
 
 
 def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
-    """Report what is wrong with the worlds, airframes, parts and flows of a library, whose `like`
-    is resolved but for its chains. A parameter without a value, a named point and what an entry to
-    start from lacks are left to the mission that imports it."""
+    """Report what is wrong with the worlds, airframes, parts and flows of a library.
+
+    Its `like` is resolved, but for chains. A parameter without a value, a named point and a missing
+    key of an entry to start from are left to the mission that imports it.
+    """
     decoder = Decoder(catalog, found)
     for entry in entries_of(library.get("worlds")).values():
         world_of(entry.value, decoder)

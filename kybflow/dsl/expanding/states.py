@@ -8,7 +8,6 @@ their times count from the entry of the chain.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
@@ -21,19 +20,13 @@ from kybflow.dsl.resolving.chains import OF_CHAINS
 from kybflow.parts.observables import chains_of
 
 CODES = {
-    "KYB143": "A transition that says nothing of when, or how long of nothing.",
+    "KYB143": "A transition without a condition, or a `for` without a `when`.",
 }
 
 
-class States(NamedTuple):
-    """The states and chains of one vehicle, both as they are written, in order."""
-
-    states: dict[str, StatePlan]
-    chains: dict[str, ChainPlan]
-    written: dict[str, StatePlan | ChainPlan]
-
-
-def states_of(behaviors: dict[str, MappingEntry], decoder: Decoder) -> States:
+def states_of(
+    behaviors: dict[str, MappingEntry], decoder: Decoder
+) -> dict[str, StatePlan | ChainPlan]:
     """The states and chains in the entries of `behaviors`; a state with errors is left out."""
     entries = {name: e for name, e in behaviors.items() if not is_null(e.value)}
     names = [n for n, e in entries.items() if "do" in entries_of(e.value)]
@@ -43,16 +36,8 @@ def states_of(behaviors: dict[str, MappingEntry], decoder: Decoder) -> States:
             first.setdefault(chain, name)
     first = {chain: name for chain, name in first.items() if chain not in names}
     chains = {n: _chain(e, first, decoder) for n, e in entries.items() if n in first}
-    states: dict[str, StatePlan] = {}
-    written: dict[str, StatePlan | ChainPlan] = {}
-    for name, entry in entries.items():
-        if name in chains:
-            written[name] = chains[name]
-            continue
-        state = _state(entry, first, chains, decoder)
-        if state is not None:
-            written[name] = states[name] = state
-    return States(states, chains, written)
+    found = {n: chains.get(n) or _state(e, first, chains, decoder) for n, e in entries.items()}
+    return {name: one for name, one in found.items() if one is not None}
 
 
 def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> ChainPlan:
@@ -88,8 +73,8 @@ def _state(
 def _written(
     entry: StatePlan | ChainPlan, first: dict[str, str], found: Findings
 ) -> list[TransitionPlan]:
-    """The transitions of one entry; the goal of `within` is that of its `failed`, else empty. A
-    chain as a goal means its first state."""
+    """The transitions of one entry. The target of `within` is that of its `failed`, else empty. A
+    chain as a target means its first state."""
     ways = [next_transition(way, found) for way in entry.next]
     causes: tuple[tuple[Cause, str | None], ...] = (("then", entry.then), ("failed", entry.failed))
     for cause, target in causes:
@@ -140,12 +125,12 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
 
 
 def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
-    """The transition that an item of `next` is, judged alone."""
+    """The transition of an item of `next`, checked alone."""
     if all(way.entry(key) is None for key in ("when", "event", "after")):
-        message = f"nothing says when to go to `{way.target}`"
+        message = f"the transition to `{way.target}` has no condition"
         hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"
         found.report("KYB143", message, way.span_of("go"), help=hint)
     elif way.entry("when") is None and way.entry("for") is not None:
-        message = f"nothing says what must hold before it goes to `{way.target}`"
+        message = f"`for` of the transition to `{way.target}` needs a `when`"
         found.report("KYB143", message, way.key_span("for"), help="`for` belongs to a `when`")
     return way

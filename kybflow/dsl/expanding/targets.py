@@ -48,7 +48,7 @@ class Target:
     """The chosen target of a mission: its name, and its entries as they are written."""
 
     def __init__(self, root: Mapping, target: str | None, decoder: Decoder) -> None:
-        """`sim` unless another is asked for."""
+        """The default target is `sim`."""
         self._decoder, self._found, catalog = decoder, decoder.found, decoder.catalog
         self._vehicles = entries_of(root.get("vehicles"))
         self._targets = entries_of(root.get("targets"))
@@ -62,8 +62,8 @@ class Target:
         elif name != "sim" and name not in (implied := implied_targets(catalog)):
             known = {*self._targets, *implied, "sim"}
             message = f"the mission has no target `{name}`"
-            asked = Span(FILE, 1, 1, 1, len(name) + 1)
-            self._found.report("KYB150", message, asked, help=did_you_mean(name, known))
+            place = Span(FILE, 1, 1, 1, len(name) + 1)
+            self._found.report("KYB150", message, place, help=did_you_mean(name, known))
 
     def drivers(self) -> dict[str, PartPlan]:
         """The driver of each vehicle: its own entry, else that of `all`, else the one that the
@@ -107,16 +107,16 @@ class Target:
             places[name] = place
             for label, _ in place.pairs("sensors"):
                 if label.text in place.sensors and label.text not in known:
-                    whose = "no vehicle has an" if name == "all" else f"`{name}` has no"
-                    message = f"{whose} estimator `{label.text}`"
+                    lacks = "no vehicle has an" if name == "all" else f"`{name}` has no"
+                    message = f"{lacks} estimator `{label.text}`"
                     hint = did_you_mean(label.text, known)
                     hint = hint or "name one under `estimators` of the vehicle"
                     decoder.found.report("KYB390", message, label.span, help=hint)
         return places
 
     def judge_others(self) -> None:
-        """Report what is wrong with the targets that are not flown on; what is not installed here,
-        and a file that is not there, is only a warning then."""
+        """Report what is wrong with the other targets; a part that is not installed and a missing
+        file are only warnings."""
         for name, entry in self._targets.items():
             if name == self.name.text:
                 continue
@@ -132,30 +132,30 @@ class Target:
             )
 
     def equipped(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
-        """The vehicles with their sensors and trackers.
+        """Yield the vehicles with their sensors and trackers.
 
-        Sensors are for each estimator the vehicle's own, else that of `all`; then those that the
-        driver brings. The tracker is that of the vehicle's own entry, else that of `all`, else the
-        one that the driver asks for, else the mission's.
+        The sensors of an estimator are the vehicle's own, else those of `all`; then follow those
+        that the driver brings. The tracker is that of the vehicle's own entry, else that of `all`,
+        else the one that the driver requests, else the mission's.
         """
-        everybody = self._places.get("all", Place())
+        shared = self._places.get("all", Place())
         for vehicle in vehicles:
             own = self._places.get(vehicle.name, Place())
             labels = set(_estimators(self._vehicles[vehicle.name].value))
-            named = {k: v for k, v in _sensors(everybody).items() if k in labels}
+            named = {k: v for k, v in _sensors(shared).items() if k in labels}
             lists = {**named, **_sensors(own)}.values()
             sensors = [use for several in lists for use in several]
             sensors += self._brought(vehicle, sensors)
-            tracker, driver = own.tracker or everybody.tracker, vehicle.driver
-            if tracker is None and (asked := driver.cls.tracker(driver.params)) is not None:
-                tracker = self._decoder.part("trackers", _node(asked, driver.span))
+            tracker, driver = own.tracker or shared.tracker, vehicle.driver
+            if tracker is None and (requested := driver.cls.tracker(driver.params)) is not None:
+                tracker = self._decoder.part("trackers", _node(requested, driver.span))
             yield vehicle.but(
                 sensors=tuple(sensors),
                 tracker=tracker or vehicle.tracker,
                 own_tracker=None if tracker is None else vehicle.tracker,
                 reached=own.but(
                     **{
-                        field.name: getattr(everybody, field.name)
+                        field.name: getattr(shared, field.name)
                         for field in fields_of(Place)
                         if not own.is_written(field.key)
                     }
@@ -163,8 +163,8 @@ class Target:
             )
 
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
-        """The sensors that the driver brings for what nothing else gives an estimator; they stand
-        where the first of those does."""
+        """The sensors that the driver brings for estimators that lack measurements; they are placed
+        at the first such estimator."""
         given, driver = _provided(vehicle.driver, own), vehicle.driver
         shows = driver.cls.shows(driver.params)
         parts = [use.part for use in vehicle.estimators]
@@ -181,13 +181,13 @@ class Target:
 
 
 def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
-    """The targets that every mission has beside `sim`, each with its driver and that one's
-    parameters as they would be written. Imports every driver."""
+    """The targets that every mission has beside `sim`, each with its driver and the driver's
+    parameters as text. Imports every driver."""
     found: dict[str, tuple[str, dict[str, str]]] = {}
     for name in catalog.names("drivers"):
         try:
             targets = catalog.get("drivers", name).cls.targets
-        except (KybflowError, ImportError):  # told where it is used
+        except (KybflowError, ImportError):  # reported where it is used
             continue
         for target, values in targets.items():
             written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}
@@ -238,8 +238,8 @@ CONTROL_RATE = 250
 
 
 def needed_rate(drivers: Iterable[PartPlan]) -> int:
-    """The lowest (Hz) that all drivers are content with; where it does not fall on the steps of
-    each of them, the usual one that does. Where that doesn't either, KYB303 tells so."""
+    """The lowest control rate (Hz) that all drivers accept; the usual one where only that falls on
+    the steps of each. KYB303 reports where neither does."""
     used = [(use.cls, use.params) for use in drivers]
     needed = max((driver.control_rate(params) for driver, params in used), default=CONTROL_RATE)
     steps = [rate for driver, params in used if (rate := driver.step_rate(params)) is not None]

@@ -10,8 +10,8 @@ from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expanding.states import states_of
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.plan import Body, PartPlan, Start, VehiclePlan
-from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, Sequence, entries_of
+from kybflow.dsl.plan import Body, ChainPlan, PartPlan, Start, StatePlan, VehiclePlan
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar, entries_of
 from kybflow.dsl.world import CameraPlan
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import DOWN, Camera, Lens
@@ -51,24 +51,24 @@ def vehicle_of(
             message = f"the vehicle `{name.text}` needs `{key}`"
             found.report("KYB102", message, name.span, help=hint)
     is_whole = driver is not None and not any(is_lacking for *_, is_lacking in lacking)
-    for written in (airframe, body.entries.get("begin")):
-        if written is not None and isinstance(written.value, Sequence):
-            decoder.misplaced(written.value, written.key.text)
+    for other in (airframe, body.entries.get("begin")):
+        if other is not None and decoder.misplaced(other.value, other.key.text):
             is_whole = False
     if behaviors and body.entries["behaviors"].inherited:
         behaviors = {k: e._replace(inherited=True) for k, e in behaviors.items()}
-    states = states_of(behaviors, decoder)
+    written = states_of(behaviors, decoder)
+    states = {name: one for name, one in written.items() if isinstance(one, StatePlan)}
+    chains = {name: one for name, one in written.items() if isinstance(one, ChainPlan)}
     begin = body.get("begin")
-    named = begin.text if isinstance(begin, Scalar) else next(iter(states.states), "")
-    inside = (state for state in states.states if named in chains_of(state))
-    first = named if named in states.states else next(inside, named)
+    named = begin.text if isinstance(begin, Scalar) else next(iter(states), "")
+    inside = (state for state in states if named in chains_of(state))
+    first = named if named in states else next(inside, named)
     whole = None
     if airframe is not None and isinstance(airframe.value, Mapping):
         whole = body_of(name.text, airframe.key.span, airframe.value, decoder)
     values = decoder.values(
         VehiclePlan, body, name.span, name=name.text, body=whole, airframe=whole and whole.airframe,
-        begin=first, behaviors=states.written, states=states.states, chains=states.chains,
-        driver=driver,
+        begin=first, behaviors=written, states=states, chains=chains, driver=driver,
     )  # fmt: skip
     if values is None or not is_whole or whole is None or not first:
         return None
@@ -122,7 +122,7 @@ def _lens(camera: CameraPlan, found: Findings) -> Lens | None:
         entries = entries_of(camera.source.node)
         depth = entries["calibration"].depth
         written = [key for key in written if entries[key].depth == depth]
-        message = f"the calibration of `{camera.name}` says its {' and '.join(written)} already"
+        message = f"the calibration of `{camera.name}` already has its {' and '.join(written)}"
         span = entries[written[0]].key.span
         found.report("KYB385", message.replace("_", " "), span, help="write one of both")
         return None

@@ -81,7 +81,7 @@ _OF_TAGS = ("grid", "tag", "file")
 
 
 def world_of(node: Node | None, decoder: Decoder) -> World:
-    """The world of a mission; what is wrong with it is left out."""
+    """The world of a mission without its wrong entries."""
     body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
     obstacles, tags = (entries_of(body.get(key)).values() for key in ("obstacles", "tags"))
     made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
@@ -206,7 +206,7 @@ class Points:
         self._done: dict[int, tuple[Node, Node]] = {}
 
     def apply(self, node: Node) -> Node:
-        """`node` with every name of a point replaced that is a value of its own."""
+        """Replace every value under `node` that names a point."""
         if isinstance(node, Scalar):
             return self._scalar(node) if node.text.startswith(PREFIX) else node
         if id(node) not in self._done:
@@ -263,12 +263,11 @@ _FACING: dict[str, Quat] = {
     "west": multiply(from_heading(pi), _EASTWARD),
     "south": multiply(from_heading(-pi / 2), _EASTWARD),
 }
-"""Attitude of a tag with heading 0 whose printed side looks there."""
+"""The attitude of a tag with heading 0 whose printed side faces there."""
 
 
 def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
-    """One entry of `world.tags` with the tags that it means; None, and a finding, where something
-    is wrong with it."""
+    """An entry of `world.tags` with its tags; None, and a finding, where something is wrong."""
     name, found = entry.key, decoder.found
     if _only_kind(entry, _OF_TAGS, "KYB380", "tags `{}` are", "nothing", found) is None:
         return None
@@ -321,7 +320,7 @@ def tag_of(tag: TagParams) -> Tag:
 
 
 def tags_of(grid: GridParams) -> Iterator[Tag]:
-    """The tags of a grid whose `count` has two numbers, those left out not among them."""
+    """Yield the tags of a grid whose `count` has two numbers, without those left out."""
     (columns, rows), pitch = grid.count, grid.size + grid.spacing
     down = -pitch if grid.rows == "down" else pitch
     attitude, missing = _attitude(grid), frozenset(grid.leave_out)

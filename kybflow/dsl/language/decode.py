@@ -1,10 +1,10 @@
-"""Nodes to records: one decoder for every declaration. What it decodes was judged by its shape
-before (`kybflow.dsl.language.shape`); imports, `like` and parameters are gone."""
+"""Decode nodes to records. `kybflow.dsl.language.shape` has checked their shape before, and
+imports, `like` and parameters are resolved."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from kybflow.core.errors import KybflowError
 from kybflow.core.params import (
@@ -22,7 +22,7 @@ from kybflow.core.units import is_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.source import Record, Source
+from kybflow.dsl.language.source import NO_PLACE, Record, Source
 from kybflow.dsl.language.types import (
     CONDITION,
     EVENT,
@@ -68,8 +68,8 @@ _SURE = 0.75
 
 
 class Decoder:
-    """Decodes the nodes of one mission. A part that several vehicles share is decoded once.
-    `chains` are those that could be meant by the name of a behavior."""
+    """Decodes the nodes of one mission, each shared part once. `chains` are the chains that a
+    behavior's name could mean."""
 
     def __init__(self, catalog: Catalog, found: Findings, chains: Iterable[str] = ()) -> None:
         self.catalog = catalog
@@ -80,15 +80,15 @@ class Decoder:
     def record(
         self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
     ) -> Any:
-        """The record that `node` says; None where it has errors. `span` is its place for reports,
-        `given` are fields that are known already."""
+        """The record at `node`; None where it has errors. `span` is its place in reports, `given`
+        are fields that are already known."""
         values = self.values(cls, node, span, inherited, **given)
         return None if values is None else cls(**values)
 
     def values(
         self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
     ) -> dict[str, Any] | None:
-        """The fields of a record that `node` says; None where it has errors."""
+        """The fields of the record at `node`; None where it has errors."""
         layout, before = layout_of(cls), len(self.found.all)
         like_a_part = cls.missing == "KYB108"  # a `null` is judged as its parameters' are
         body = node if isinstance(node, Mapping) else Mapping({}, node.span)
@@ -128,8 +128,8 @@ class Decoder:
         head: Span,
         beside: Collection[str] = (),
     ) -> Any:
-        """The parameters of `part` as `cls`; None when they have errors. `head` is the place for
-        what is missing, `beside` are keys that could be meant too."""
+        """The parameters of `part` as `cls`; None where they have errors. Missing ones are reported
+        at `head`; `beside` are other keys that an unknown one could mean."""
         layout, values, before = layout_of(cls), dict[str, Any](), len(self.found.all)
         keys = layout.own
         for key, entry in body.entries.items():
@@ -157,8 +157,8 @@ class Decoder:
             self.found.report(code, message, span, help=how_to_write(field))
 
     def part(self, kind: PartOf | str, node: Node, beside: Collection[str] = ()) -> PartPlan | None:
-        """The part of a kind that `node` names, alone or with its parameters; `beside` are keys
-        that are none of them. A node that several vehicles share is decoded once."""
+        """The part of a kind that `node` names, alone or with its parameters. `beside` are keys
+        that are no parameters. A node that vehicles share is decoded once."""
         kind = part_of(kind) if isinstance(kind, str) else kind
         key = (kind.kind, id(node))
         if key not in self._parts:
@@ -215,28 +215,27 @@ class Decoder:
             return None
 
     def misplaced(self, node: Node, key: str) -> bool:
-        """Whether a point stands where a name is needed, which is KYB103: a parameter or a point of
-        the world brought it there after the shape of the file was judged."""
+        """Report a point where a name is needed as KYB103, and return whether there is one: a
+        parameter or a point of the world can bring one after the check of the shape."""
         if isinstance(node, Sequence):
             message = f"`{key}` must be a name, but this is a point"
             self.found.report("KYB103", message, node.span)
         return isinstance(node, Sequence)
 
     def request(self, entry: MappingEntry) -> Request | None:
-        """The state that the value of a vehicle asks for, with the mapping of its values as its
-        source; None, and a finding, for something else."""
+        """The state that a vehicle is asked to enter, with its values as the source; None, and a
+        finding, for anything else."""
         node, name = entry.value, entry.key.text
         if isinstance(node, Scalar):
             return Request(node.text, source=Source(node.as_text.span))
         if isinstance(node, Mapping) and len(node.entries) == 1:
             [asked] = node.entries.values()
-            place = asked.key.as_text.span
-            if isinstance(asked.value, Mapping):
-                return Request(asked.key.text, source=Source(place, asked.value))
-            if is_null(asked.value):
-                return Request(asked.key.text, source=Source(place))
+            values = asked.value if isinstance(asked.value, Mapping) else Mapping({}, NO_PLACE)
+            if values is asked.value or is_null(asked.value):
+                source = Source(asked.key.as_text.span, values)
+                return Request(asked.key.text, source=source)
         if not self.misplaced(node, name):
-            message = f"`{name}` is asked for what is no state with its values"
+            message = f"`{name}` needs a state"
             hint = f"write `{name}: STATE` or `{name}: {{STATE: {{...}}}}`"
             self.found.report("KYB244", message, node.span, help=hint)
         return None
@@ -291,15 +290,8 @@ class Decoder:
         records = [self.record(kind.item.cls, item, item.span) for item in items]
         return tuple(one for one in records if one is not None)
 
-    def _sensors(self, entry: MappingEntry, _: Field) -> Any:
-        return tuple(self.part("sensors", item) for item in items_of(entry.value) or (entry.value,))
-
-    def _use(self, entry: MappingEntry, field: Field) -> Any:
-        kind: Any = field.type
-        return self.part(kind, entry.value)
-
     def _uses(self, entry: MappingEntry, field: Field) -> Any:
-        """A list of parts, or of records of parts, whose names differ."""
+        """A list of parts, or of records of parts, with different names."""
         kind: Any = field.type
         uses: list[Any] = []
         parts: dict[str, PartPlan] = {}
@@ -321,23 +313,23 @@ class Decoder:
     def _twice(self, first: PartPlan, second: PartPlan, written: Span) -> None:
         """KYB142 for two parts of the list `written`; at the one of the list where the other is
         from a stack."""
-        message = f"`{second.alias}` is in this list twice"
         is_first, is_second = (use.span.is_in(written) for use in (first, second))
+        own, other = (first, second) if is_first and not is_second else (second, first)
+        note, hint = f"the stack has it at {other.span.at}", "leave out yours: the stack has it"
         if is_first == is_second:
-            notes = (f"first at {first.span.at}",)
+            note = f"first at {first.span.at}"
             hint = "give one of them a name of its own with `as: NAME`"
-            self.found.report("KYB142", message, second.span, notes=notes, help=hint)
-            return
-        own, other = (first, second) if is_first else (second, first)
-        notes = (f"the stack has it at {other.span.at}",)
-        hint = "leave out yours: the stack has it"
-        self.found.report("KYB142", message, own.span, notes=notes, help=hint)
+        message = f"`{second.alias}` is in this list twice"
+        self.found.report("KYB142", message, own.span, notes=(note,), help=hint)
 
 
 _Reader = Callable[[Decoder, MappingEntry, Field], Any]
 _ALONE: dict[ValueType, _Reader] = {
     CONDITION: Decoder._text, EVENT: Decoder._text, STATE: Decoder._text, TITLE: Decoder._text,
-    TEXT: Decoder._text, SENSORS: Decoder._sensors,
+    TEXT: Decoder._text,
+    SENSORS: lambda decoder, entry, _: tuple(
+        decoder.part("sensors", item) for item in items_of(entry.value) or (entry.value,)
+    ),
     REQUEST: lambda decoder, entry, _: decoder.request(entry),
     PHASE: lambda _, entry, __: entry.value,
     VERSION: lambda *_: 1,
@@ -345,7 +337,7 @@ _ALONE: dict[ValueType, _Reader] = {
 _READERS: dict[type[ValueType], _Reader] = {
     UsesOf: Decoder._uses, MappingOf: Decoder._mapping, RecordOf: Decoder._nested,
     ListOf: Decoder._list,
-    PartOf: Decoder._use,
+    PartOf: lambda decoder, entry, field: decoder.part(cast(PartOf, field.type), entry.value),
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
 """What reads a value, by its type; `decode_value` reads all others."""
@@ -354,8 +346,8 @@ _READERS: dict[type[ValueType], _Reader] = {
 def meant(
     part: str, key: str, node: Mapping, known: dict[str, Field], beside: Collection[str]
 ) -> str:
-    """The help line for an unknown key: a parameter with a similar name, a key beside the
-    parameters, the one parameter that fits the value; else every parameter."""
+    """The help line for an unknown key: a similar parameter or other key, the one parameter that
+    fits the value, else every parameter."""
     if not known:
         return f"`{part}` has no parameters"
     if key.lower() in known and key.lower() in node.entries:

@@ -1,6 +1,5 @@
-"""The shape of a file, judged before anything is resolved: by the records (`shape`), and what they
-don't take by `jsonschema`, which finds what is wrong; each of its errors is put into our words.
-"""
+"""Check the shape of a file before anything is resolved. `shape` decides whether it is right;
+`jsonschema` finds what is wrong, and each of its errors becomes a finding in our words."""
 
 from __future__ import annotations
 
@@ -47,7 +46,7 @@ class SchemaViolation(NamedTuple):
 
 
 def judge_mission(root: Node, found: Findings) -> Mapping:
-    """The top level of a mission; reports what is wrong with its shape."""
+    """The top level of a mission; its shape is checked."""
     if isinstance(root, Mapping) and "mission" in root.entries:
         found.add(judge_file(root, Plan))
         return root
@@ -63,7 +62,7 @@ def is_library(root: Node) -> bool:
 
 
 def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
-    """What is wrong with the shape of a whole file, a `Plan` or a `Library`."""
+    """The findings in the shape of a whole file, a `Plan` or a `Library`."""
     if has_shape(root, kind):
         return []
     found: list[Diagnostic] = []
@@ -154,7 +153,7 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
 
 
 def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
-    """A type, a pattern, a bound, a choice: our own decoder says it best where it can."""
+    """A wrong type, pattern, bound or choice, in the words of the decoder where it has some."""
     node, name = fault.node, fault.name
     schema = fault.schema
     field = _field(name, schema)
@@ -180,7 +179,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
 
 
 def _way_out(fault: SchemaViolation, types: list[str]) -> str:
-    """How a value of one of `types` is written in place of another; empty where it isn't known."""
+    """How to write a value of one of `types`; empty where that is unknown."""
     node, name, schema = fault.node, fault.name, fault.schema
     if name in CONDITIONS:
         return "write a condition, like `state.altitude > 1 m`"
@@ -213,7 +212,7 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
 
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:
-    """The field that a schema was made of, as far as its decoder asks; None where that is none."""
+    """The field of a schema, with what the decoder needs of it; None where there is none."""
     bounds: Any = {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
     dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
     if dimension is not None:

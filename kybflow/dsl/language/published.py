@@ -1,9 +1,9 @@
-"""The published schema, from which editors complete: every record of the language, and behind each
-place where a part is named, every part's own parameters.
+"""The published schema, from which editors complete: every record of the language, and every part's
+parameters where a part is named.
 
-A language server offers `null` wherever a `type` allows it, and writes a list wherever it sees
-`items`. So what judges a value stands behind an `if`, where the server looks for what is wrong and
-not for what to insert. Null is right there: it removes what `like` brought.
+A language server offers `null` wherever a `type` allows it, and inserts a list wherever it finds
+`items`. The constraints of a value are therefore behind an `if`, which the server uses to validate
+but not to complete. Null is valid there: it removes what `like` brought.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog, PartSpec
 
-_SAID = ("title", "description", "examples", "defaultSnippets")
+_SHOWN = ("title", "description", "examples", "defaultSnippets")
 _NOTHING: Schema = {"type": "null"}
 _ANY_NAME: Schema = {"defaultSnippets": [{"label": "NAME", "body": "\n  ${1:name}: "}]}
 
@@ -101,28 +101,28 @@ class Editor:
         return {"description": about, "$ref": f"#/$defs/{part.kind}"}
 
     def _apart(self, schema: Schema, field: Field, may_lack: bool) -> Schema:
-        """The schema with what judges the value behind what an editor shows and inserts."""
+        """Separate the constraints of a value from what an editor shows and inserts."""
         kind, types = field.type, schema["type"]
         types = [types] if isinstance(types, str) else types
         needed = " or ".join(KINDS[one] for one in types).capitalize() + " is needed."
         right = {"type": schema["type"], "errorMessage": needed}
         of_mappings = isinstance(kind, ListOf) and isinstance(kind.item, RecordOf | PartOf)
         if "object" in types or of_mappings:
-            said = {key: one for key, one in schema.items() if key != "type"}
+            shown = {key: one for key, one in schema.items() if key != "type"}
             right = right if may_lack else {"type": schema["type"]}
-            if types == ["object"] and not said.keys() & {"properties", "examples"}:
-                said |= _ANY_NAME
+            if types == ["object"] and not shown.keys() & {"properties", "examples"}:
+                shown |= _ANY_NAME
         else:
-            said = {key: one for key, one in schema.items() if key in _SAID}
-            right |= {key: one for key, one in schema.items() if key not in _SAID}
+            shown = {key: one for key, one in schema.items() if key in _SHOWN}
+            right |= {key: one for key, one in schema.items() if key not in _SHOWN}
             if isinstance(kind, Numbers):
                 right = self._shared(right)
-            if not said.keys() & {"examples", "defaultSnippets"}:
-                said["anyOf"] = [{}]  # a value of no type: the key is inserted, and none with it
-        return {**said, "if": _NOTHING, "else": right} if may_lack else {**said, **right}
+            if not shown.keys() & {"examples", "defaultSnippets"}:
+                shown["anyOf"] = [{}]  # a value of no type: the key is inserted, and none with it
+        return {**shown, "if": _NOTHING, "else": right} if may_lack else {**shown, **right}
 
     def _shared(self, numbers: Schema) -> Schema:
-        """The schema of numbers; of one number it refers to its dimension's."""
+        """The schema of numbers, which refers to the shared one of their dimension."""
         if "items" in numbers:
             return {**numbers, "items": self._shared(numbers["items"])}
         dimension = DIMENSIONS[numbers["x-dimension"]]
@@ -150,9 +150,8 @@ class Editor:
         return {**whole, **bare} if "string" in schema["type"] else whole
 
     def _case(self, word: str, name: str, spec: PartSpec, own: Schema) -> Schema:
-        """A part's parameters, where its name is written and no other. A server takes the beginning
-        of a constant for the whole while it completes, `follow` for `follow_path`; a pattern it
-        takes as it stands."""
+        """A part's parameters, for its exact name. While it completes, a server takes the beginning
+        of a constant for the whole, `follow` for `follow_path`, but matches a pattern exactly."""
         written = {"properties": {word: {"const": name, "pattern": f"^{name}$"}}}
         properties = {**dict.fromkeys(own, True), **self.schemas.properties(spec.fields)}
         then = {
@@ -163,19 +162,12 @@ class Editor:
         return {"if": {**written, "required": [word]}, "then": then}
 
     def _with_packages(self, action: Schema) -> Schema:
-        """The schema of one action, with those of packages, and no other."""
+        """The schema of one action, including those of packages."""
         properties = action["properties"]
         for name in self._catalog.names("actions"):
             spec = self._catalog.get("actions", name)
-            needed = [field.key for field in spec.fields if field.required]
-            properties[name] = {
-                "title": name,
-                "description": spec.summary,
-                "type": "object",
-                "properties": self.schemas.properties(spec.fields, needed),
-                "required": needed,
-                "additionalProperties": False,
-            }
+            params: Any = spec.params
+            properties[name] = self.schemas.mapping(layout_of(params), name, spec.summary)
         return {**action, "additionalProperties": False, "maxProperties": 1}
 
 

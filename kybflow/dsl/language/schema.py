@@ -1,8 +1,7 @@
-"""Declarations to JSON Schema: every record of the language, and the parameters of a part.
+"""Make the JSON Schema of every record of the language and of a part's parameters.
 
-`x-dimension` names the dimension of a quantity, so that a finding can say which was needed.
-`errorMessage` and `defaultSnippets` are keywords of the language servers of editors: what is wrong,
-and what to insert. Other validators leave them out.
+`x-dimension` names the dimension of a quantity, for findings. `errorMessage` and `defaultSnippets`
+are keywords of the language servers of editors; other validators ignore them.
 """
 
 from __future__ import annotations
@@ -42,12 +41,12 @@ from kybflow.dsl.reading.values import bounds_of, diagonal, shown_value
 
 Schema = dict[str, Any]
 Finish = Callable[[Schema, Field, bool], Schema]
-"""Completes the schema of a field's value; told whether its key may be left out."""
+"""Completes the schema of a field's value, given whether the key may be missing."""
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 _PARAMETER = r"\$[A-Za-z_]\w*"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
 PARAMETER, PLACE = re.compile(rf"^{_PARAMETER}$"), re.compile(_PLACE)
-"""A text that stands for a value until parameters, and the world's points, are known."""
+"""Match a text in place of a value until parameters and points of the world are resolved."""
 NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"
 """Python's `$` alone would let a line break end the name."""
 DOTTED = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*(?!\n)$"
@@ -85,7 +84,7 @@ def with_null(schema: Schema, _: Field, may_lack: bool) -> Schema:
 
 
 def record_schema(cls: Any) -> Schema:
-    """The schema by which `jsonschema` judges the mapping of a record."""
+    """The schema with which `jsonschema` checks the mapping of a record."""
     return Schemas().record(cls)
 
 
@@ -96,9 +95,9 @@ class Schemas:
         self._finish = finish
 
     def record(self, cls: Any, help: str = "") -> Schema:
-        """The schema of the mapping of a record; `help` is what it is where it stands."""
+        """The schema of a record's mapping; `help` describes it at this place."""
         about = help or " ".join(cls.__doc__.partition("\n\n")[0].split())
-        return self._mapping_of(layout_of(cls), cls.title, about)
+        return self.mapping(layout_of(cls), cls.title, about)
 
     def properties(self, fields: Iterable[Field], needed: Container[str] = ()) -> Schema:
         """The schemas of the values of several keys; the others may be left out."""
@@ -106,13 +105,15 @@ class Schemas:
 
     def value(self, field: Field, may_lack: bool = False) -> Schema:
         """The schema of the value of one key."""
-        make = _ALONE.get(field.type) or _MAKERS.get(type(field.type), Schemas._text)
-        whole = make(self, field.type, field)
+        make = _ALONE.get(field.type) or _MAKERS.get(type(field.type))
+        text: Schema = {"description": _help(field), "type": "string"}
+        whole = make(self, field.type, field) if make else text
         if field.examples:
             whole["examples"] = list(field.examples)
         return self._finish(whole, field, may_lack)
 
-    def _mapping_of(self, layout: RecordLayout, title: str, about: str) -> Schema:
+    def mapping(self, layout: RecordLayout, title: str, about: str) -> Schema:
+        """The schema of a mapping with the keys of a layout."""
         has_like = "like" in layout.keys
         needed = () if has_like else layout.needed
         is_use = layout.part is not None and layout.part.word == "use"
@@ -137,9 +138,6 @@ class Schemas:
             either = {"title": title, "properties": alone, "required": list(layout.needed)}
             whole["allOf"] = [{"if": {"required": ["like"]}, "else": either}]
         return whole
-
-    def _text(self, _: Any, field: Field) -> Schema:
-        return {"description": _help(field), "type": "string"}
 
     def _scalar(self, kind: Any, field: Field) -> Schema:
         """A whole number, or a boolean."""
@@ -173,18 +171,15 @@ class Schemas:
 
     def _list(self, kind: Any, field: Field) -> Schema:
         about = field.each or ("" if isinstance(kind.item, RecordOf) else "One of them.")
-        item = replace(
-            field, type=kind.item, help=about, required=True, examples=field.each_examples
-        )  # fmt: skip
-        whole: Schema = {
-            "description": _help(field), "type": "array", "items": self.value(item)
-        }  # fmt: skip
+        examples = field.each_examples
+        item = replace(field, type=kind.item, help=about, required=True, examples=examples)
+        whole: Schema = {"description": _help(field), "type": "array", "items": self.value(item)}
         if kind.item is INTEGER:
             whole["defaultSnippets"] = snippets((_example(field),))
         return {**whole, "minItems": field.least} if field.least else whole
 
     def _uses(self, kind: Any, field: Field) -> Schema:
-        """A list whose items are a part, a record of one, or a stack of them."""
+        """A list of parts, of records of parts, or of stacks."""
         stack = Field("A stack: its parts for this list stand here.", key="stack")
         if isinstance(kind.item, PartOf):
             layout, title, about = part_layout(kind.item), kind.item.kind[:-1], "One of them."
@@ -192,7 +187,7 @@ class Schemas:
             cls = kind.item.cls
             layout, title, about = layout_of(cls), cls.title, cls.__doc__.partition("\n\n")[0]
         keys = {**layout.keys, "stack": stack}
-        whole = self._mapping_of(layout._replace(keys=keys, needed=()), title, about)
+        whole = self.mapping(layout._replace(keys=keys, needed=()), title, about)
         alone = {
             "title": "stack's place",
             "description": "A stack.",
@@ -207,11 +202,6 @@ class Schemas:
         items = self._finish(whole, Field(type=kind.item), False)
         return {"description": field.help, "type": "array", "items": items}
 
-    def _sensors(self, kind: Any, field: Field) -> Schema:
-        one = self.value(replace(field, type=kind.item))
-        types = ["string", "object", "array"]
-        return {**self._use(kind.item, field), "type": types, "items": one, "minItems": 1}
-
     def _mapping(self, kind: Any, field: Field) -> Schema:
         item = Field(field.each, name=field.name, type=kind.item, required=True,
                      examples=field.each_examples)  # fmt: skip
@@ -221,17 +211,9 @@ class Schemas:
         whole["additionalProperties"] = self.value(item, may_lack=True)
         return {**whole, "minProperties": field.least} if field.least else whole
 
-    def _record(self, kind: Any, field: Field) -> Schema:
-        whole = self.record(kind.cls, field.help)
-        return {**whole, "type": ["string", "object"]} if kind.or_name else whole
-
     def _use(self, kind: Any, field: Field) -> Schema:
         """A part by its bare name, or a mapping with `use` and its parameters."""
-        return self._mapping_of(part_layout(kind), kind.kind[:-1], field.help)
-
-    def _any_of(self, kind: Any, field: Field) -> Schema:
-        kinds = list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0]
-        return {**({"description": field.help} if field.help else {}), "type": kinds}
+        return self.mapping(part_layout(kind), kind.kind[:-1], field.help)
 
     def _request(self, _: Any, field: Field) -> Schema:
         about = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
@@ -239,38 +221,43 @@ class Schemas:
         inside = Field("Values of its parameters in place of its own.", type=values)
         return self._either(about, inside)
 
-    def _phase(self, _: Any, field: Field) -> Schema:
-        return self._either(field.help, Field(field.each))
-
     def _either(self, about: str, inside: Field) -> Schema:
         """A name, or a mapping with one."""
         return {"description": about, "type": ["string", "object"], "minProperties": 1,
                 "additionalProperties": self.value(inside, may_lack=True)}  # fmt: skip
 
-    def _version(self, _: Any, field: Field) -> Schema:
-        return {"description": field.help, "const": 1}
-
-    def _title(self, _: Any, field: Field) -> Schema:
-        return {"description": field.help, "type": "string", "pattern": NAME,
-                "maxLength": TITLE_LENGTH, "errorMessage": _NAMED}  # fmt: skip
-
 
 _Maker = Callable[[Schemas, Any, Field], Schema]
 _ALONE: dict[ValueType, _Maker] = {
-    INTEGER: Schemas._scalar, BOOLEAN: Schemas._scalar, SENSORS: Schemas._sensors,
-    REQUEST: Schemas._request, PHASE: Schemas._phase, VERSION: Schemas._version,
-    TITLE: Schemas._title,
+    INTEGER: Schemas._scalar, BOOLEAN: Schemas._scalar, REQUEST: Schemas._request,
+    PHASE: lambda made, _, field: made._either(field.help, Field(field.each)),
+    VERSION: lambda _, __, field: {"description": field.help, "const": 1},
+    TITLE: lambda _, __, field: {
+        "description": field.help, "type": "string", "pattern": NAME,
+        "maxLength": TITLE_LENGTH, "errorMessage": _NAMED,
+    },
+    SENSORS: lambda made, kind, field: {
+        **made._use(kind.item, field), "type": ["string", "object", "array"],
+        "items": made.value(replace(field, type=kind.item)), "minItems": 1,
+    },
 }  # fmt: skip
 _MAKERS: dict[type[ValueType], _Maker] = {
     Numbers: Schemas._numbers, Choice: Schemas._choice, UsesOf: Schemas._uses,
-    ListOf: Schemas._list, MappingOf: Schemas._mapping, RecordOf: Schemas._record,
-    PartOf: Schemas._use, AnyOf: Schemas._any_of,
+    ListOf: Schemas._list, MappingOf: Schemas._mapping, PartOf: Schemas._use,
+    RecordOf: lambda made, kind, field: {
+        **made.record(kind.cls, field.help),
+        **({"type": ["string", "object"]} if kind.or_name else {}),
+    },
+    AnyOf: lambda _, kind, field: {
+        **({"description": field.help} if field.help else {}),
+        "type": list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0],
+    },
 }  # fmt: skip
 """What makes the schema of a value, by its type; any other is a text."""
 
 
 def numbers_schema(dimension: Dimension, size: tuple[int | None, ...], field: Field) -> Schema:
-    """The schema of numbers, as many as `size` says, within the bounds of a field."""
+    """The schema of numbers of a `size`, within the bounds of a field."""
     one = f"{article(dimension.name)}, like `{dimension.example}`"
     if not size:
         units = "|".join(unit.replace("^", r"\^") for unit in dimension.units)
@@ -341,11 +328,11 @@ def _example(field: Field) -> str:
         whole = str(max(1, int(field.at_least or 0)))
         return whole if kind is INTEGER else f"[{whole}, {whole}]"
     one, zero = kind.dimension.example, format_quantity(0.0, kind.dimension)
-    if field.outside(parse_quantity(one, kind.dimension)) is not None:
+    if not field.is_within(parse_quantity(one, kind.dimension)):
         low = next((b for b in (field.above, field.at_least) if b is not None), 0.0)
         high = next((b for b in (field.below, field.at_most) if b is not None), 2.0 * low + 2.0)
         one = format_quantity(0.5 * (low + high), kind.dimension)
-    first = one if field.outside(0.0) is not None else zero
+    first = one if not field.is_within(0.0) else zero
     if field.shape == "matrix":
         return diagonal(kind.size, one, first)
     depth = len(kind.size)

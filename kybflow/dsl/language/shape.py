@@ -51,7 +51,7 @@ def has_shape(node: Node, cls: Any) -> bool:
 
 
 def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
-    """Whether a tree has the keys of a layout, each with what may stand under it."""
+    """Whether a tree has the keys of a layout, with fitting values."""
     if not isinstance(node, Mapping):
         return layout.part is not None and layout.part.word == "use" and _is_text(node)
     entries, keys = node.entries, layout.keys
@@ -162,14 +162,14 @@ def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
         number = parse_quantity(node.text, kind.dimension)
     except UnitError:
         return False
-    return isinstance(value, str) or field.outside(number) is None
+    return isinstance(value, str) or field.is_within(number)
 
 
 def _is_whole(node: Node, _: Any, field: Field) -> bool:
     value = to_json(node)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return _is_parameter(node)
-    return value == int(value) and field.outside(value) is None
+    return value == int(value) and field.is_within(value)
 
 
 _Judge = Callable[[Node, Any, Field], bool]
@@ -191,4 +191,4 @@ _JUDGES: dict[type[ValueType], _Judge] = {
     PartOf: lambda node, kind, _: _is_laid_out(node, part_layout(kind)),
     UsesOf: _are_uses, AnyOf: _is_any_of,
 }  # fmt: skip
-"""What judges a value, by its type."""
+"""The check of a value, by its type."""

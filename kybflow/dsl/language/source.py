@@ -1,4 +1,4 @@
-"""Where a record stands in the text: beside its values, never inside of them."""
+"""The place of a record in the text, kept beside its values."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from kybflow.dsl.reading.nodes import (
     items_of,
 )
 
-NOBODY = Span("", 1, 1, 1, 1)
-"""Where nobody wrote anything."""
+NO_PLACE = Span("", 1, 1, 1, 1)
+"""The place of values that no file has."""
 
 
 class Source(NamedTuple):
     """What a record was decoded from: the place to report, its mapping, and whether it came through
     `like`."""
 
-    span: Span = NOBODY
-    node: Mapping = Mapping({}, NOBODY)
+    span: Span = NO_PLACE
+    node: Mapping = Mapping({}, NO_PLACE)
     inherited: bool = False
 
 
@@ -47,14 +47,14 @@ def _worked_out(cls: Any) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Record:
-    """A mapping of the language, decoded.
+    """A decoded mapping of the language.
 
-    title: what reports call it. like: the help of its key `like`, where it may start from another.
-    others: the type of what stands under keys that are none of its own, where there may be such.
-    is_whole: a file must have its keys without a default, unless it is `like` another. missing: the
-    finding for one that is missing after that, KYB108 for what is like a part's parameters and is
-    left out where one of them is wrong. least: how many keys it has at least. terse: its
-    text leaves out what is as by default. block: its text has a line for each key.
+    title: its name in reports. like: the help of its key `like`, where it may start from another.
+    others: the type of values under any other key, where such keys are allowed. is_whole: a file
+    must have its keys without a default, unless it has `like`. missing: the code for a key that is
+    still missing; with KYB108 it is treated as a part's parameters and left out where one is wrong.
+    least: the least number of keys. terse: its text leaves out defaults. block: its text has a line
+    for each key.
     """
 
     title: ClassVar[str] = ""
@@ -70,7 +70,7 @@ class Record:
     source: Source = field(default=NOWHERE, kw_only=True, compare=False, repr=False)
 
     def but(self, **changes: Any) -> Self:
-        """A copy with other values. What was worked out of the old ones is forgotten."""
+        """A copy with other values and without cached properties."""
         copy: Self = object.__new__(self.__class__)
         values = copy.__dict__
         values.update(self.__dict__)

@@ -1,8 +1,7 @@
-"""The tables of keys in `docs/mission-language.md`: one for each record that the page asks for, and
-the check that it asks for each.
+"""The tables of keys in `docs/mission-language.md`, one for each record, and the check that none is
+missing.
 
-A table stands between `<!-- keys: TITLE -->` and `<!-- end -->`, where TITLE is what reports call
-the record.
+A table is between `<!-- keys: TITLE -->` and `<!-- end -->`, where TITLE is the record's title.
 """
 
 from __future__ import annotations
@@ -53,8 +52,7 @@ def _innermost(kind: ValueType) -> ValueType:
 
 
 def with_tables(page: Path) -> str:
-    """The text of a page with its tables as the records declare them. Raises KeyError for a table
-    of what is no record."""
+    """The text of a page with the tables of its records. Raises KeyError for an unknown title."""
     known = records()
 
     def table(match: re.Match[str]) -> str:
@@ -98,7 +96,7 @@ def _row(*cells: str) -> str:
 
 
 def _words(kind: ValueType, field: Field) -> str:
-    """What may stand there, in words."""
+    """The type of a value, in words."""
     if isinstance(kind, Numbers | Choice):
         return type_of(replace(field, type=kind))
     if isinstance(kind, PartOf):
@@ -114,7 +112,7 @@ def _words(kind: ValueType, field: Field) -> str:
 
 
 def _several(kind: ValueType, field: Field) -> str:
-    """What may stand there several times, in words."""
+    """The type of several values, in words."""
     if isinstance(kind, PartOf):
         return f"{kind.kind} with their parameters"
     if isinstance(kind, RecordOf):

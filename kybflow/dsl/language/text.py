@@ -35,8 +35,7 @@ _NOTHING: tuple[Any, ...] = (None, (), {}, "", World())
 
 
 def to_yaml(plan: Plan) -> str:
-    """The text of a plan whose names are not resolved yet, each line with its origin as a
-    comment."""
+    """The text of a plan with unresolved names, each line with its origin as a comment."""
     lines = [*_lines(plan, "", {"airframes": (), "control": float(plan.control_rate)})]
     lines += _target(plan)
     width = min(max(len(line) for line, _ in lines), 76)
@@ -46,7 +45,7 @@ def to_yaml(plan: Plan) -> str:
 
 
 def _lines(record: Record, indent: str, instead: dict[str, Any]) -> Iterator[YamlLine]:
-    """A record with a line for each key; `instead` are values in place of its own."""
+    """A record, a line for each key; `instead` replaces some values."""
     own: Any = record.__class__
     for field in fields_of(own):
         value = instead.get(field.name, getattr(record, field.name))
@@ -112,33 +111,29 @@ def _target(plan: Plan) -> Iterator[YamlLine]:
     yield "targets:", _place(plan, "targets")
     yield f"  {name.text}:", name.span.at if is_written else ""
     for vehicle in plan.vehicles:
-        driver, named = vehicle.driver, [use for use in vehicle.sensors if use.estimators]
+        driver, place = vehicle.driver, vehicle.reached
+        named = [use for use in vehicle.sensors if use.estimators]
         is_implied = driver.span == name.span and not is_written
         came_from = "" if is_implied else _origin(driver)
-        plain = [*_plain_keys(vehicle.reached, "      ")]
+        plain = [
+            line
+            for field in fields_of(Place)
+            if field.key not in ("driver", "tracker", "sensors")
+            for line in _entry(place, field, getattr(place, field.name), "      ")
+        ]
         if not named and not plain and vehicle.own_tracker is None:
             yield f"    {vehicle.name}: {{driver: {_part(driver)}}}", came_from
             continue
         yield f"    {vehicle.name}:", came_from
         yield f"      driver: {_part(driver)}", came_from
         if vehicle.own_tracker is not None:
-            tracker = vehicle.tracker
-            yield (
-                f"      tracker: {_part(tracker)}",
-                "" if tracker.span == driver.span else _origin(tracker),
-            )
+            origin = "" if vehicle.tracker.span == driver.span else _origin(vehicle.tracker)
+            yield f"      tracker: {_part(vehicle.tracker)}", origin
         yield from plain
         if named:
             yield "      sensors:", named[0].span.at
         for estimator in dict.fromkeys(use.estimators[0] for use in named):
             yield from _sensors([use for use in named if use.estimators[0] == estimator])
-
-
-def _plain_keys(place: Place, indent: str) -> Iterator[YamlLine]:
-    """What a target says of a vehicle beside its parts."""
-    for field in fields_of(Place):
-        if field.key not in ("driver", "tracker", "sensors"):
-            yield from _entry(place, field, getattr(place, field.name), indent)
 
 
 def _sensors(uses: list[SensorPlan]) -> Iterator[YamlLine]:
@@ -172,7 +167,7 @@ def _notes(record: Record) -> str:
 
 
 def _given(name: str, span: Span) -> str:
-    """The place of the value that a `$name` stands for; empty without one."""
+    """Where the value of a `$name` is from; empty without one."""
     if span.given is None:
         return ""
     return f", {name} from {span.given.at}" if name else f", from {span.given.at}"
@@ -191,28 +186,20 @@ def _part_pairs(use: PartPlan, word: str) -> Iterator[str]:
 
 
 def _pairs(record: Any, is_terse: bool = False) -> Iterator[str]:
-    """Every key that has a value, as `key: value`. A path without points is left out: it is a
-    default that nobody can write."""
+    """Every key that has a value, as `key: value`. An empty path is left out: it is a default that
+    no mission can write."""
     for field in fields_of(record.__class__):
         value, kind = getattr(record, field.name), field.type
         if isinstance(kind, PartOf) and kind.word == field.key:
             yield from _part_pairs(value, kind.word)
-        elif (
-            value is None
-            or value == {}
-            or (value == () and not _may_be_empty(field))
-            or (is_terse and not field.required and value == field.default)
-        ):
-            continue
         else:
-            yield f"{field.key}: {_text(value, kind, field)}"
+            may_be_empty = field.shape in ("names", "integers") and not field.least
+            is_nothing = value is None or value == {} or (value == () and not may_be_empty)
+            is_default = is_terse and not field.required and value == field.default
+            if not is_nothing and not is_default:
+                yield f"{field.key}: {_text(value, kind, field)}"
         if field.name == "event" and getattr(record, "others", None) is EVENT_FIELD:
             yield from (f"{name}: {quoted(text)}" for name, text in record.fields)
-
-
-def _may_be_empty(field: Field) -> bool:
-    """Whether a list without items can be written: a default that nobody can write is left out."""
-    return field.shape in ("names", "integers") and not field.least
 
 
 def _flow(record: Any) -> str:
@@ -225,13 +212,13 @@ def _flow(record: Any) -> str:
 
 
 def _action(action: ActionKeys) -> str:
-    if action.part is not None:
-        return f"{{{action.name}: {{{', '.join(_pairs(action.part.params))}}}}}"
     value = action.value
-    said = _request(value) if isinstance(value, Request) else as_written(action.value_node)
-    if action.target is not None:
-        said = f"{{{action.target}: {said}}}"
-    return f"{{{action.name}: {said}}}"
+    text = _request(value) if isinstance(value, Request) else as_written(action.value_node)
+    if action.part is not None:
+        text = f"{{{', '.join(_pairs(action.part.params))}}}"
+    elif action.target is not None:
+        text = f"{{{action.target}: {text}}}"
+    return f"{{{action.name}: {text}}}"
 
 
 def _request(request: Request) -> str:

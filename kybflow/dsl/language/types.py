@@ -1,6 +1,6 @@
-"""What a value of the language may be beside quantities, texts and lists: `use: NAME` with a part's
-parameters beside it, a condition, the name of an event, a state with values. And which keys a
-record may have (`RecordLayout`)."""
+"""The types of values of the language other than quantities, texts and lists: a part with its
+parameters, a condition, the name of an event, a state with values. Also the keys that a record may
+have (`RecordLayout`)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from kybflow.parts.events import AWAITED_EVENTS
 
 @dataclass(frozen=True, eq=False)
 class PartOf(ValueType):
-    """A part of a kind, whose parameters are keys beside its name. `word` is the key that names it:
-    `use`, which may stand alone as a text and has `as` beside it, `do` or `inject`."""
+    """A part of a kind, with its parameters as further keys. `word` is the key with its name:
+    `use`, which may be a text alone and allows `as`, `do` or `inject`."""
 
     kind: str = ""
     word: str = "use"
@@ -24,14 +24,14 @@ class PartOf(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class AnyOf(ValueType):
-    """A value that is kept as it is written, of one of these types of JSON."""
+    """A value that is kept as written, of one of these JSON types."""
 
     kinds: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class UsesOf(ListOf):
-    """A list of parts, or of records of parts, in which `{stack: NAME}` stands for several."""
+    """A list of parts, or of records of parts; `{stack: NAME}` stands for several."""
 
 
 CONDITION = ValueType("condition")
@@ -68,12 +68,11 @@ def record_of(cls: Any) -> RecordOf:
 class RecordLayout(NamedTuple):
     """The keys of a record.
 
-    keys: every key that may be written, with those of the record that stands flat in it, and with
-    `like`, `as` and the name of its part, which are texts. own: those that have a field of their
-    own. computed: the names of the fields that have no key. needed: the keys that a file must have,
-    unless it is `like` another. required: the fields without a default. part: the part that it
-    names, in the field `part_name`. others: the type of what stands under any other key; None where
-    there is none. least: how many keys it has at least.
+    keys: every key that may be written, including those of a flat record and, as texts, `like`,
+    `as` and the name of its part. own: the keys with a field. computed: the fields without a key.
+    needed: the keys that a file must have unless it has `like`. required: the fields without a
+    default. part: the part that it names, in the field `part_name`. others: the type of values
+    under any other key, if allowed. least: the least number of keys.
     """
 
     keys: dict[str, Field]
@@ -128,7 +127,7 @@ def layout_of(cls: Any) -> RecordLayout:
 
 @functools.cache
 def part_layout(kind: PartOf, help: str = "Name of the part.") -> RecordLayout:
-    """Return the layout of a part as a mapping, whose other keys are its parameters."""
+    """Return the layout of a part with its parameters as other keys."""
     keys = {kind.word: Field(help, key=kind.word)}
     if kind.word == "use":
         keys["as"] = _ALIAS

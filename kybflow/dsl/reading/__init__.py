@@ -1,4 +1,3 @@
-"""Text to nodes with spans, and a node to one typed value; files that a mission names, such as
-calibrations and tables of tags. Opens files, bounded, and decides nothing about missions. The later
-passes call it, and so does whoever lists missions and libraries.
-"""
+"""Text to nodes with spans, and a node to one typed value or attached file. Reads files, up to a
+bound, and knows nothing of missions. The later passes call it, and so does the listing of missions
+and libraries."""

@@ -158,8 +158,8 @@ class _Composer:
         return Mapping(entries, self._span(event, inner))
 
     def _is_bare(self, key: Node, value: Scalar) -> TypeGuard[Scalar]:
-        """Whether no colon follows a key, as in `{height: 1,5 m}`; reports one behind whose colon
-        nothing stands."""
+        """Whether no colon follows a key, as in `{height: 1,5 m}`; warns of a colon without a
+        value."""
         if value.quoted or not isinstance(key, Scalar):
             return False
         line = self._lines[key.span.end_line - 1 : key.span.end_line]

@@ -32,7 +32,7 @@ def _yaml_files(folder: Path) -> Iterator[Path]:
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether it has one of the keys as text, or can't be read: then its reader says why."""
+    """Whether it has one of the keys as text, or can't be read, which its reader reports."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             return True

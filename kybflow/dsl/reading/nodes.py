@@ -67,9 +67,9 @@ class Scalar(NamedTuple):
 
 
 class MappingEntry(NamedTuple):
-    """One key of a mapping with its value. `inherited`: it came through `like` or the defaults;
-    `used`: the places of the `like` through which a flow has it, outermost first; `depth`: how
-    many mappings stand over the one that it is from."""
+    """One key of a mapping with its value. inherited: it came through `like` or the defaults. used:
+    the places of the `like` through which a flow has it, outermost first. depth: the number of
+    mappings above its origin."""
 
     key: Scalar
     value: Node
@@ -99,9 +99,9 @@ Node = Scalar | Mapping | Sequence
 
 
 def to_json(node: Node) -> Any:
-    """The node as the values that `jsonschema` judges, scalars by the core schema of YAML 1.2.
+    """The node as JSON values for `jsonschema`, scalars by the core schema of YAML 1.2.
 
-    Infinities and NaN stay text: no quantity is written like them.
+    Infinities and NaN stay text, because no quantity is written that way.
     """
     if isinstance(node, Scalar):
         return _scalar_to_json(node)
@@ -159,7 +159,7 @@ def items_of(node: Node | None) -> tuple[Node, ...]:
 
 
 def head_of(node: Node) -> Span:
-    """The first key of a mapping: the place for what is missing in it."""
+    """The place to report a missing key: the first key of the mapping."""
     if isinstance(node, Mapping) and node.entries:
         return next(iter(node.entries.values())).key.span
     return node.span

@@ -22,7 +22,7 @@ CODES = {
 }
 MAX_BYTES = 2_000_000
 MOST_FILES = 200
-"""Files of a folder, at most, among which the one is sought that an unknown name could mean."""
+"""The most files of a folder that are compared with an unknown name."""
 
 
 class ParsedFile(NamedTuple):
@@ -41,10 +41,9 @@ def read(path: Path, file: str) -> ParsedFile:
     found = Findings()
     data = _bytes_of(path, file, found)
     text = None if data is None else _decode(data, file, found)
-    if data is None or text is None:
-        return ParsedFile(file, "", "", None, tuple(found.all))
-    root = compose(text, file, found)
-    return ParsedFile(file, text, hashlib.sha256(data).hexdigest(), root, tuple(found.all))
+    root = None if text is None else compose(text, file, found)
+    digest = "" if data is None or text is None else hashlib.sha256(data).hexdigest()
+    return ParsedFile(file, text or "", digest, root, tuple(found.all))
 
 
 def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
@@ -68,7 +67,7 @@ def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
 
 
 def _near(path: Path) -> str:
-    """The file that could be meant: one in the folder that was named, or beside."""
+    """The hint for a file that the path could mean, in the named folder or beside."""
     try:
         folder = path if os.path.isdir(path) else path.parent
         names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]

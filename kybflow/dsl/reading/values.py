@@ -1,5 +1,5 @@
-"""A node to one typed value in SI: what a parameter's `Field` says it must be. A value that names a
-file is what that file holds, read once and judged by the part that reads it."""
+"""Decode a node to one typed value in SI, by the `Field` of its parameter. A file is read once, and
+the part that uses it checks its contents."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 def decode_value(node: Node, field: Field, found: Findings) -> Any:
     """The value of `node`; None, and a finding, when it is none."""
     value = _value(node, field, field.type, found)
-    flaw = field.flaw(value) if field.is_definite else None
+    flaw = field.flaw(value)
     if flaw is None:
         return value
     found.report("KYB105", f"`{field.key}` {flaw}", node.span)
@@ -146,17 +146,14 @@ def _numbers(
 
 
 def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> float | None:
-    is_scalar = field.shape == "scalar"
-    if not isinstance(node, Scalar) or (len(node.text) > _LONGEST and not is_scalar):
-        if is_scalar:
-            _wrong(node, field, found)
-            return None
+    if not isinstance(node, Scalar) or len(node.text) > _LONGEST:
         message = f"a number is needed, but this is {describe(node)}"
-        found.report("KYB104", message, node.span)
-        return None
-    if len(node.text) > _LONGEST:
-        message = f"`{node.text[:20]}...` is too long to be a value"
-        found.report("KYB104", message, node.span)
+        if field.shape != "scalar":
+            found.report("KYB104", message, node.span)
+        elif isinstance(node, Scalar):
+            _word(node, field, found)
+        else:
+            _wrong(node, field, found)
         return None
     try:
         value = parse_quantity(node.text, dimension)
@@ -168,7 +165,7 @@ def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> 
 
 def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
     """`value`; None, and a finding, where it is outside of the bounds."""
-    if field.outside(value) is None:
+    if field.is_within(value):
         return value
     message, hint = f"`{field.key}` must be {bounds_of(field)}", _way_inside(value, node, field)
     found.report("KYB105", message, node.span, f"`{node.text}`", origin(node), hint)
@@ -176,7 +173,7 @@ def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
 
 
 def _text(node: Scalar, field: Field, found: Findings) -> str | None:
-    """A text; what stands for a parameter is one however it is written."""
+    """A text; the value of a parameter is one even where it looks like a number."""
     if node.parameter or isinstance(to_json(node), str):
         return node.text
     message = f"`{field.key}` must be text, but this is {describe(node)} `{node.text[:60]}`"
@@ -192,25 +189,18 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     if dimension is None or not dimension.units:
         return ""
     for unit, factor in sorted(dimension.units.items(), key=lambda item: -item[1]):
-        if _BARE.match(bare) and factor < 1.0 and field.outside(value * factor) is None:
+        if _BARE.match(bare) and factor < 1.0 and field.is_within(value * factor):
             return f"did you mean `{bare} {unit}`?"
-    fits = field.outside(parse_quantity(dimension.example, dimension)) is None
+    fits = field.is_within(parse_quantity(dimension.example, dimension))
     return f"write it like `{dimension.example}`" if value <= 0.0 and fits else ""
 
 
 def bounds_of(field: Field) -> str:
     """The bounds in words, in units: `above 0 m and at most 3 m`; empty when there are none."""
-    words = {
-        "above": field.above,
-        "at least": field.at_least,
-        "below": field.below,
-        "at most": field.at_most,
-    }
-    return " and ".join(
-        f"{word} {_shown(bound, field.dimension)}"
-        for word, bound in words.items()
-        if bound is not None
-    )
+    words = ("above", "at_least", "below", "at_most")
+    bounds = {word.replace("_", " "): getattr(field, word) for word in words}
+    known = {word: bound for word, bound in bounds.items() if bound is not None}
+    return " and ".join(f"{word} {_shown(b, field.dimension)}" for word, b in known.items())
 
 
 def _shown(value: float, dimension: Dimension | None) -> str:
@@ -218,7 +208,7 @@ def _shown(value: float, dimension: Dimension | None) -> str:
 
 
 def origin(node: Scalar) -> tuple[str, ...]:
-    """The note that says what stands for a parameter, where the report is not at that value."""
+    """The note with the value of a parameter, where the report is not at that value."""
     shown = node.parameter and node.span.value is None
     return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
@@ -260,14 +250,9 @@ def _three_numbers(node: Node) -> str:
         numbers = alone.text.strip("()[] ").replace(",", " ").split()
         is_row = len(numbers) == 3 and all(_BARE.match(number) for number in numbers)
         return f"write `[{', '.join(numbers)}]`" if is_row else ""
-    return _decimal_commas(node) if isinstance(node, Sequence) else ""
-
-
-def _decimal_commas(node: Sequence) -> str:
-    """The hint for a list in which commas without a space were meant as decimal points."""
     texts: list[str] = []
     before: Node | None = None
-    for item in node.items:
+    for item in items_of(node):
         if not isinstance(item, Scalar):
             return ""
         joins = before is not None and item.span[1:3] == (
@@ -279,7 +264,7 @@ def _decimal_commas(node: Sequence) -> str:
         else:
             texts.append(item.text)
         before = item
-    if len(texts) != 3 or len(node.items) == 3:
+    if len(texts) != 3 or len(items_of(node)) == 3:
         return ""
     return f"write `[{', '.join(texts)}]`, with a decimal point"
 
@@ -295,7 +280,7 @@ def example_of(kind: Numbers, one: str = "") -> str:
 
 
 def diagonal(size: tuple[int | None, ...], one: str, other: str) -> str:
-    """The text of a matrix with `one` in its diagonal and `other` beside it."""
+    """The text of a matrix with `one` in its diagonal and `other` elsewhere."""
     rows, columns = (range(side or 1) for side in size)
     inner = (", ".join(one if i == j else other for j in columns) for i in rows)
     return f"[{', '.join(f'[{row}]' for row in inner)}]"
@@ -313,8 +298,8 @@ def shown_value(value: Any, field: Field) -> str:
 
 
 def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
-    """The file that `node` names, beside or below the file in which it stands; None, and a finding,
-    when its part can't use it."""
+    """The file that `node` names, in the folder of its YAML file or below; None, and a finding,
+    where the part can't use it."""
     try:
         file = _read(
             node.text, Path(node.span.file).parent, "surrogateescape" if field.binary else "strict"
@@ -341,8 +326,8 @@ def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
 
 
 def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
-    """Where the file is that `node` names, as seen from the file in which it stands; None, and a
-    finding, when there is none."""
+    """The path that `node` names, relative to its YAML file; None, and a finding, where there is no
+    such file."""
     path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
     if "\0" not in path and os.path.isfile(path):
         return FilePath(path)
@@ -352,7 +337,7 @@ def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
 
 
 def _read(name: str, folder: Path, errors: str) -> File:
-    """The file; `errors` says what becomes of bytes that are no text."""
+    """Read a file; `errors` is how to decode bytes that are no text."""
     hint = "name a file beside or below the one that names it"
     try:
         path = Path(os.path.realpath(folder / name))

@@ -1,8 +1,8 @@
-"""What is wrong with a text that is not the YAML its author meant, and what to change.
+"""Findings for text that is not the YAML its author meant.
 
-The parser stops at what is not YAML (`not_yaml`). A decimal comma, a forgotten colon and a comma in
-a text it reads as keys without a value (`without_colon`): inside of `{...}` a plain value ends at a
-comma.
+`not_yaml` explains where the parser stopped. `without_colon` explains keys without a value: the
+parser makes them of a decimal comma, a comma in a text or a forgotten colon, because a plain value
+inside of `{...}` ends at a comma.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _KEY = re.compile(r"\s*(?:- +)*([^\s:]+):\s")
 _APART = re.compile(r"- +(?=[\d.])")
 """A sign and its number, with a space between."""
 _CALL = re.compile(r"\w\([^()]*\Z")
-"""What stands before the argument of a function."""
+"""The beginning of a function call, before its argument."""
 _SHOWN = 60
 CONDITIONS = frozenset({"when", "healthy"})
-"""The keys whose values are conditions."""
+"""The keys of conditions."""
 _TEXTS = frozenset({"log", "stop", "summary", "help"})
 _COMPARED = re.compile(r"[<>=]|\w in \w")
 _JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII | re.DOTALL)
@@ -68,7 +68,7 @@ class _Stop(NamedTuple):
 
     @property
     def is_first(self) -> bool:
-        """Whether nothing stands before the place in its line."""
+        """Whether the place is the first of its line."""
         return not self.line[: self.column].strip()
 
     @property
@@ -143,7 +143,7 @@ def _colonless(stop: _Stop, row: int) -> Diagnostic:
 
 
 def _second_colon(stop: _Stop) -> Diagnostic | None:
-    """A colon in the value of a key, which stands in the same line, or begins in one above."""
+    """A colon in the value of a key, in the same line or below it."""
     if first := _KEY.match(stop.line[: stop.column]):
         message = f"a second colon behind `{first[1]}:`"
         return stop.finding(message, "put the value in quotes, or its keys in `{...}`")
@@ -299,7 +299,7 @@ _EXPLAINERS: dict[str, tuple[_Explainer, ...]] = {
     "could not find expected directive name": (_SPECIAL_WORD,),
     "found undefined tag handle": (_SPECIAL_WORD,),
 }  # fmt: skip
-"""What each problem of the parser can mean, asked in order."""
+"""The explainers of each problem of the parser; the first that applies counts."""
 
 
 def _is_content(line: str) -> bool:
@@ -312,7 +312,7 @@ def _above(lines: list[str], row: int) -> int | None:
 
 
 def _columns(line: str) -> tuple[int, ...]:
-    """The columns at which blocks begin in a line: its dashes and what is behind them."""
+    """The columns at which blocks begin in a line: its dashes and its content."""
     begin, found = _indent(line), []
     dashes = _DASHES.match(line, begin)
     end = dashes.end() if dashes else begin
@@ -386,8 +386,8 @@ def _indent(line: str) -> int:
 
 
 def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Findings) -> None:
-    """Report `keys` that have no colon and follow each other in one mapping, behind the entry
-    `before`; None where nothing stands before them."""
+    """Report successive `keys` without a colon in one mapping, after the entry `before` if there is
+    one."""
     name, value = (before.key.text, before.value) if before else ("", None)
     text, first = value.text if isinstance(value, Scalar) else "", keys[0].text
     row = [text, *(key.text for key in keys)]

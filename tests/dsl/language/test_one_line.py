@@ -446,7 +446,8 @@ def test_a_wrong_value_is_found_at_its_place(told: dict[str, Any], kind: str) ->
 
 def test_an_option_of_a_part_is_set_by_a_person(told: dict[str, Any]) -> None:
     assert told["options"] == [
-        None, "`a.behaviors.stay.stiffness` must be at least 0, not -0.04 m"
+        None, "`a.behaviors.stay.stiffness` must be at least 0 m, not `-4 cm`; "
+        "write it like `1.2 m`",
     ]  # fmt: skip
 
 
