@@ -411,7 +411,7 @@ class Call:
 ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText | Stop | Call
 
 
-@record("action", least=1, others=AnyOf("value", kinds=("object", "null", *SCALARS, "array")))
+@record("action", least=1, others=AnyOf("value", kinds=("object", *SCALARS, "array")))
 class ActionKeys(Record):
     """What to do: one action.
 

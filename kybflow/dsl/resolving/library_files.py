@@ -22,9 +22,6 @@ from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 CODES = {
     "KYB120": "An import that names no file.",
     "KYB121": "An import that leaves the mission's folder and the installed libraries.",
-    "KYB122": "Files that import each other in a cycle.",
-    "KYB123": "An imported file that is no library.",
-    "KYB127": "More imports than a mission may have, counted along every way to a library.",
 }
 GROUP = "kybflow.missions"
 _STANDARD = "the standard library is `kybflow/airframes`"
