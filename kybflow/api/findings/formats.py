@@ -19,7 +19,7 @@ from typing import Any
 from urllib.parse import quote
 
 from kybflow import __version__
-from kybflow.dsl.diagnostics.codes import codes
+from kybflow.api.findings.codes import codes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.render import clipped, printable, ways_to
 from kybflow.dsl.diagnostics.spans import Span
