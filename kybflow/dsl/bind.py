@@ -132,17 +132,13 @@ def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
 
 
 def _state(state: StatePlan, scope: Scope) -> StatePlan:
-    transitions = [_transition(transition, scope) for transition in state.transitions]
+    transitions = [t.but(when=_when(t.when, scope)) for t in state.transitions]
     causes = {transition.cause for transition in transitions}
     for cause, target in (("then", end_of(state.legs)), ("failed", failure_of(state.legs))):
         if cause not in causes:
             transitions.append(_implied(cause, target, state.at))
     transitions.sort(key=lambda transition: _ORDER.index(transition.cause))
     return state.but(transitions=tuple(transitions))
-
-
-def _transition(transition: TransitionPlan, scope: Scope) -> TransitionPlan:
-    return transition.but(when=_when(transition.when, scope))
 
 
 def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
@@ -189,7 +185,7 @@ def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> Phas
             for target in phase.pairs("set")
             for option, value in option_values(*target, plan, catalog, Findings())
         ),
-        transitions=tuple(_transition(transition, scope) for transition in phase.transitions),
+        transitions=tuple(t.but(when=_when(t.when, scope)) for t in phase.transitions),
         ends=all(bool(transition.since) for transition in phase.transitions),
     )
 

@@ -24,7 +24,7 @@ machines are flat.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NamedTuple
 
@@ -316,44 +316,30 @@ def _is_due(transition: TransitionPlan) -> Callable[[Exit], bool]:
 def _guard(
     transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
 ) -> Guard:
+    """Open when all that the transition requires holds; never without a requirement."""
     if transition.cause == "then":
         return lambda: facts.outcome == "done"
     if transition.cause == "failed":
         return lambda: facts.outcome == "failed"
-    return _all(list(_requirements(transition, facts, conditions, timers)))
-
-
-def _requirements(
-    transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
-) -> Iterator[Guard]:
+    guards: list[Guard] = []
     if transition.after is not None:
-        yield _time(transition.after - _ROUNDING, transition.since, facts)
+        after, chain = transition.after - _ROUNDING, transition.since
+        if chain:
+            guards.append(lambda: facts.chains.get(chain, 0.0) + facts.elapsed >= after)
+        else:
+            guards.append(lambda: facts.elapsed >= after)
     if transition.event is not None:
         event = transition.event
-        yield lambda: event in facts.heard
+        guards.append(lambda: event in facts.heard)
     if transition.when is not None:
-        yield _when(conditions(transition.when), transition.hold, timers)
-
-
-def _time(after: float, chain: str, facts: _Facts) -> Guard:
-    if not chain:
-        return lambda: facts.elapsed >= after
-    return lambda: facts.chains.get(chain, 0.0) + facts.elapsed >= after
-
-
-def _when(condition: Guard, hold: float, timers: list[_Timer]) -> Guard:
-    if hold <= 0.0:
-        return condition
-    timer = _Timer(condition)
-    timers.append(timer)
-    needed = hold - _ROUNDING
-    return lambda: timer.held is not None and timer.held >= needed
-
-
-def _all(guards: list[Guard]) -> Guard:
-    """Open when every guard is; without any, never."""
+        condition = conditions(transition.when)
+        guards.append(condition if transition.hold <= 0.0 else _held(condition, transition, timers))
     if len(guards) == 1:
         return guards[0]
-    if not guards:
-        return lambda: False
-    return lambda: all(guard() for guard in guards)
+    return (lambda: all(guard() for guard in guards)) if guards else lambda: False
+
+
+def _held(condition: Guard, transition: TransitionPlan, timers: list[_Timer]) -> Guard:
+    timer, needed = _Timer(condition), transition.hold - _ROUNDING
+    timers.append(timer)
+    return lambda: timer.held is not None and timer.held >= needed

@@ -157,10 +157,10 @@ def implies(narrow: Condition, wide: Condition) -> bool:
     if narrow == wide:
         return True
     try:
-        told, denied = _groups(narrow, True), _groups(wide, False)
+        held, denied = _groups(narrow, True), _groups(wide, False)
     except _TooManyError:
         return False
-    plain = [tuple(fact for fact in group if fact.is_plain) for group in told]
+    plain = [tuple(fact for fact in group if fact.is_plain) for group in held]
     return all(_contradicts((*a, *b), lambda _: (-inf, inf)) for a, b in product(plain, denied))
 
 

@@ -201,15 +201,15 @@ class Semantics:
 
     def _beside(self, side: Operand, other: Operand) -> Value:
         """The value of a quantity or a bare word beside `other`, which gives it its dimension."""
-        told = f"`{other.source}` is {type_name(other.dimension)}"
+        is_of = f"`{other.source}` is {type_name(other.dimension)}"
         if is_quantity(side) and other.dimension is not None:
-            value = self.measured(side.token, other.dimension, told)
+            value = self.measured(side.token, other.dimension, is_of)
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
                 message = f"`{other.source}` is never more than 100 % or less than 0 %"
                 self.report("KYB215", side.token, message, "never reached")
             return Quantity(value, other.dimension)
         if is_quantity(side):
-            message = f"{told}, `{side.source}` is a quantity"
+            message = f"{is_of}, `{side.source}` is a quantity"
             self.report("KYB212", side.token, message, "a quantity")
         elif other.dimension is None and isinstance(other.node, Read):
             return self._word(side.token, other.node)
