@@ -114,7 +114,7 @@ class Semantics:
         return points.get(name, ZERO)
 
     def payload(self, vehicle: str, token: Token) -> None:
-        """A vehicle whose payload is asked for must have one."""
+        """Report a vehicle whose payload is read and that has none."""
         if vehicle in self._scope.vehicles and vehicle not in self._scope.carriers:
             hint = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
             self.report("KYB211", token, f"`{vehicle}` carries no payload", "unknown", hint)
@@ -141,8 +141,8 @@ class Semantics:
             return 0.0
 
     def unknown_name(self, side: Operand, other: Operand | None = None) -> None:
-        """Report what is unknown of a dotted name: all of it, or what follows a vehicle. `other` is
-        what it is compared with."""
+        """Report the unknown part of a dotted name: all of it, or what follows a vehicle. `other`
+        is the other side of the comparison."""
         token, scope = side.token, self._scope
         first, _, rest = token.text.partition(".")
         inner = token._replace(text=rest, start=token.end - len(rest))

@@ -1,5 +1,4 @@
-"""What is drawn of the state machines of a plan, of vehicles and of flows, before anything has a
-place on the page.
+"""The boxes and edges that are drawn of the state machines of vehicles and flows, before layout.
 
 Transitions that are taken when all goes well or as the mission says are drawn; the failure
 transitions that the language adds are not. Vehicles with the same machine share a drawing.
@@ -57,7 +56,7 @@ class Drawing(NamedTuple):
 
 
 Requests = Mapping[str, tuple[str, ...]]
-"""The states that are asked for, by who asks."""
+"""The requested states by the flow or callback that requests them."""
 
 
 def requests_to(plan: Plan, vehicle: str) -> Requests:

@@ -85,7 +85,7 @@ class Chains:
         return Mapping({**vehicle.entries, "behaviors": whole}, vehicle.span)
 
     def judge(self) -> None:
-        """Report what is wrong with the file's own chains, those that nothing uses included."""
+        """Judge the file's own chains, those that nothing uses included."""
         exports, found = self._exports, self._found
         for name, entry in exports.written("chains").items():
             chain = exports.entry("chains", name)

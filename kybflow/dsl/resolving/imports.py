@@ -1,4 +1,4 @@
-"""Imports away: what each imported file exports, with its own parameters in place."""
+"""Loads imports: what each imported file exports, with its own parameters in place."""
 
 from __future__ import annotations
 

@@ -141,14 +141,14 @@ def _homes() -> dict[str, str]:
 
 
 class LibraryFile(NamedTuple):
-    """A library file as read, and what is wrong with its shape."""
+    """A library file as read, and the findings about its shape."""
 
     source: ParsedFile
     findings: tuple[Diagnostic, ...]
 
 
 def judged(source: ParsedFile) -> LibraryFile:
-    """The library with what is wrong with it."""
+    """The library with the findings about its shape."""
     root = source.root
     if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
         return LibraryFile(source, source.found)

@@ -1,5 +1,5 @@
-"""Imports, parameters and `like` away: what is left is one tree with every value in its place, and
-every node still knows where it was written."""
+"""Resolves imports, parameters and `like` into one tree with every value in its place, whose nodes
+still know where they were written."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _with(root: Mapping, whole: MappingOf[str, Node | None]) -> Mapping:
 
 def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
     """The flows of the file itself, each whole, as long as there is `room`; None where there are
-    none. What is said in them gets its meaning where they are used, so they remember that."""
+    none. Their names are looked up where the flows are used, so their spans say where that is."""
     written = exports.root.entries.get("flows")
     if written is None:
         return None
