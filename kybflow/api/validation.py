@@ -39,7 +39,7 @@ class ValidatedFile:
     @property
     def annotations(self) -> list[str]:
         """A GitHub Actions command for each finding."""
-        from kybflow.dsl.diagnostics.formats import to_annotation
+        from kybflow.api.findings.formats import to_annotation
 
         return [to_annotation(d) for d in self.result.diagnostics]
 
@@ -84,7 +84,7 @@ def _as_json(files: Sequence[ValidatedFile]) -> str:
 
 
 def _as_sarif(files: Sequence[ValidatedFile]) -> str:
-    from kybflow.dsl.diagnostics.formats import to_sarif
+    from kybflow.api.findings.formats import to_sarif
 
     return to_sarif(d for file in files for d in file.result.diagnostics)
 

@@ -1,6 +1,6 @@
-"""The plan as written to the plan as flown: the same records with their names resolved. Conditions
-are parsed, groups become their vehicles, built-in states and implied transitions are added, files
-are recorded. Finds nothing: a plan gets here without errors."""
+"""Turns the plan as written into the plan that the runtime executes. Conditions are parsed, groups
+become their vehicles, built-in states and implied transitions are added, files are recorded. It
+reports nothing: only a plan without errors is bound."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _when(condition: Any, scope: Scope) -> Expression | None:
 
 
 def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
-    """The first sensor that can tell where a moving obstacle is, and its vehicle."""
+    """The first sensor that can track each moving obstacle, and its vehicle."""
     for name in plan.moving:
         seen = plan.tracked_by(name)
         if seen is not None:
@@ -113,7 +113,7 @@ def _vehicle(
 
 
 def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
-    """The airframe's, as the sensors on this target have them."""
+    """The airframe's cameras, with what the sensors of this target know better."""
     cameras: Mapping[str, Camera] = vehicle.own_cameras
     for use in vehicle.sensors:
         cameras = use.part.cls.seen_by(use.part.params, cameras)
@@ -132,17 +132,13 @@ def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
 
 
 def _state(state: StatePlan, scope: Scope) -> StatePlan:
-    transitions = [_transition(transition, scope) for transition in state.transitions]
+    transitions = [t.but(when=_when(t.when, scope)) for t in state.transitions]
     causes = {transition.cause for transition in transitions}
     for cause, target in (("then", end_of(state.legs)), ("failed", failure_of(state.legs))):
         if cause not in causes:
             transitions.append(_implied(cause, target, state.at))
     transitions.sort(key=lambda transition: _ORDER.index(transition.cause))
     return state.but(transitions=tuple(transitions))
-
-
-def _transition(transition: TransitionPlan, scope: Scope) -> TransitionPlan:
-    return transition.but(when=_when(transition.when, scope))
 
 
 def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
@@ -189,13 +185,13 @@ def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> Phas
             for target in phase.pairs("set")
             for option, value in option_values(*target, plan, catalog, Findings())
         ),
-        transitions=tuple(_transition(transition, scope) for transition in phase.transitions),
+        transitions=tuple(t.but(when=_when(t.when, scope)) for t in phase.transitions),
         ends=all(bool(transition.since) for transition in phase.transitions),
     )
 
 
 def _request(vehicle: VehiclePlan, request: Request) -> Request:
-    """A request as one vehicle understands it."""
+    """A request with its state and values resolved for one vehicle."""
     state = vehicle.goal(request.state)
     chain = request.state if state != request.state else ""
     return request.but(state=state, values=values_for(vehicle, request), chain=chain)
@@ -209,7 +205,7 @@ def _callback(callback: CallbackPlan, plan: Plan, scope: Scope, catalog: Catalog
 
 
 def _awaited(event: str, plan: Plan) -> tuple[str, tuple[str, ...]]:
-    """(the event's own name, whose it is): a vehicle's, any one's, a group's, or the run's."""
+    """(the event's own name, the vehicles that may emit it; `""` for the run)."""
     if not event:
         return "", ()
     first, dot, name = event.partition(".")

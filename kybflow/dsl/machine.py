@@ -7,13 +7,14 @@ exit from a state and on entry into one. Its triggers are:
 - `begin`: into the first state.
 - `step`: the mission's transitions, in the order `next`, end of the behavior, `within`.
 - `give_up`: to `brake` or `landed`, when no other state of a vehicle would start.
-- `switch STATE`: what a person, a flow or a callback asks for.
+- `switch STATE`: into the state that a person, a flow or a callback requests.
 - `failsafe STATE`: into a built-in state of a vehicle, from every state.
 - `end`: out of every phase of a flow.
 
-A trigger costs several microseconds, so a tick asks each guard itself, once, and pulls `step` only
-for a transition that is due; the `Exit` that it passes names it, and is the library's condition.
-`switch STATE` is declared when it is first asked for: a transition between every two states would
+A trigger costs several microseconds, so a tick evaluates each guard itself, once, and pulls `step`
+only for a transition that is due. The `Exit` that it passes names that transition, and the
+library's conditions compare it.
+`switch STATE` is declared at the first request: a transition between every two states would
 be a million for a thousand states.
 
 The library puts its methods on a private model and is given callables, no names to import. What its
@@ -24,7 +25,7 @@ machines are flat.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NamedTuple
 
@@ -66,7 +67,7 @@ class _Model:
 
 
 class _Facts:
-    """What guards are judged by.
+    """The values that guards read.
 
     `elapsed` counts seconds in the state, `chains` seconds in each chain around it until the state
     was entered. `heard` holds the events since the last tick.
@@ -82,8 +83,8 @@ class _Facts:
 
 
 class _Timer:
-    """For how many seconds a condition has held since the state was entered; `held` is None while
-    it does not hold."""
+    """Counts the seconds for which a condition has held since the state was entered; `held` is
+    None while the condition does not hold."""
 
     __slots__ = ("condition", "held")
 
@@ -120,7 +121,7 @@ class _Watched(NamedTuple):
 
 
 class StateMachine:
-    """What the machines of vehicles and flows share.
+    """The base of the machines of vehicles and flows.
 
     The machine waits in `initial` until it begins. `on_exit` is called while the state is still the
     one that is left, `on_enter` with the name of the state that was entered. A `next` that is open
@@ -216,7 +217,7 @@ class StateMachine:
             self._machine.add_transition("step", state, transition.target, _is_due(transition))
 
     def _switch(self, state: str, at: str, *conditions: Callable[[Exit], bool]) -> None:
-        """Pull `switch STATE`, which is declared when it is first asked for."""
+        """Pull `switch STATE`, which is declared at the first request."""
         trigger = f"switch {state}"
         if not self._machine.get_transitions(trigger, self.state):
             self._machine.add_transition(trigger, self.state, state, [*conditions])
@@ -226,8 +227,8 @@ class StateMachine:
 class VehicleMachine(StateMachine):
     """The machine of one vehicle, whose owner builds a behavior on entry into each state.
 
-    `starts` builds the behavior of a state that is asked for before anything is left; what it
-    raises leaves all as it was. `airborne` decides between `brake` and `landed` for a vehicle whose
+    `starts` builds the behavior of a requested state before the present one is left; when it
+    raises, nothing changes. `airborne` decides between `brake` and `landed` for a vehicle whose
     behavior would not start and whose state has no other way out. While its failsafe has `latched`
     it enters `fault` in place of `landed` when it steps.
     """
@@ -266,8 +267,8 @@ class VehicleMachine(StateMachine):
         self._pull(f"failsafe {state}", Exit("failsafe"))
 
     def switch(self, state: str, at: str) -> None:
-        """Enter a state that somebody asked for at a line of the mission. Raises what `starts`
-        raises, and ValueError for a state that can't be asked for."""
+        """Enter a state that was requested at a line of the mission. Raises what `starts` raises,
+        and ValueError for a state that can't be requested."""
         if not {state, self.state} <= self._healthy:
             raise ValueError(f"no transition `switch {state}` leaves `{self.state}`")
         self._switch(state, at, lambda _: self._starts(state))
@@ -301,7 +302,7 @@ class FlowMachine(StateMachine):
         self._machine.add_transition("end", list(flow.phases), END)
 
     def switch(self, phase: str, at: str) -> None:
-        """Enter a phase that somebody asked for at a line of the mission."""
+        """Enter a phase that was requested at a line of the mission."""
         self._switch(phase, at)
 
     def end(self, how: str) -> None:
@@ -316,44 +317,30 @@ def _is_due(transition: TransitionPlan) -> Callable[[Exit], bool]:
 def _guard(
     transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
 ) -> Guard:
+    """Open when all that the transition requires holds; never without a requirement."""
     if transition.cause == "then":
         return lambda: facts.outcome == "done"
     if transition.cause == "failed":
         return lambda: facts.outcome == "failed"
-    return _all(list(_requirements(transition, facts, conditions, timers)))
-
-
-def _requirements(
-    transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
-) -> Iterator[Guard]:
+    guards: list[Guard] = []
     if transition.after is not None:
-        yield _time(transition.after - _ROUNDING, transition.since, facts)
+        after, chain = transition.after - _ROUNDING, transition.since
+        if chain:
+            guards.append(lambda: facts.chains.get(chain, 0.0) + facts.elapsed >= after)
+        else:
+            guards.append(lambda: facts.elapsed >= after)
     if transition.event is not None:
         event = transition.event
-        yield lambda: event in facts.heard
+        guards.append(lambda: event in facts.heard)
     if transition.when is not None:
-        yield _when(conditions(transition.when), transition.hold, timers)
-
-
-def _time(after: float, chain: str, facts: _Facts) -> Guard:
-    if not chain:
-        return lambda: facts.elapsed >= after
-    return lambda: facts.chains.get(chain, 0.0) + facts.elapsed >= after
-
-
-def _when(condition: Guard, hold: float, timers: list[_Timer]) -> Guard:
-    if hold <= 0.0:
-        return condition
-    timer = _Timer(condition)
-    timers.append(timer)
-    needed = hold - _ROUNDING
-    return lambda: timer.held is not None and timer.held >= needed
-
-
-def _all(guards: list[Guard]) -> Guard:
-    """Open when every guard is; without any, never."""
+        condition = conditions(transition.when)
+        guards.append(condition if transition.hold <= 0.0 else _held(condition, transition, timers))
     if len(guards) == 1:
         return guards[0]
-    if not guards:
-        return lambda: False
-    return lambda: all(guard() for guard in guards)
+    return (lambda: all(guard() for guard in guards)) if guards else lambda: False
+
+
+def _held(condition: Guard, transition: TransitionPlan, timers: list[_Timer]) -> Guard:
+    timer, needed = _Timer(condition), transition.hold - _ROUNDING
+    timers.append(timer)
+    return lambda: timer.held is not None and timer.held >= needed

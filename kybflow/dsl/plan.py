@@ -4,7 +4,7 @@ judges them, `bind` resolves their names, and they are all that the runtime sees
 A field with `key(...)` is a key of the language: its schema, text, docs and completion follow from
 that one line. A field without is what the compiler works out. Records can be built in a test
 without YAML. `at` is always `file:line` of the text that a value came from, for events and reports;
-it is empty for what nobody wrote.
+it is empty for what the language adds.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class StatePlan(Record):
         return {}
 
     def footprint(self, entry: Vec3 | None) -> Footprint | None:
-        """Where the behavior goes from `entry`; several checks ask for the same."""
+        """Where the behavior goes from `entry`. Cached, since several checks need it."""
         if entry not in self.footprints:
             self.footprints[entry] = self.behavior.cls.footprint(self.behavior.params, entry)
         return self.footprints[entry]
@@ -158,8 +158,8 @@ class StatePlan(Record):
 
 @record("chain's own entry")
 class ChainPlan(Record):
-    """A behavior that is a chain of states, `NAME.INNER`. Its transitions are also among those of
-    every state inside."""
+    """A behavior that is a chain of the states `NAME.INNER`. Each of these states has the chain's
+    transitions too."""
 
     name: str
     transitions: Ways = ()
@@ -250,7 +250,7 @@ class Place(Record):
 
 @record("vehicle", like=f"Start from this vehicle: {MERGES}", block=True)
 class VehiclePlan(Record):
-    """What flies, what it trusts, what it does.
+    """A vehicle: its airframe, its chain from sensors to commands, its states.
 
     `begin` is the state it starts in: the one written, else the first behavior. `states` include
     the built-in ones once its names are resolved. Callbacks and flows may request the states
@@ -305,7 +305,7 @@ class VehiclePlan(Record):
 
     @functools.cached_property
     def known(self) -> dict[str, Any]:
-        """What checks have worked out of it, for those that ask again."""
+        """A cache of what the checks derive from the vehicle."""
         return {}
 
     @property
@@ -330,7 +330,7 @@ Values = tuple[tuple[str, Any], ...]
 @dataclass(frozen=True)
 class Request(Record):
     """A state that a vehicle is asked to enter, with values in place of its own parameters' (SI).
-    `chain` is the chain that was asked for, whose first state it is."""
+    `chain` is the requested chain, whose first state it is."""
 
     state: str
     values: Values = ()
@@ -411,7 +411,7 @@ class Call:
 ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText | Stop | Call
 
 
-@record("action", least=1, others=AnyOf("value", kinds=("object", "null", *SCALARS, "array")))
+@record("action", least=1, others=AnyOf("value", kinds=("object", *SCALARS, "array")))
 class ActionKeys(Record):
     """What to do: one action.
 
@@ -842,8 +842,8 @@ class Plan(Shared):
         return tuple(member for member in self.groups.get(name, ()) if member in self.fleet)
 
     def tracked_by(self, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
-        """The first sensor that can tell where a moving obstacle is, with its vehicle and the
-        parameters for it; None where there is none."""
+        """The first sensor that can track a moving obstacle, with its vehicle and the parameters
+        for it; None where there is none."""
         body = self.moving[moving].body or moving
         for vehicle in self.vehicles:
             for part in (sensor.part for sensor in vehicle.sensors):

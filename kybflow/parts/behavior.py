@@ -169,11 +169,11 @@ class Behavior(Part[P]):
     subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
     waits_for: what it waits for, in words, None while it goes on; it emits `behavior_waits`.
     lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
-    axes: those that the inputs must have which its parameters name. push: what a hand that steers
-    it should feel, along the axes x, y and z. hears: whether it listens to what other vehicles
-    publish. says: what it publishes to them itself, of its latest update; recorded as a
-    measurement of its class. keeps_pace: whether it flies one straight line and has a `pace`, that
-    of its way, and can `keep` a slower one, so that several arrive together.
+    axes: the axes that the inputs named by its parameters must have. push: the force on the hand
+    that steers it, along the axes x, y and z. hears: whether it receives what other vehicles
+    publish. says: what it publishes to them in its latest update, recorded as a measurement of its
+    class. keeps_pace: whether it flies one straight line at a `pace` and can `keep` a slower one,
+    so that several vehicles arrive together.
     """
 
     kind = "behaviors"
@@ -220,12 +220,12 @@ class Behavior(Part[P]):
 
     def keep(self, pace: Pace) -> None:
         """Fly at another pace, no quicker than its own, from the second update on. Called after the
-        first, of those that keep one."""
+        first update if it `keeps_pace`."""
         raise NotImplementedError
 
     @classmethod
     def prepare(cls) -> None:
-        """Load what takes long to load, before anything flies, of those that hear others."""
+        """Load what takes long to load. Called before take-off for behaviors with `hears`."""
 
     @classmethod
     def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
@@ -239,8 +239,8 @@ class Behavior(Part[P]):
 
     @classmethod
     def objection(cls, params: P, entry: Entry) -> str | None:
-        """Return why no `next` and no request may lead to it now, so that the vehicle stays in the
-        behavior that it is in; None if one may."""
+        """Return why no `next` and no request may enter it now, so that the vehicle stays in its
+        present behavior; None if one may."""
         return None
 
     @classmethod

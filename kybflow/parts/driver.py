@@ -33,9 +33,9 @@ class Charge(NamedTuple):
 
 
 class Act(NamedTuple):
-    """What a vehicle performs when it is asked to, beside flying its mission. moves: it doesn't
-    follow commands meanwhile. needs: the driver's parameter that must be true for it; None if there
-    is none."""
+    """What a vehicle can perform on request, beside flying its mission. moves: it doesn't follow
+    commands meanwhile. needs: the driver's parameter that must be true for it; None if there is
+    none."""
 
     moves: bool = False
     needs: str | None = None
@@ -126,20 +126,19 @@ class Driver(Part[P]):
 
     @classmethod
     def real_time(cls, params: P) -> bool:
-        """Return whether its simulated vehicles need a clock that keeps real time, as those behind
-        sockets do."""
+        """Return whether its simulated vehicles need a real-time clock, as behind sockets."""
         return False
 
     @classmethod
     def world(cls, params: P) -> str | None:
-        """Return in a few words what a vehicle with these parameters flies in, which figures of the
-        flight are good for; None where that is reality."""
+        """Return in a few words the simulated world of a vehicle with these parameters, for which
+        the figures of the flight hold; None in reality."""
         return None
 
     @classmethod
     def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
-        """Return what answers a tracker's commands on `airframe`, by which gains are designed; None
-        where nothing is known of it."""
+        """Return the inner loop that follows a tracker's commands on `airframe`, for the design of
+        gains; None where it isn't known."""
         return None
 
     @classmethod

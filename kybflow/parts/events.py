@@ -23,23 +23,23 @@ class RunEnded(RunEvent):
 
 
 class RehearsalSkipped(RunEvent):
-    """Hardware flies without a rehearsal, because somebody said so."""
+    """Hardware flies without a rehearsal, as an option allows."""
 
 
 class ObserverFailed(RunEvent):
-    """Something that looks on was left out, because it raised."""
+    """An observer of the run raised and is not called again."""
 
     reason: str
 
 
 class RecordingStopped(RunEvent):
-    """A part of the record is lost; the flight goes on."""
+    """A part of the recording is lost; the flight goes on."""
 
     reason: str
 
 
 class CommandsFailed(RunEvent):
-    """Commands are not served as they should be: the flight goes on."""
+    """The command server can't serve clients as configured; the flight goes on."""
 
     reason: str
 
@@ -51,14 +51,14 @@ class ClientsRefusedEvent(RunEvent):
 
 
 class PreflightPassed(VehicleEvent):
-    """A check before take-off is green."""
+    """A check before take-off passed."""
 
     check: str
     found: str
 
 
 class PreflightFailed(VehicleEvent):
-    """A check before take-off stayed red."""
+    """A check before take-off failed."""
 
     awaited = "too late"
     check: str
@@ -103,7 +103,7 @@ class Landed(VehicleEvent):
 
 
 class LandingRefused(VehicleEvent):
-    """A claim that the vehicle has landed contradicts its estimate: it flies on."""
+    """The estimate contradicts a claim that the vehicle has landed; the vehicle flies on."""
 
     behavior: str
     reason: str
@@ -139,7 +139,7 @@ class PayloadLoaded(VehicleEvent):
 
 
 class PayloadReleased(VehicleEvent):
-    """The vehicle acknowledged that it let the payload go."""
+    """The vehicle acknowledged the release of its payload."""
 
     needs = "a payload"
     x: Length | None
@@ -149,13 +149,13 @@ class PayloadReleased(VehicleEvent):
 
 
 class PayloadAlreadyReleased(VehicleEvent):
-    """A payload that was let go is to be let go again; it isn't."""
+    """A request to release a payload that was released before is ignored."""
 
     needs = "a payload"
 
 
 class SensorFailed(VehicleEvent):
-    """A sensor beside the driver delivers nothing any more."""
+    """A sensor beside the driver stopped delivering."""
 
     sensor: str
     reason: str
@@ -168,7 +168,7 @@ class SensorRecovered(VehicleEvent):
 
 
 class MeasurementRefused(VehicleEvent):
-    """Measurements that can't be true are left out; only the first is emitted."""
+    """Implausible measurements are discarded; only the first is reported."""
 
     source: str
     kind: str
@@ -183,14 +183,14 @@ class PositionRefused(VehicleEvent):
 
 
 class PositionAccepted(VehicleEvent):
-    """The estimator takes them again; it refused them for `value` seconds."""
+    """The estimator accepts them again, after `value` seconds."""
 
     estimator: str
     value: Duration
 
 
 class BodyLost(VehicleEvent):
-    """Motion capture gives no pose of the vehicle any more."""
+    """Motion capture lost the vehicle."""
 
     needs = "motion capture"
     value: Duration
@@ -198,7 +198,7 @@ class BodyLost(VehicleEvent):
 
 
 class BodyFroze(VehicleEvent):
-    """Motion capture gives the same pose of the flying vehicle over and over."""
+    """Motion capture repeats one pose of the flying vehicle."""
 
     needs = "motion capture"
     value: Duration
@@ -206,7 +206,7 @@ class BodyFroze(VehicleEvent):
 
 
 class BodyJumped(VehicleEvent):
-    """In motion capture the vehicle is where no flight could have brought it."""
+    """Motion capture shows the vehicle where it can't have flown."""
 
     needs = "motion capture"
     value: float
@@ -214,7 +214,7 @@ class BodyJumped(VehicleEvent):
 
 
 class BodySwapped(VehicleEvent):
-    """The vehicle's body jumped to where another vehicle's body was."""
+    """In motion capture the vehicle jumped to where another vehicle was."""
 
     needs = "motion capture"
     other: str
@@ -229,7 +229,7 @@ class BodyRecovered(VehicleEvent):
 
 
 class CameraLostEvent(VehicleEvent):
-    """A camera gives no frames any more."""
+    """A camera stopped delivering frames."""
 
     needs = "a camera"
     camera: str
@@ -238,7 +238,7 @@ class CameraLostEvent(VehicleEvent):
 
 
 class CameraFroze(VehicleEvent):
-    """A camera of the flying vehicle gives the same image over and over."""
+    """A camera of the flying vehicle repeats one image."""
 
     needs = "a camera"
     camera: str
@@ -262,14 +262,14 @@ class CameraSwappedEvent(CameraJumped):
 
 
 class CameraRecovered(VehicleEvent):
-    """A camera that was lost, froze or jumped is well again."""
+    """A camera that was lost, froze or jumped works again."""
 
     needs = "a camera"
     camera: str
 
 
 class TagsLost(VehicleEvent):
-    """Frames arrive in flight, but no tag is found in them."""
+    """Frames arrive in flight, but show no tag."""
 
     needs = "a camera"
     value: Duration
@@ -283,7 +283,7 @@ class TagsFound(VehicleEvent):
 
 
 class PartFailedEvent(VehicleEvent):
-    """A part raised, or could not be made."""
+    """A part raised, or could not be created."""
 
     part: str
     reason: str
@@ -297,7 +297,7 @@ class ClampStarted(VehicleEvent):
 
 
 class ClampEnded(VehicleEvent):
-    """The behavior is followed again; `most` was taken away."""
+    """The processor stopped changing the setpoint; `most` is the largest change."""
 
     processor: str
     most: str
@@ -314,7 +314,7 @@ class FailsafeStarted(VehicleEvent):
 
 
 class FailsafeEnded(VehicleEvent):
-    """kybflow's failsafe gives the vehicle back to what it was doing."""
+    """kybflow's failsafe hands the vehicle back to its behavior."""
 
     reaction: str
     alarm: str | None
@@ -325,40 +325,40 @@ class LandModeStarted(VehicleEvent):
 
 
 class LandModeRefused(VehicleEvent):
-    """The vehicle's own land mode does not land it; `auto_land` does."""
+    """The vehicle's own land mode failed; `auto_land` lands it."""
 
     reason: str
 
 
 class PreflightWaits(VehicleEvent):
-    """A check before take-off is not green yet."""
+    """A check before take-off has not passed yet."""
 
     check: str
     reason: str
 
 
 class ArmingRefused(VehicleEvent):
-    """The vehicle won't arm, in its own words."""
+    """The vehicle refuses to arm; `reason` is its own message."""
 
     reason: str
 
 
 class VehicleSaid(VehicleEvent):
-    """The vehicle says something of itself."""
+    """The vehicle sent a status text."""
 
     severity: str
     text: str
 
 
 class ForeignCommandEvent(VehicleEvent):
-    """Somebody else commands the vehicle, beside this program."""
+    """Another program or person commands the vehicle."""
 
     needs = "other commanders"
     reason: str
 
 
 class InputLost(RunEvent):
-    """An input is unplugged, silent or stuck, or says what is no number."""
+    """An input is unplugged, silent or stuck, or delivers invalid numbers."""
 
     input: str
     reason: str
@@ -367,13 +367,13 @@ class InputLost(RunEvent):
 
 
 class InputRecovered(RunEvent):
-    """An input that was lost is well again."""
+    """An input that was lost works again."""
 
     input: str
 
 
 class ObstacleLost(RunEvent):
-    """A moving obstacle is not seen any more."""
+    """A moving obstacle is no longer seen."""
 
     obstacle: str
     reason: str
@@ -386,14 +386,14 @@ class ObstacleFound(RunEvent):
 
 
 class ControlTaken(VehicleEvent):
-    """Somebody else has the vehicle, and it is left alone."""
+    """A pilot has taken the vehicle over; kybflow sends it no commands."""
 
     needs = "other commanders"
     reason: str
 
 
 class ControlRefused(VehicleEvent):
-    """The vehicle was asked for back, and does not come: it is asked no more."""
+    """The vehicle did not return control on request; kybflow stops requesting it."""
 
     needs = "other commanders"
     reason: str
@@ -406,23 +406,23 @@ class ControlLost(VehicleEvent):
 
 
 class ControlReturned(VehicleEvent):
-    """The vehicle obeys again, and goes on with what it was doing."""
+    """The vehicle follows commands again and continues its behavior."""
 
 
 class LinkReturned(VehicleEvent):
-    """The vehicle is heard again, after a silence."""
+    """Data from the vehicle arrive again."""
 
     value: Duration
 
 
 class Paused(VehicleEvent):
-    """The vehicle holds; what it was doing is frozen."""
+    """The vehicle holds its position; its behavior is frozen."""
 
     by: str
 
 
 class Resumed(VehicleEvent):
-    """The vehicle goes on with what it was doing when it was paused."""
+    """The vehicle continues the behavior that was paused."""
 
     by: str
 
@@ -435,7 +435,7 @@ class PauseRefused(VehicleEvent):
 
 
 class SwitchRefused(VehicleEvent):
-    """A state that was asked for can't be entered now."""
+    """A requested state can't be entered now."""
 
     state: str
     by: str
@@ -458,7 +458,7 @@ class PhaseEnded(RunEvent):
 
 
 class PhaseRefused(RunEvent):
-    """A phase that was asked for can't be entered now."""
+    """A requested phase can't be entered now."""
 
     flow: str
     phase: str
@@ -474,7 +474,7 @@ class FlowEnded(RunEvent):
 
 
 class FlowFailed(RunEvent):
-    """A flow could not go on; its vehicles do what they do."""
+    """A flow failed and ended; its vehicles continue their behaviors."""
 
     flow: str
     reason: str
@@ -497,28 +497,28 @@ class GiveRefused(VehicleEvent):
 
 
 class ProcessorEnabled(VehicleEvent):
-    """A processor is in use again."""
+    """A processor is switched on again."""
 
     processor: str
     by: str
 
 
 class ProcessorDisabled(VehicleEvent):
-    """A processor is left out."""
+    """A processor is switched off."""
 
     processor: str
     by: str
 
 
 class Performed(VehicleEvent):
-    """The vehicle was asked for an act of its driver."""
+    """The vehicle was requested to perform an act of its driver."""
 
     act: str
     by: str
 
 
 class PerformRefused(VehicleEvent):
-    """An act that was asked for is not performed now."""
+    """A requested act can't be performed now."""
 
     act: str
     by: str
@@ -526,20 +526,20 @@ class PerformRefused(VehicleEvent):
 
 
 class Reset(VehicleEvent):
-    """A fault was forgotten, on the ground."""
+    """A latched failsafe reaction was cleared on the ground."""
 
     by: str
 
 
 class ResetRefused(VehicleEvent):
-    """A fault can't be forgotten now."""
+    """A latched failsafe reaction can't be cleared now."""
 
     by: str
     reason: str
 
 
 class OptionChanged(VehicleEvent):
-    """A parameter has another value."""
+    """A parameter changed its value."""
 
     option: str
     value: str
@@ -547,7 +547,7 @@ class OptionChanged(VehicleEvent):
 
 
 class OptionRefusedEvent(VehicleEvent):
-    """A parameter can't have the value."""
+    """A parameter refused a value."""
 
     option: str
     by: str
@@ -555,21 +555,21 @@ class OptionRefusedEvent(VehicleEvent):
 
 
 class FaultInjected(VehicleEvent):
-    """A fault of the mission is at work on the vehicle."""
+    """A fault of the mission is injected."""
 
     awaited = "to log it"
     fault: str
 
 
 class FaultEnded(VehicleEvent):
-    """A fault's time is over."""
+    """An injected fault ended."""
 
     awaited = "to log it"
     fault: str
 
 
 class FaultFailed(VehicleEvent):
-    """A fault could not be injected, or failed at work."""
+    """A fault could not be injected, or raised."""
 
     awaited = "to log it"
     fault: str
@@ -577,19 +577,19 @@ class FaultFailed(VehicleEvent):
 
 
 class RunStopped(RunEvent):
-    """Somebody ends the run: every vehicle lands."""
+    """A person or a callback ended the run; every vehicle lands."""
 
     reason: str
 
 
 class Logged(RunEvent):
-    """A callback said something."""
+    """A callback logged a text."""
 
     text: str
 
 
 class ActionFailed(RunEvent):
-    """An action of a package raised and was left out."""
+    """An action of a package raised and is not called again."""
 
     action: str
     reason: str
@@ -611,7 +611,7 @@ class LandedHard(VehicleEvent):
 
 
 class PayloadRested(VehicleEvent):
-    """A payload that was let go came to rest."""
+    """A released payload came to rest."""
 
     awaited = "nowhere"
     x: Length
@@ -620,7 +620,7 @@ class PayloadRested(VehicleEvent):
 
 
 class LeaseTaken(RunEvent):
-    """A client took the run over from another one."""
+    """A client took control of the run from another client."""
 
     awaited = "nowhere"
     by: str
@@ -628,7 +628,7 @@ class LeaseTaken(RunEvent):
 
 
 class CommandGiven(RunEvent):
-    """Somebody gave a command; it was heard at `heard_s`, if not when it was answered."""
+    """A person gave a command; it arrived at `heard_s`, unless it was answered at once."""
 
     awaited = "nowhere"
     command: str

@@ -1,4 +1,4 @@
-"""Faults, their effects, and the rig that applies them to a simulated vehicle."""
+"""Faults, their effects, and what applies them to a simulated vehicle."""
 
 from __future__ import annotations
 

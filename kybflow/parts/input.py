@@ -1,4 +1,4 @@
-"""Inputs: what a person steers with and gives events by."""
+"""Inputs: the devices with which a person steers and emits events."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class InputLink(ABC):
 
     @abstractmethod
     def read(self, now: Time) -> InputReading | None:
-        """Return what the device says now, None while it has said nothing. A button that went down
-        since the last call is among those held, however short it was. Raises DriverError."""
+        """Return the newest reading, None before the first. A button that went down since the last
+        call counts as held, however short it was. Raises DriverError."""
 
     def trouble(self) -> str | None:
-        """Return why the device says nothing, in words for a person; None if no problem is
+        """Return why the device delivers nothing, in words for a person; None if no problem is
         known."""
         return None
 
@@ -39,17 +39,17 @@ class FeltLink(InputLink):
 
     @abstractmethod
     def apply_force(self, push: Vec3 | None) -> None:
-        """Let the hand feel what it steers: `push`, along the axes x, y and z, about 1 for a whole
-        mismatch; None: nothing, since what it steers is held or the input lost. Called once a tick,
-        after `read`. Raises DriverError."""
+        """Apply the force `push` to the hand, along the axes x, y and z, about 1 for a full
+        mismatch; None for no force, while what it steers is held or the input is lost. Called once
+        a tick, after `read`. Raises DriverError."""
 
 
 class Input(Part[P]):
-    """Gives axes, each -1 to 1, and buttons. A mission hears a button as the event `INPUT.BUTTON`.
+    """Gives axes, each -1 to 1, and buttons. A button emits the event `INPUT.BUTTON`.
 
     stuck_after: seconds after which an axis away from its centre that gives the same number over
     and over is stuck, unless the mission says otherwise; None for a device whose axes have steps.
-    reads_terminal: it takes the keys of the terminal, so that nobody else may.
+    reads_terminal: it reads the keys of the terminal, so that nothing else may.
     """
 
     kind = "inputs"
@@ -59,8 +59,7 @@ class Input(Part[P]):
 
     @classmethod
     def real_time(cls, params: P) -> bool:
-        """Return whether a person is at it, so that a simulation beside it must run in real
-        time."""
+        """Return whether a person uses it, so that a simulation with it must run in real time."""
         return True
 
     @classmethod

@@ -34,7 +34,8 @@ class StatusText(NamedTuple):
 
 
 class ForeignCommand(NamedTuple):
-    """What somebody else commanded a vehicle, in words. allowed: whether the run may succeed."""
+    """A command that another program or person gave a vehicle, in words. allowed: whether the run
+    may still succeed."""
 
     reason: str
     allowed: bool
@@ -116,7 +117,7 @@ class DisarmsByForce(Protocol):
 
 @runtime_checkable
 class Lands(Protocol):
-    """A vehicle with a land mode of its own."""
+    """A vehicle that has its own land mode."""
 
     def land(self, now: Time) -> bool:
         """Land in the vehicle's own land mode; return whether it is on the ground with its rotors
@@ -203,8 +204,7 @@ class ShowsView(Protocol):
 
 @runtime_checkable
 class SimulatesLab(Protocol):
-    """A link to a simulator whose world may be a lab, with all that is less than perfect there.
-    is_calm: it is not."""
+    """A link to a simulator that may model the imperfections of a lab. is_calm: it models none."""
 
     is_calm: bool
 
@@ -222,7 +222,7 @@ class ReportsTouches(Protocol):
     """A link to a simulator that knows what its vehicle touches."""
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
-        """Tell each touch from now on, in the tick in which it begins."""
+        """Call `tell` with each touch from now on, in the tick in which it begins."""
 
 
 def truth_source(link: Link) -> Callable[[], Truth | None]:
@@ -237,7 +237,7 @@ def view_source(link: Link) -> Callable[[], Truth | None]:
 
 
 def is_calm(link: Link) -> bool:
-    """Return whether the vehicle's world is perfect; so is one that says nothing of it."""
+    """Return whether the vehicle's world has no imperfections, as without a simulator."""
     return link.is_calm if isinstance(link, SimulatesLab) else True
 
 

@@ -10,12 +10,12 @@ from short_flights import named
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.rehearsal.arrivals import StraightWay, arrival
+from kybflow.api.rehearsal.findings import Arrival
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.plan import PhasePlan, Request
-from kybflow.dsl.rehearsed import Arrival
 from kybflow.parts.catalog import load_catalog
 
 MISSION = """\

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+from kybflow.api.findings.codes import codes
 from kybflow.cli.app import app
-from kybflow.dsl.diagnostics.codes import codes
 
 PAGE = (Path(__file__).parents[2] / "docs" / "rehearsal.md").read_text(encoding="utf-8")
 [MISSION] = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from kybflow.api.findings.codes import codes, families, list_codes, page, show_code
+from kybflow.api.findings.pages import sections, sections_of
 from kybflow.cli.app import app
-from kybflow.dsl.diagnostics.codes import codes, families, list_codes, page, show_code
-from kybflow.dsl.diagnostics.pages import sections, sections_of
 
 REPO = Path(__file__).parents[2]
 PAGE = REPO / "docs" / "checks.md"

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from kybflow.api.findings.formats import to_annotation, to_sarif
 from kybflow.cli.app import app
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
 from kybflow.dsl.diagnostics.spans import Span
 
 IMPORTED = Span("m.yaml", 3, 9, 3, 20)

@@ -3,5 +3,5 @@ arms.
 
 `ideal` replaces hardware and simulators by ideal vehicles; `person` gives the events that a person
 would give; `watch` makes the findings, with `arrivals` for its hints; `rehearse` joins them;
-`report` formats the result. The texts of findings are in `kybflow.dsl.rehearsed`.
+`report` formats the result. The texts of findings are in `findings`.
 """

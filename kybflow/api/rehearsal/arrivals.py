@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from kybflow.api.rehearsal.findings import Arrival
 from kybflow.core.geometry import Vec3, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.dsl.plan import PhasePlan
-from kybflow.dsl.rehearsed import Arrival
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 

@@ -8,13 +8,13 @@ from types import MappingProxyType
 
 from kybflow.api.entry_judge import PlanEntryJudge
 from kybflow.api.opening import assemble, open_devices
+from kybflow.api.rehearsal import findings
 from kybflow.api.rehearsal.ideal import at_rest, ideal
 from kybflow.api.rehearsal.person import Assumed, Person
 from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
 from kybflow.core.errors import PartFailed
 from kybflow.core.signals import Event
 from kybflow.core.units import format_measured
-from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.clock import SimulatedClock
@@ -66,7 +66,7 @@ def rehearse(
         found = watch.diagnostics
         if not (found or person.assumed or at_rest(plan)):
             found = tuple(
-                rehearsed.unmet(
+                findings.unmet(
                     v.text, v.at, "" if v.value is None else format_measured(v.value, v.unit), texts
                 )
                 for v in verdicts
@@ -120,4 +120,4 @@ def _not_made(plan: Plan, failure: PartFailed, texts: Mapping[str, str]) -> Diag
     made = ((vehicle.name, part) for vehicle in plan.vehicles for part in parts_of(vehicle))
     found = ((name, part.at) for name, part in made if part.label == failure.part)
     name, at = next(found, (plan.vehicles[0].name, plan.vehicles[0].at))
-    return rehearsed.stays_down(name, failure.part, str(failure), at, texts)
+    return findings.stays_down(name, failure.part, str(failure), at, texts)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def formatted(rehearsal: Rehearsal, texts: dict[str, str], format: str) -> Iterable[str]:
     """Format a rehearsal as `text`, `json`, `sarif` or `github`."""
-    from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
+    from kybflow.api.findings.formats import to_annotation, to_sarif
 
     if format == "text":
         return reports(rehearsal, texts)

@@ -11,16 +11,16 @@ from itertools import combinations
 from math import dist, inf
 from typing import NamedTuple
 
+from kybflow.api.rehearsal import findings
 from kybflow.api.rehearsal.arrivals import Arrivals
+from kybflow.api.rehearsal.findings import Arrival, Doing, Texts, Waiting, span_at
 from kybflow.core.geometry import Vec3, distance, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, format_quantity
-from kybflow.dsl import rehearsed
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.expressions.describe import describe
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
-from kybflow.dsl.rehearsed import Arrival, Doing, Texts, Waiting
 from kybflow.parts import GROUND
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -109,7 +109,7 @@ class Watch:
                 if self.charge is None or battery.remaining < self.charge.remaining:
                     self.charge = LeastCharge(battery.remaining, vehicle.name)
                 if battery.remaining <= 0.0 and vehicle.airborne:
-                    empty = rehearsed.battery_ended(self._doing(vehicle), self._texts)
+                    empty = findings.battery_ended(self._doing(vehicle))
                     self._add(empty, vehicle.name)
             if vehicle.name in places and vehicle.airborne:
                 self._check_fence(vehicle, places[vehicle.name])
@@ -134,12 +134,12 @@ class Watch:
         waiting, notes = self._unfinished
         if waiting is not None and engine.seconds() >= self._plan.time_limit:
             limit = self._plan.time_limit
-            self._add(rehearsed.not_finished(waiting, limit, notes, self._texts))
+            self._add(findings.not_finished(waiting, limit, notes, self._texts))
         for one, other in combinations(engine.vehicles, 2):
             pair = sorted((one.name, other.name))
             if _rest_together(one, other) and ("KYB470", *pair) not in self._found:
                 own, beside = self._doing(one), self._doing(other)
-                found = rehearsed.common_place(own, beside, rests=True, texts=self._texts)
+                found = findings.common_place(own, beside, rests=True)
                 self._add(found, *pair)
 
     def _check_gap(self, one: Vehicle, other: Vehicle, gap: float) -> None:
@@ -151,7 +151,7 @@ class Watch:
         if gap < needed and not collides and one.airborne and other.airborne:
             own, beside = self._doing(one), self._doing(other)
             mend = self._apart(one, other, needed)
-            found = rehearsed.too_close(own, beside, gap, needed, self._texts, mend)
+            found = findings.too_close(own, beside, gap, needed, mend)
             self._add(found, *sorted((one.name, other.name)))
 
     def _check_fence(self, vehicle: Vehicle, place: Vec3) -> None:
@@ -163,9 +163,7 @@ class Watch:
         beyond = fence.outside_by((x, y, max(z, fence.low[2]) if z >= floor else z))
         if beyond > LEFT and not _is_steered(vehicle):
             why = f"{beyond:.2f} m outside of the fence"
-            found = rehearsed.left_the_fence(
-                self._doing(vehicle), why, "", is_vertical=False, texts=self._texts
-            )
+            found = findings.left_the_fence(self._doing(vehicle), why, "", is_vertical=False)
             self._add_in(vehicle.runner.state, vehicle, found)
 
     def _collided(self, event: Event) -> None:
@@ -173,16 +171,16 @@ class Watch:
         other = self._vehicles.get(into)
         own = self._doing(vehicle)
         if other is None:
-            self._add(rehearsed.ran_into(own, into, self._texts), vehicle.name, into)
+            self._add(findings.ran_into(own, into), vehicle.name, into)
         else:
             mend = self._apart(vehicle, other, _needed(vehicle, other))
-            found = rehearsed.collided(own, self._doing(other), self._texts, mend)
+            found = findings.collided(own, self._doing(other), mend)
             self._add(found, *sorted((vehicle.name, into)))
 
     def _landed_hard(self, event: Event) -> None:
         vehicle, speed = self._vehicles[event.vehicle], event.fields["speed"]
         assert isinstance(speed, float)
-        found = rehearsed.landed_hard(self._doing(vehicle), speed, self._texts)
+        found = findings.landed_hard(self._doing(vehicle), speed)
         self._add_in(vehicle.runner.state, vehicle, found)
 
     def _clamped(self, event: Event) -> None:
@@ -190,8 +188,8 @@ class Watch:
         if _is_steered(vehicle):
             return
         own, why = self._doing(vehicle), str(event.fields["reason"])
-        found = rehearsed.left_the_fence(
-            own, why, event.at, is_vertical=GROUND in vehicle.runner.leg, texts=self._texts
+        found = findings.left_the_fence(
+            own, why, event.at, is_vertical=GROUND in vehicle.runner.leg
         )
         self._add_in(vehicle.runner.state, vehicle, found)
 
@@ -205,7 +203,7 @@ class Watch:
         mend = None
         if named and isinstance(bound, float):
             mend = self._apart(vehicle, named[0], bound)
-        found = rehearsed.failsafe_acted(own, reaction, why, event.at, others, self._texts, mend)
+        found = findings.failsafe_acted(own, reaction, why, event.at, others, mend)
         self._add_in(vehicle.runner.state, vehicle, found)
 
     def _failed(self, event: Event) -> None:
@@ -213,13 +211,13 @@ class Watch:
         state = vehicle.plan.states[str(event.fields["behavior"])]
         if not _steers(state):
             own, answered = self._doing_in(vehicle, state), _answers(state.transitions)
-            found = rehearsed.failed(own, why, answered=answered, texts=self._texts)
+            found = findings.failed(own, why, answered=answered)
             self._add_in(state, vehicle, found)
 
     def _part_failed(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
         why = f"`{event.fields['part']}` failed: {event.fields['reason']}"
-        found = rehearsed.failed(self._doing(vehicle), why, answered=False, texts=self._texts)
+        found = findings.failed(self._doing(vehicle), why, answered=False)
         self._add_in(vehicle.runner.state, vehicle, found)
 
     def _switch_refused(self, event: Event) -> None:
@@ -228,7 +226,7 @@ class Watch:
         if event.fields["by"] == "mission" or vehicle.name in self._wrong:
             return
         own, why = self._doing(vehicle), str(event.fields["reason"])
-        found = rehearsed.refused(own, wanted, why, event.at or own.at, self._texts)
+        found = findings.refused(own, wanted, why, event.at or own.span.at, self._texts)
         self._add(found, vehicle.name, wanted)
 
     def _ended(self, event: Event) -> None:
@@ -239,7 +237,7 @@ class Watch:
             own = self._doing_in(vehicle, state)
             limit = next((t.after for t in state.transitions if t.cause == "within"), None)
             answered = _answers(state.transitions)
-            found = rehearsed.timed_out(own, limit, answered=answered, texts=self._texts)
+            found = findings.timed_out(own, limit, answered=answered)
             self._add_in(state, vehicle, found)
 
     def _behavior_waits(self, event: Event) -> None:
@@ -247,7 +245,7 @@ class Watch:
         other = self._nearest(vehicle)
         if vehicle.runner.leg.end is GROUND and vehicle.airborne and other is not None:
             own, beside = self._doing(vehicle), self._doing(other)
-            found = rehearsed.common_place(own, beside, rests=False, texts=self._texts)
+            found = findings.common_place(own, beside, rests=False)
             self._add(found, vehicle.name, other.name)
 
     def _phase_ended(self, event: Event) -> None:
@@ -258,7 +256,7 @@ class Watch:
         phase = flow.phases[str(event.fields["phase"])]
         limit = next((t.after for t in phase.transitions if t.cause == "within"), None)
         seconds = self._engine.seconds()
-        found = rehearsed.phase_timed_out(
+        found = findings.phase_timed_out(
             flow.name, phase.name, phase.at, limit, seconds, self._states(), self._texts
         )
         self._add(found, flow.name, phase.name)
@@ -266,7 +264,7 @@ class Watch:
     def _preflight_failed(self, event: Event) -> None:
         check, why = str(event.fields["check"]), str(event.fields["reason"])
         at = event.at or self._plan.vehicles[0].at
-        self._add(rehearsed.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
+        self._add(findings.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
 
     def _nearest(self, vehicle: Vehicle) -> Vehicle | None:
         """Return the vehicle with the least horizontal distance to another."""
@@ -296,7 +294,8 @@ class Watch:
         part, runner, waits_for = state.behavior.name, vehicle.runner, ""
         if runner.begun and state is runner.state:
             waits_for = runner.behavior.waits_for or ""
-        return Doing(vehicle.name, state.name, part, at, seconds, place, waits_for)
+        span = span_at(at, self._texts)
+        return Doing(vehicle.name, state.name, part, span, seconds, place, waits_for)
 
     def _add(self, found: Diagnostic, *about: str) -> None:
         """Keep the first finding of a code about what `about` names."""

@@ -81,7 +81,7 @@ def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list
 
 
 def clipped(text: str) -> str:
-    """`text`, its middle left out where it is longer than anybody reads."""
+    """`text`, its middle left out where it is longer than 500 characters."""
     return text if len(text) <= _LONGEST else f"{text[:200]} ... {text[-200:]}"
 
 

@@ -1,4 +1,4 @@
-"""Where a piece of text stands: spans that survive import, `like` and parameters."""
+"""Spans: where a piece of text was written, kept through imports, `like` and parameters."""
 
 from __future__ import annotations
 

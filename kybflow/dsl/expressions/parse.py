@@ -54,14 +54,14 @@ _NEXT = "`and`, `or` or the end"
 
 
 class Parsed(NamedTuple):
-    """What a text says, None when it has errors, and what was found."""
+    """The expression in a text, None when it has errors, and the findings."""
 
     expression: tree.Expression | None
     findings: list[Diagnostic]
 
 
 def parse(text: Text, scope: Scope) -> Parsed:
-    """The expression that `text` says, or None and what is wrong with it. Never raises."""
+    """The expression in `text`, or None and the findings. Never raises."""
     parsed: Parsed | None = scope.read.get(text)
     if parsed is None:
         parsed = scope.read[text] = _parsed(text, scope)

@@ -1,9 +1,9 @@
-"""What is certain of a condition, whatever the flight brings: whether it can hold, whether it
-always does, whether another one follows from it.
+"""Proves facts about conditions, independent of any flight: whether one can hold, always holds, or
+implies another.
 
-A condition is brought into the form (a and b) or (c and d) or ...; one such group can't hold when
-what it says of one value leaves nothing: an empty interval, or two names. Where that can't be told,
-or the form grows beyond `_MOST` groups, nothing is said.
+A condition is brought into disjunctive normal form, (a and b) or (c and d) or ... A group can't
+hold when its bounds on one value leave an empty interval, or name two things. Beyond `_MOST` groups
+nothing is proven.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _Group = tuple[_Fact, ...]
 
 
 class _TooManyError(Exception):
-    """The form has more groups than are worth looking at."""
+    """The form has more than `_MOST` groups."""
 
 
 class Envelopes(NamedTuple):
@@ -157,10 +157,10 @@ def implies(narrow: Condition, wide: Condition) -> bool:
     if narrow == wide:
         return True
     try:
-        told, denied = _groups(narrow, True), _groups(wide, False)
+        held, denied = _groups(narrow, True), _groups(wide, False)
     except _TooManyError:
         return False
-    plain = [tuple(fact for fact in group if fact.is_plain) for group in told]
+    plain = [tuple(fact for fact in group if fact.is_plain) for group in held]
     return all(_contradicts((*a, *b), lambda _: (-inf, inf)) for a, b in product(plain, denied))
 
 

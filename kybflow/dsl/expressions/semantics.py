@@ -114,7 +114,7 @@ class Semantics:
         return points.get(name, ZERO)
 
     def payload(self, vehicle: str, token: Token) -> None:
-        """A vehicle whose payload is asked for must have one."""
+        """Report a vehicle whose payload is read and that has none."""
         if vehicle in self._scope.vehicles and vehicle not in self._scope.carriers:
             hint = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
             self.report("KYB211", token, f"`{vehicle}` carries no payload", "unknown", hint)
@@ -141,8 +141,8 @@ class Semantics:
             return 0.0
 
     def unknown_name(self, side: Operand, other: Operand | None = None) -> None:
-        """Report what is unknown of a dotted name: all of it, or what follows a vehicle. `other` is
-        what it is compared with."""
+        """Report the unknown part of a dotted name: all of it, or what follows a vehicle. `other`
+        is the other side of the comparison."""
         token, scope = side.token, self._scope
         first, _, rest = token.text.partition(".")
         inner = token._replace(text=rest, start=token.end - len(rest))
@@ -201,15 +201,15 @@ class Semantics:
 
     def _beside(self, side: Operand, other: Operand) -> Value:
         """The value of a quantity or a bare word beside `other`, which gives it its dimension."""
-        told = f"`{other.source}` is {type_name(other.dimension)}"
+        is_of = f"`{other.source}` is {type_name(other.dimension)}"
         if is_quantity(side) and other.dimension is not None:
-            value = self.measured(side.token, other.dimension, told)
+            value = self.measured(side.token, other.dimension, is_of)
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
                 message = f"`{other.source}` is never more than 100 % or less than 0 %"
                 self.report("KYB215", side.token, message, "never reached")
             return Quantity(value, other.dimension)
         if is_quantity(side):
-            message = f"{told}, `{side.source}` is a quantity"
+            message = f"{is_of}, `{side.source}` is a quantity"
             self.report("KYB212", side.token, message, "a quantity")
         elif other.dimension is None and isinstance(other.node, Read):
             return self._word(side.token, other.node)

@@ -1,5 +1,4 @@
-"""What is drawn of the state machines of a plan, of vehicles and of flows, before anything has a
-place on the page.
+"""The boxes and edges that are drawn of the state machines of vehicles and flows, before layout.
 
 Transitions that are taken when all goes well or as the mission says are drawn; the failure
 transitions that the language adds are not. Vehicles with the same machine share a drawing.
@@ -8,7 +7,6 @@ transitions that the language adds are not. Vehicles with the same machine share
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from kybflow.core.units import DURATION
@@ -16,7 +14,6 @@ from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.plan import (
     END,
-    CallbackPlan,
     FlowPlan,
     PhasePlan,
     Plan,
@@ -59,7 +56,7 @@ class Drawing(NamedTuple):
 
 
 Requests = Mapping[str, tuple[str, ...]]
-"""The states that are asked for, by who asks."""
+"""The requested states by the flow or callback that requests them."""
 
 
 def requests_to(plan: Plan, vehicle: str) -> Requests:
@@ -70,15 +67,11 @@ def requests_to(plan: Plan, vehicle: str) -> Requests:
             if vehicle in phase.run:
                 found.setdefault(f"flow {flow.name}", {})[phase.run[vehicle].state] = None
     for callback in plan.callbacks:
+        when = describe(callback.when) if callback.when and not callback.event else callback.event
         for action in callback.actions:
             if isinstance(action, Switch) and action.vehicle == vehicle:
-                found.setdefault(f"on {_occasion(callback)}", {})[action.state] = None
+                found.setdefault(f"on {when}", {})[action.state] = None
     return {name: tuple(states) for name, states in found.items()}
-
-
-def _occasion(callback: CallbackPlan) -> str:
-    """What a callback answers: an event, or a condition that begins to hold."""
-    return describe(callback.when) if callback.when and not callback.event else callback.event
 
 
 Groups = Mapping[str, tuple[str, ...]]
@@ -86,23 +79,26 @@ Groups = Mapping[str, tuple[str, ...]]
 
 def drawings(plan: Plan) -> list[Drawing]:
     """One drawing for each machine, with the vehicles that have it."""
-    same: dict[_Machine, list[str]] = {}
+    same: dict[Drawing, list[str]] = {}
     for vehicle in plan.vehicles:
         same.setdefault(_machine(vehicle, requests_to(plan, vehicle.name)), []).append(vehicle.name)
-    vehicles = [Drawing(", ".join(names), m.begin, m.boxes, m.edges) for m, names in same.items()]
+    vehicles = [drawing._replace(title=", ".join(names)) for drawing, names in same.items()]
     return [*vehicles, *(_flow(flow, plan.groups) for flow in plan.flows)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Machine:
-    begin: str
-    boxes: tuple[StateBox, ...]
-    edges: tuple[Edge, ...]
-
-
-def _machine(vehicle: VehiclePlan, askers: Requests) -> _Machine:
+def _machine(vehicle: VehiclePlan, askers: Requests) -> Drawing:
+    """The drawing of a vehicle, without a title."""
     drawn = _reached(vehicle, askers)
-    boxes = tuple(_box(state) for name, state in vehicle.states.items() if name in drawn)
+    boxes = tuple(
+        StateBox(
+            name,
+            state.behavior.name,
+            f"{state.legs[0].start.value} → {state.legs[0].end.value}",
+            state.built_in,
+        )
+        for name, state in vehicle.states.items()
+        if name in drawn
+    )
     labels: dict[tuple[str, str], list[str]] = {}
     implied: dict[tuple[str, str], bool] = {}
     for box in boxes:
@@ -118,7 +114,7 @@ def _machine(vehicle: VehiclePlan, askers: Requests) -> _Machine:
         for name, states in askers.items()
         for state in states
     )
-    return _Machine(vehicle.begin, (*boxes, *asking), (*edges, *entries))
+    return Drawing("", vehicle.begin, (*boxes, *asking), (*edges, *entries))
 
 
 def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
@@ -145,12 +141,6 @@ def _drawn(state: StatePlan) -> list[TransitionPlan]:
         if not (transition.implied or state.built_in)
         or not (transition.cause == "failed" or (transition.cause == "then" and is_endless))
     ]
-
-
-def _box(state: StatePlan) -> StateBox:
-    leg = state.legs[0]
-    flight = f"{leg.start.value} → {leg.end.value}"
-    return StateBox(state.name, state.behavior.name, flight, state.built_in)
 
 
 def cause_of(transition: TransitionPlan) -> str:

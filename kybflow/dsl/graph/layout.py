@@ -57,8 +57,12 @@ def arranged(
     for box, rank in enumerate(ranks):
         layout.layers[2 * rank].append(box)
     for index, (upper, lower) in enumerate(down):
-        chain = _chain(layout, upper, lower, ranks, labels[index])
-        layout.chains.append(EdgePath(chain, index in back))
+        passed: list[int] = []
+        for layer in range(2 * ranks[upper] + 1, 2 * ranks[lower]):
+            layout.layers[layer].append(len(layout.sizes))
+            passed.append(len(layout.sizes))
+            layout.sizes.append(Size(4.0, 4.0, 0.0) if passed[1:] else labels[index])
+        layout.chains.append(EdgePath((upper, *passed, lower), index in back))
     above, below = _neighbours(layout)
     _order(layout, above, below)
     _place(layout, above, below)
@@ -99,18 +103,6 @@ def _ranks(count: int, down: Sequence[tuple[int, int]]) -> list[int]:
         for source, target in down:
             ranks[target] = max(ranks[target], ranks[source] + 1)
     return ranks
-
-
-def _chain(
-    layout: Layout, upper: int, lower: int, ranks: Sequence[int], label: Size
-) -> tuple[int, ...]:
-    passed: list[int] = []
-    for layer in range(2 * ranks[upper] + 1, 2 * ranks[lower]):
-        vertex = len(layout.sizes)
-        layout.sizes.append(Size(4.0, 4.0, 0.0) if passed else label)
-        layout.layers[layer].append(vertex)
-        passed.append(vertex)
-    return (upper, *passed, lower)
 
 
 Neighbours = Mapping[int, list[int]]

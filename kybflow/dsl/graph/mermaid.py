@@ -7,7 +7,7 @@ from kybflow.dsl.plan import Plan
 
 
 def mermaid(plan: Plan) -> str:
-    """The state machines as one `stateDiagram-v2`, each in a box of its own."""
+    """The state machines as one `stateDiagram-v2`, each in its own box."""
     lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
     for number, drawing in enumerate(drawings(plan), start=1):
         lines += _box(f"m{number}", drawing)

@@ -41,7 +41,7 @@ class Scopes:
         return self._conditions[vehicle]
 
     def flow(self) -> Scope:
-        """The scope of a phase's `when`: every vehicle, and no vehicle of its own."""
+        """The scope of a phase's `when`: every vehicle by its name."""
         return self.condition(None)
 
     def health(self, vehicle: str) -> Scope:

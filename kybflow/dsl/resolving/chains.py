@@ -19,7 +19,7 @@ from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import END, ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
-from kybflow.dsl.resolving.exports import Exports, chain_of
+from kybflow.dsl.resolving.exports import Exports, UseMarker, chain_of
 from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
 from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter
 
@@ -85,7 +85,7 @@ class Chains:
         return Mapping({**vehicle.entries, "behaviors": whole}, vehicle.span)
 
     def judge(self) -> None:
-        """Report what is wrong with the file's own chains, those that nothing uses included."""
+        """Judge the file's own chains, those that nothing uses included."""
         exports, found = self._exports, self._found
         for name, entry in exports.written("chains").items():
             chain = exports.entry("chains", name)
@@ -150,9 +150,9 @@ class Chains:
         first = begin.text if isinstance(begin, Scalar) else next(iter(behaviors), "")
         if isinstance(begin, Scalar) and first not in behaviors:
             self._report_unknown(begin, behaviors)
-        states: list[tuple[str, MappingEntry]] = []
+        states, used = list[tuple[str, MappingEntry]](), UseMarker()
         for inner in sorted(behaviors, key=lambda inner: inner != first):
-            value = _used_at(behaviors[inner].value, use.places)
+            value = used.marked(behaviors[inner].value, use.places)
             assert isinstance(value, Mapping)
             full = f"{use.state}.{inner}"
             body = self._state(value, use, behaviors)
@@ -242,23 +242,6 @@ class Chains:
         message = f"the chain has no behavior `{name.text}`"
         hint = did_you_mean(name.text, [*behaviors, END])
         self._found.report("KYB158", message, name.span._replace(used=()), help=hint)
-
-
-def _used_at(node: Node, places: tuple[Span, ...]) -> Node:
-    """Copy the nodes of a chain, so that their spans say where the chain is used."""
-    span = node.span._replace(used=places)
-    if isinstance(node, Scalar):
-        return node._replace(span=span)
-    if isinstance(node, Sequence):
-        return Sequence(tuple([_used_at(item, places) for item in node.items]), span)
-    entries = {
-        name: entry._replace(
-            key=entry.key._replace(span=entry.key.span._replace(used=places)),
-            value=_used_at(entry.value, places),
-        )
-        for name, entry in node.entries.items()
-    }
-    return Mapping(entries, span)
 
 
 def _report_both(message: str, first: Span, second: Span, found: Findings) -> None:

@@ -1,5 +1,8 @@
 """What a file exports: its airframes, vehicles, stacks, worlds and flows, each whole after `like`
-and with the parts of a stack in the place of `- stack: NAME`; its chains as they are written."""
+and with the parts of a stack in the place of `- stack: NAME`; its chains as they are written.
+
+`like` starts from another entry: mappings merge, lists are replaced, `null` removes.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +23,12 @@ from kybflow.dsl.reading.nodes import (
     items_of,
 )
 from kybflow.dsl.resolving.library_files import LibraryPath, installed, read_library
-from kybflow.dsl.resolving.like import merge
 from kybflow.dsl.resolving.parameters import ParameterTable
 
 CODES = {
+    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
+    "KYB125": "Entries that are `like` each other in a cycle, or stacks that hold each other.",
+    "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
     "KYB157": "A stack that has nothing for the list in which it stands.",
 }
 _CHAIN = 20
@@ -32,6 +37,8 @@ _STANDARD = "kybflow/airframes"
 SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
 """What a library exports."""
 _REMOVED = {"vehicles": "behaviors", "flows": "phases"}
+Places = tuple[Span, ...]
+"""Where something is used, outermost first."""
 
 
 class Exports:
@@ -266,3 +273,63 @@ def _qualified(vehicle: Mapping, library: str) -> Mapping:
             entries[name] = entry._replace(value=body)
     whole = behaviors._replace(value=Mapping(entries, behaviors.value.span))
     return Mapping({**vehicle.entries, "behaviors": whole}, vehicle.span)
+
+
+def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
+    """`own` over `base`. What comes from `base` alone is marked inherited, and `used` there; the
+    order is that of `base`, then what `own` adds."""
+    entries = {
+        key: MappingEntry(entry.key, entry.value, True, (*used, *entry.used), entry.depth + 1)
+        for key, entry in base.entries.items()
+    }
+    for key, entry in own.entries.items():
+        under, value = entries.get(key), entry.value
+        if is_null(value):
+            entries.pop(key, None)
+            continue
+        if isinstance(value, Mapping):
+            if under is not None and isinstance(under.value, Mapping):
+                value = merge(under.value, value, under.used)
+            elif _has_null(value):
+                value = merge(Mapping({}, value.span), value)
+        entries[key] = MappingEntry(entry.key, value)
+    return Mapping(entries, own.span)
+
+
+def _has_null(value: Mapping) -> bool:
+    """Whether there is anything to remove; a node without keeps being shared."""
+    return any(
+        is_null(entry.value) or (isinstance(entry.value, Mapping) and _has_null(entry.value))
+        for entry in value.entries.values()
+    )
+
+
+class UseMarker:
+    """Copies nodes, whose spans say then where `like` brought them to; what an alias shares stays
+    shared."""
+
+    def __init__(self) -> None:
+        self._done: dict[tuple[int, Places], tuple[Node, Node]] = {}
+
+    def marked(self, node: Node, used: Places = ()) -> Node:
+        """`node`, which is used at the places `used`, with these in every span."""
+        key = (id(node), used)
+        if key not in self._done:
+            self._done[key] = (node, self._copied(node, used))
+        return self._done[key][1]
+
+    def _copied(self, node: Node, used: Places) -> Node:
+        span = node.span._replace(used=used) if used else node.span
+        if isinstance(node, Scalar):
+            return node._replace(span=span) if used else node
+        if isinstance(node, Sequence):
+            items = tuple(self.marked(item, used) for item in node.items) if used else node.items
+            return Sequence(items, span)
+        entries: dict[str, MappingEntry] = {}
+        for name, entry in node.entries.items():
+            places, key = (*used, *entry.used), entry.key
+            if places:
+                key = key._replace(span=key.span._replace(used=places))
+            value = self.marked(entry.value, places)
+            entries[name] = MappingEntry(key, value, entry.inherited, depth=entry.depth)
+        return Mapping(entries, span)

@@ -1,4 +1,4 @@
-"""Imports away: what each imported file exports, with its own parameters in place."""
+"""Loads imports: what each imported file exports, with its own parameters in place."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ from kybflow.dsl.resolving.library_files import (
 from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
 from kybflow.dsl.resolving.substitution import Substitution, known
 
+CODES = {
+    "KYB122": "Files that import each other in a cycle.",
+    "KYB123": "An imported file that is no library.",
+    "KYB127": "More imports than a mission may have, counted along every way to a library.",
+}
 MAX_IMPORTS = 200
 _CHAIN = 20
 _WITH = "with: {{{}: ...}}"

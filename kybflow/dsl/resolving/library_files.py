@@ -22,9 +22,6 @@ from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 CODES = {
     "KYB120": "An import that names no file.",
     "KYB121": "An import that leaves the mission's folder and the installed libraries.",
-    "KYB122": "Files that import each other in a cycle.",
-    "KYB123": "An imported file that is no library.",
-    "KYB127": "More imports than a mission may have, counted along every way to a library.",
 }
 GROUP = "kybflow.missions"
 _STANDARD = "the standard library is `kybflow/airframes`"
@@ -144,14 +141,14 @@ def _homes() -> dict[str, str]:
 
 
 class LibraryFile(NamedTuple):
-    """A library file as read, and what is wrong with its shape."""
+    """A library file as read, and the findings about its shape."""
 
     source: ParsedFile
     findings: tuple[Diagnostic, ...]
 
 
 def judged(source: ParsedFile) -> LibraryFile:
-    """The library with what is wrong with it."""
+    """The library with the findings about its shape."""
     root = source.root
     if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
         return LibraryFile(source, source.found)

@@ -151,7 +151,10 @@ def _declare(
         found.report("KYB134", f"`{kind.text}` is no type of a parameter", kind.span, help=hint)
         return None
     field = _field(name, kind.text, body, found)
-    if not _has_room(field):
+    low = max((b for b in (field.above, field.at_least) if b is not None), default=-inf)
+    high = min((b for b in (field.below, field.at_most) if b is not None), default=inf)
+    is_open = low in (field.above, field.below) or high in (field.above, field.below)
+    if low > high or (low == high and is_open):
         message = f"no value of `{name}` can be {bounds_of(field)}"
         found.report("KYB136", message, span, help="correct its bounds")
         return None
@@ -195,14 +198,6 @@ def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
         if node is not None:
             bounds[bound] = decode_value(node, quantity_field(bound, dimension), found)
     return quantity_field(name, dimension, shape, **bounds)
-
-
-def _has_room(field: Field) -> bool:
-    """Whether any value is inside of the bounds."""
-    low = max((b for b in (field.above, field.at_least) if b is not None), default=-inf)
-    high = min((b for b in (field.below, field.at_most) if b is not None), default=inf)
-    is_open = low in (field.above, field.below) or high in (field.above, field.below)
-    return low < high or (low == high and not is_open)
 
 
 def _typed(node: Node, field: Field) -> Node:

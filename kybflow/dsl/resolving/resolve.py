@@ -1,5 +1,5 @@
-"""Imports, parameters and `like` away: what is left is one tree with every value in its place, and
-every node still knows where it was written."""
+"""Resolves imports, parameters and `like` into one tree with every value in its place, whose nodes
+still know where they were written."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
 from kybflow.dsl.resolving.chains import Chains
-from kybflow.dsl.resolving.exports import EMPTY, Exports
+from kybflow.dsl.resolving.exports import EMPTY, Exports, UseMarker
 from kybflow.dsl.resolving.imports import Files, library_root, load
 from kybflow.dsl.resolving.library_files import judged
-from kybflow.dsl.resolving.like import UseMarker
 from kybflow.dsl.resolving.parameters import Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 
+CODES = {
+    "KYB126": "More values than a mission may have, counted after `like`.",
+}
 MAX_AFTER_LIKE = 200_000
 
 
@@ -40,9 +42,20 @@ def resolve(
     declared = declare(root.get("parameters"), settings, found)
     exports = load(files, root, declared, found)
     found.add(unused_imports(root, settings))
-    vehicles, room = _vehicles(exports, found)
+    written = exports.root.get("vehicles")
+    assert isinstance(written, Mapping)
+    chains, vehicles, room = Chains(exports, found), dict[str, MappingEntry](), MAX_AFTER_LIKE
+    for name, entry in written.entries.items():
+        vehicle = exports.get("vehicles", name)
+        if vehicle is not None:
+            vehicle = chains.expanded(vehicle)
+            vehicles[name] = MappingEntry(entry.key, vehicle)
+            room = _left(room, vehicle, entry, found)
+        if room <= 0:
+            break
+    chains.judge()
     whole: dict[str, Node | None] = {
-        "vehicles": vehicles,
+        "vehicles": Mapping(vehicles, written.span),
         "airframes": exports.section("airframes"),
         "flows": _flows(exports, room, found),
     }
@@ -88,26 +101,9 @@ def _with(root: Mapping, whole: MappingOf[str, Node | None]) -> Mapping:
     return Mapping({**root.entries, **sections}, root.span)
 
 
-def _vehicles(exports: Exports, found: Findings) -> tuple[Mapping, int]:
-    """(the vehicles, whole and without chains; how many values there is room for after them)."""
-    vehicles = exports.root.get("vehicles")
-    assert isinstance(vehicles, Mapping)
-    chains, whole, room = Chains(exports, found), dict[str, MappingEntry](), MAX_AFTER_LIKE
-    for name, entry in vehicles.entries.items():
-        vehicle = exports.get("vehicles", name)
-        if vehicle is not None:
-            vehicle = chains.expanded(vehicle)
-            whole[name] = MappingEntry(entry.key, vehicle)
-            room = _left(room, vehicle, entry, found)
-        if room <= 0:
-            break
-    chains.judge()
-    return Mapping(whole, vehicles.span), room
-
-
 def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
     """The flows of the file itself, each whole, as long as there is `room`; None where there are
-    none. What is said in them gets its meaning where they are used, so they remember that."""
+    none. Their names are looked up where the flows are used, so their spans say where that is."""
     written = exports.root.entries.get("flows")
     if written is None:
         return None

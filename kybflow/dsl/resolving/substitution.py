@@ -98,11 +98,11 @@ class Substitution:
         return self.parameters.declared.get(name)
 
     def note(self, node: Node) -> None:
-        """Count every `$name` under `node` as used, whoever puts its value there."""
+        """Count every `$name` under `node` as used."""
         self._used.update(names_in(node))
 
     def judge(self) -> None:
-        """Warn of each parameter that was never asked for."""
+        """Warn of each parameter that nothing uses."""
         for name, declared in self.parameters.declared.items():
             if name not in self._used:
                 unused_parameter(name, declared.span, self._found)

@@ -53,13 +53,13 @@ def unused_names(
     sections = {key: _named(root.get(key)) for key in _WAYS}
     if not any(sections.values()):
         return
-    said = set(_WORD.findall("\n".join((*_texts_of(root), *given))))
+    words = set(_WORD.findall("\n".join((*_texts_of(root), *given))))
     del texts[files.mission.file]
     for key, entries in sections.items():
-        if key == "groups" and entries.keys() - said:
-            used = said.union(_WORD.findall("\n".join(texts.values())))
+        if key == "groups" and entries.keys() - words:
+            used = words.union(_WORD.findall("\n".join(texts.values())))
         else:
-            used = said
+            used = words
         for name, entry in entries.items():
             if name not in used:
                 yield _warning(key.removesuffix("s"), entry, _WAYS[key].format(name))
@@ -103,9 +103,9 @@ def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator
     """KYB128 for each import of the mission `root` of which nothing speaks, neither in the file nor
     in `settings`."""
     nodes = [entry.value for key, entry in root.entries.items() if key != "import"]
-    said = " ".join(s.text for s in scalars_in(*nodes, *_nodes(settings)))
+    words = " ".join(s.text for s in scalars_in(*nodes, *_nodes(settings)))
     for name, entry in entries_of(root.get("import")).items():
-        if f"{name}." not in said:
+        if f"{name}." not in words:
             message = f"nothing uses the import `{name}`"
             hint = f"use it as `{name}.NAME`, or remove it"
             yield Diagnostic(

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 import kybflow.dsl
-from kybflow.dsl.diagnostics.pages import Section, sections
+from kybflow.api.findings.pages import Section, sections
 
 _HEAD = re.compile(r"(KYB\d{3}): (.*)", re.DOTALL)
 _SENTENCE = re.compile(r"(.*?[.:])(?: |\n\n|$)(.*)", re.DOTALL)
@@ -68,8 +68,9 @@ class Code(NamedTuple):
 def codes() -> dict[str, Code]:
     """Every code that the compiler can give, in order."""
     texts: dict[str, str] = {}
-    for info in pkgutil.walk_packages(kybflow.dsl.__path__, "kybflow.dsl."):
-        for code, text in _explained(importlib.import_module(info.name)):
+    modules = [info.name for info in pkgutil.walk_packages(kybflow.dsl.__path__, "kybflow.dsl.")]
+    for name in (*modules, "kybflow.api.rehearsal.findings"):
+        for code, text in _explained(importlib.import_module(name)):
             if len(text) > len(texts.get(code, "")):
                 texts[code] = text
     shown: dict[str, list[Section]] = {}

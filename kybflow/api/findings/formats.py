@@ -19,7 +19,7 @@ from typing import Any
 from urllib.parse import quote
 
 from kybflow import __version__
-from kybflow.dsl.diagnostics.codes import codes
+from kybflow.api.findings.codes import codes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.render import clipped, printable, ways_to
 from kybflow.dsl.diagnostics.spans import Span
@@ -90,7 +90,7 @@ def _result(diagnostic: Diagnostic, rule: int) -> dict[str, Any]:
 
 
 def message_of(diagnostic: Diagnostic) -> str:
-    """All that is said of a finding, a line each, without its place."""
+    """The message, label, notes and help of a finding, a line each."""
     way_out = f"help: {diagnostic.help}" if diagnostic.help else ""
     label = f": {diagnostic.label}" if diagnostic.label else ""
     lines = [f"{diagnostic.message}{label}", *diagnostic.notes, way_out]
@@ -120,9 +120,9 @@ def to_annotation(diagnostic: Diagnostic) -> str:
     if span.line == span.end_line:  # columns of several lines are refused
         properties |= {"col": span.column, "endColumn": span.end_column}
     properties["title"] = f"kybflow {diagnostic.code}"
-    told = ",".join(f"{key}={str(v).translate(_PROPERTY)}" for key, v in properties.items())
+    listed = ",".join(f"{key}={str(v).translate(_PROPERTY)}" for key, v in properties.items())
     found = diagnostic.span
     elsewhere = () if found is span else (f"in {found.at}:{found.column}",)
     places = map(printable, (*elsewhere, *ways_to(found)))
     text = "\n".join((message_of(diagnostic), *places)).translate(_TEXT)
-    return f"::{diagnostic.severity.value} {told}::{text}"
+    return f"::{diagnostic.severity.value} {listed}::{text}"

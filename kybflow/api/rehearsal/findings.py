@@ -1,7 +1,7 @@
 """What a rehearsal finds, as diagnostics: KYB470 to KYB482.
 
-A function a code. `kybflow.api.rehearsal` says when; here it is put into words, with the mission
-line of who does it, and as notes those of whoever else has a part in it.
+A function a code. `watch` says when; here it is put into words at the mission line of the vehicle
+that does it, with notes on the others that have a part in it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _EMIT = "give a person's events at other times with `--emit NAME@TIME`"
 
 class Doing(NamedTuple):
     """What a vehicle did when something was found: at `seconds` of the rehearsal and in `place` its
-    behavior `state` (a `part`), from the mission line `at`. waits_for: in words."""
+    behavior `state` (a `part`), from the mission line `span`. waits_for: in words."""
 
     vehicle: str
     state: str
     part: str
-    at: str
+    span: Span
     seconds: float
     place: Vec3
     waits_for: str = ""
@@ -36,7 +36,7 @@ class Doing(NamedTuple):
 
     @property
     def note(self) -> str:
-        where = f" ({self.at})" if self.at else ""
+        where = f" ({self.span.at})" if self.span.file else ""
         x, y, z = (f"{round(c, 2) + 0.0:.4g}" for c in self.place)
         waits = f", waits for {self.waits_for}" if self.waits_for else ""
         who = f"`{self.vehicle}` is in `{self.state}` ({self.part})"
@@ -71,12 +71,12 @@ class Arrival(NamedTuple):
         return f"let the phase `{self.phase}` say {said} {self.order}".rstrip()
 
 
-def collided(own: Doing, other: Doing, texts: Texts, arrival: Arrival | None = None) -> Diagnostic:
+def collided(own: Doing, other: Doing, arrival: Arrival | None = None) -> Diagnostic:
     """KYB470: two vehicles are nearer to each other than an arm of each: they collide."""
     return Diagnostic(
         "KYB470",
         f"`{own.vehicle}` and `{other.vehicle}` collide {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=f"in `{own.state}`",
         notes=(other.note,),
         help=f"{arrival.hint if arrival else 'let one of them wait for the other'}, "
@@ -84,35 +84,35 @@ def collided(own: Doing, other: Doing, texts: Texts, arrival: Arrival | None = N
     )
 
 
-def ran_into(own: Doing, into: str, texts: Texts) -> Diagnostic:
+def ran_into(own: Doing, into: str) -> Diagnostic:
     """KYB471: a vehicle runs into an obstacle, or into the floor without landing."""
     return Diagnostic(
         "KYB471",
         f"`{own.vehicle}` runs into `{into}` {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=f"in `{own.state}`",
         help="lead it around",
     )
 
 
-def landed_hard(own: Doing, speed: float, texts: Texts) -> Diagnostic:
+def landed_hard(own: Doing, speed: float) -> Diagnostic:
     """KYB472: a vehicle touches down too fast."""
     return Diagnostic(
         "KYB472",
         f"`{own.vehicle}` touches down with {speed:.2f} m/s {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=f"in `{own.state}`",
         help="descend more slowly",
     )
 
 
-def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool, texts: Texts) -> Diagnostic:
+def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool) -> Diagnostic:
     """KYB473: a behavior leads a vehicle out of the fence, or to where a processor lets no setpoint
     go. It is a warning of a take-off or a landing, which goes on where it is let."""
     return Diagnostic(
         "KYB473",
         f"`{own.state}` ({own.part}) leads `{own.vehicle}` out of bounds {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=why,
         notes=(f"the bound: {by}",) if by else (),
         help="keep its way inside the fence and clear of obstacles",
@@ -126,7 +126,6 @@ def failsafe_acted(
     why: str,
     by: str,
     others: tuple[str, ...],
-    texts: Texts,
     arrival: Arrival | None = None,
 ) -> Diagnostic:
     """KYB474: the failsafe takes over although nothing is broken: what the mission does crosses a
@@ -135,21 +134,21 @@ def failsafe_acted(
     return Diagnostic(
         "KYB474",
         f"the failsafe answers `{own.state}` of `{own.vehicle}` with `{reaction}` {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=why,
         notes=(*others, *((f"the bound: {by}",) if by else ())),
         help=f"{arrival.hint if arrival else alone}, or move the bound",
     )
 
 
-def failed(own: Doing, why: str, *, answered: bool, texts: Texts) -> Diagnostic:
+def failed(own: Doing, why: str, *, answered: bool) -> Diagnostic:
     """KYB475: a behavior fails or refuses to start although nothing is broken. It is a warning
     where the mission says what follows, and where a flow or a callback asks for a state that the
     vehicle can't enter then: it stays in the one that it is in."""
     return Diagnostic(
         "KYB475",
         f"`{own.state}` ({own.part}) of `{own.vehicle}` fails {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=why,
         severity=Severity.WARNING if answered else Severity.ERROR,
     )
@@ -167,7 +166,7 @@ def refused(own: Doing, wanted: str, why: str, at: str, texts: Texts) -> Diagnos
     )
 
 
-def timed_out(own: Doing, limit: float | None, *, answered: bool, texts: Texts) -> Diagnostic:
+def timed_out(own: Doing, limit: float | None, *, answered: bool) -> Diagnostic:
     """KYB476: a `within` of a behavior or of a phase runs out although nothing is broken. It is a
     warning where the mission says what follows."""
     after = "" if limit is None else f" of {format_quantity(limit, DURATION)}"
@@ -175,7 +174,7 @@ def timed_out(own: Doing, limit: float | None, *, answered: bool, texts: Texts) 
     return Diagnostic(
         "KYB476",
         f"{who} is not done within its time{after}, {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label="takes longer",
         help="give it more time, or see what it waits for",
         severity=Severity.WARNING if answered else Severity.ERROR,
@@ -230,25 +229,25 @@ def not_finished(
     )
 
 
-def battery_ended(own: Doing, texts: Texts) -> Diagnostic:
+def battery_ended(own: Doing) -> Diagnostic:
     """KYB478: a battery is empty before the mission is over."""
     return Diagnostic(
         "KYB478",
         f"the battery of `{own.vehicle}` is empty {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=f"in `{own.state}`",
         help="make the mission shorter, or give the airframe more `endurance`",
     )
 
 
-def common_place(own: Doing, other: Doing, *, rests: bool, texts: Texts) -> Diagnostic:
+def common_place(own: Doing, other: Doing, *, rests: bool) -> Diagnostic:
     """KYB479: two vehicles come down in one place. It is a warning where one waits for the other or
     turns aside, an error where they rest on each other."""
     verb = "comes to rest" if rests else "comes down"
     return Diagnostic(
         "KYB479",
         f"`{own.vehicle}` {verb} where `{other.vehicle}` is, {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=f"in `{own.state}`",
         notes=(other.note,),
         help="land them in places of their own",
@@ -261,7 +260,6 @@ def too_close(
     other: Doing,
     gap: float,
     needed: float,
-    texts: Texts,
     arrival: Arrival | None = None,
 ) -> Diagnostic:
     """KYB480: two vehicles fly so close to each other that the discs of their rotors meet, unless
@@ -270,7 +268,7 @@ def too_close(
     return Diagnostic(
         "KYB480",
         f"`{own.vehicle}` and `{other.vehicle}` come within {near} of each other {own.when}",
-        span_at(own.at, texts),
+        own.span,
         label=f"their rotors need {format_quantity(round(needed, 2), LENGTH)}",
         notes=(other.note,),
         help=f"{arrival.hint}, or keep their ways apart" if arrival else "keep their ways apart",
