@@ -207,14 +207,14 @@ def test_an_autopilot_is_ready_only_in_the_mode_in_which_it_follows(profile):
     assert profile.ready(heard(profile)) is None
     assert "not" in profile.ready(heard(profile, mode="land"))
     assert "not" in profile.ready(heard(profile, mode="no such"))
-    assert "unheard" in profile.ready(heard(profile, ready=None))
+    assert "it has not reported its health" in profile.ready(heard(profile, ready=None))
     assert profile.ready(heard(profile, ready=False)) is not None
     assert "no position yet" in profile.ready(heard(profile, ready=False, ekf=167))
 
 
 def test_ardupilot_is_not_ready_without_a_position_whatever_it_says():
     assert "flags 167" in ARDUPILOT.ready(heard(ARDUPILOT, ekf=167))
-    assert ARDUPILOT.ready(heard(ARDUPILOT, ekf=None)) == "its estimator is unheard"
+    assert ARDUPILOT.ready(heard(ARDUPILOT, ekf=None)) == "it has not reported its estimator"
 
 
 def test_the_spread_is_told_only_with_a_position():

@@ -1,4 +1,4 @@
-"""PX4, as seen in version 1.18 with its simulator SIH."""
+"""PX4, as observed in version 1.18 with its simulator SIH."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ NAMES = MappingProxyType(
     }
 )  # fmt: skip
 HAS_POSITION = 8 | 16
-"""In the flags of its estimator: a horizontal position, relative or absolute."""
+"""Flags of its estimator: a horizontal position, relative or absolute."""
 MOTORS = 4
 GRIPPER, FIRST_SET, SETS = 430, 301, 6
-"""What an output may be for: the gripper, or one of the six actuator sets."""
+"""Functions of an output: the gripper, or one of the six actuator sets."""
 
 INDOORS = (
     Needed("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
@@ -113,14 +113,14 @@ def default_address(system: int) -> str:
 
 
 def output(channel: int, simulator: bool) -> Output:
-    """The simulator has main outputs alone, of which motors take four."""
+    """The simulator has main outputs only, four of them for the motors."""
     if simulator:
         return Output(MOTORS + channel, f"PWM_MAIN_FUNC{MOTORS + channel}")
     return Output(channel, f"PWM_AUX_FUNC{channel}", shown=False)
 
 
 def grip(_channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
-    """Its acknowledgement of either is no proof: only the pulses are."""
+    """Its acknowledgement proves nothing; only the pulses do."""
     gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function == GRIPPER:
         return (gripper,)
@@ -130,15 +130,17 @@ def grip(_channel: int, is_open: bool, function: float | None) -> tuple[PayloadC
     return (_actuator(number, is_open),) if 1 <= number <= SETS else ()
 
 
-def ready(heard: ReceivedStatus) -> str | None:
-    if heard.mode is None or NAMES.get(heard.mode) != "OFFBOARD":
-        return "it says whether it can be armed only of the mode in which it is: not OFFBOARD yet"
-    if heard.ready:
+def ready(status: ReceivedStatus) -> str | None:
+    if status.mode is None or NAMES.get(status.mode) != "OFFBOARD":
+        return "it reports its readiness only for its current mode, which is not OFFBOARD yet"
+    if status.ready:
         return None
-    if heard.ekf is not None and not heard.ekf & HAS_POSITION:
-        return f"it has no position yet (ESTIMATOR_STATUS flags {heard.ekf})"
+    if status.ekf is not None and not status.ekf & HAS_POSITION:
+        return f"it has no position yet (ESTIMATOR_STATUS flags {status.ekf})"
     return (
-        "it says that it is not ready to arm" if heard.ready is False else "its health is unheard"
+        "it reports that it is not ready to arm"
+        if status.ready is False
+        else "it has not reported its health"
     )
 
 
