@@ -67,8 +67,8 @@ def test_one_that_is_unready_without_a_word_is_asked_what_is_not_well():
     )
     bench.fake.say("Preflight Fail: compass 1 missing")
     assert looked(bench, 0.5)["autopilot"].reason == (
-        "it reports that it is not ready to arm: Preflight Fail: compass 1 missing; it reports as not"
-        " well: compass, receiver of the transmitter (is the transmitter on?)"
+        "it reports that it is not ready to arm: Preflight Fail: compass 1 missing; it reports as"
+        " not well: compass, receiver of the transmitter (is the transmitter on?)"
     )
 
 
