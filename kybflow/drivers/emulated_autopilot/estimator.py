@@ -204,7 +204,7 @@ class EmulatedEstimator:
             if now - self._rejecting < REJECTS:
                 return None
         if is_far or anew:
-            self._observer.jump(off)
+            self._observer.shift(off)
             if self._fixed is None:
                 self._observer.rest()
             off = ZERO

@@ -48,13 +48,13 @@ class Channel:
 
     def receive(self, now: Time) -> list[Any]:
         """The messages since the last call."""
-        heard: list[Any] = []
+        messages: list[Any] = []
         for data, sender in self.wire.receive(now):
             parser = self._parsers.get(sender)
             if parser is None:
                 parser = self._parsers[sender] = Parser(self._signing, self.counts)
-            heard += parser.parse(data)
-        return self._link.heard(heard)
+            messages += parser.parse(data)
+        return self._link.received(messages)
 
     def send(self, message: Any) -> None:
         """Send a message to all on this wire."""
