@@ -196,7 +196,7 @@ class OnboardAutopilot:
         if own is not None:
             self._fail_over(own.mode, own.words, own.cause, now)
         elif (
-            state.failed_over == "set-points"
+            state.failed_over == "setpoints"
             and state.flying.role is Role.HOLD
             and state.streams(now)
         ):

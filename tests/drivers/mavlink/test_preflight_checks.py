@@ -141,12 +141,12 @@ def test_what_newer_versions_renamed_is_looked_at_by_its_new_name():
 def test_a_green_watchdog_says_what_this_one_does():
     bench = set_up(Bench())
     bench.fake.params["NAV_DLL_ACT"] = 0.0
-    assert looked(bench, 8.0)["watchdog"].reason == "it lands when set-points stop"
+    assert looked(bench, 8.0)["watchdog"].reason == "it lands when setpoints stop"
     bench = set_up(Bench())
     bench.fake.params["COM_OBL_RC_ACT"] = 5.0
     found = looked(bench, 8.0)["watchdog"]
     assert found.green
-    assert found.reason.startswith("it holds where it is when set-points stop")
+    assert found.reason.startswith("it holds where it is when setpoints stop")
     bench = Bench(position="own")
     bench.fake.params |= {"COM_OBL_RC_ACT": 3.0, "COM_OF_LOSS_T": 1.0}
     assert "COM_OBL_RC_ACT is 3" in looked(bench, 8.0)["watchdog"].reason

@@ -26,7 +26,7 @@ else:
 
 
 def command(
-    vehicle: Annotated[Firmware, Option(help="Whose firmware it is.")],
+    vehicle: Annotated[Firmware, Option(help="The firmware.")],
     address: Annotated[str | None, Option(help="Where it is; else where its simulator is.")] = None,
     system: Annotated[
         int | None, Option(min=1, max=254, help="Its id, where there are several.")

@@ -110,7 +110,7 @@ def failsafe(state: EmulatedState, now: Time) -> FailsafeAction | None:
         return low
     if role is Role.FOLLOW and not state.streams(now):
         action = {4: LAND, 5: HOLD}.get(int(p["COM_OBL_RC_ACT"]), RETURN)
-        return FailsafeAction(action, "Failsafe activated: offboard signal lost", "set-points")
+        return FailsafeAction(action, "Failsafe activated: offboard signal lost", "setpoints")
     alone = {1: HOLD, 2: RETURN, 3: LAND}.get(int(p["NAV_DLL_ACT"]))
     heard = max(state.stations.values(), default=None)
     if alone is not None and heard is not None and now - heard > p["COM_DL_LOSS_T"] * NS:

@@ -1,7 +1,7 @@
 """The mode that is requested, and the mode that the autopilot reports.
 
-An acknowledgement only says that a request was taken; HEARTBEAT and CURRENT_MODE say which mode is
-in force, and only they count.
+An acknowledgement only means that a request was accepted. Which mode is in force, HEARTBEAT and
+CURRENT_MODE report, and only they count.
 """
 
 from __future__ import annotations

@@ -101,10 +101,10 @@ class OtherCommanders:
             x, y, z = target.value
             kind = FIELDS[target.field]
             self._report(
-                f"it follows set-points that this program did not send: {kind}"
+                f"it follows setpoints that this program did not send: {kind}"
                 f" ({x:.1f}, {y:.1f}, {z:.1f}) north, east, down{self._who()}",
                 now,
-                about=f"set-points of {kind}",
+                about=f"setpoints of {kind}",
             )
 
     def follow_nobody(self) -> None:

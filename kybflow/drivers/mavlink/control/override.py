@@ -111,7 +111,7 @@ class OverrideDetector:
 
 REQUESTED: Time = 10 * NS
 """How long control is requested."""
-NOWHERE = "it is not known where it is, and so not where it is to hold"
+NO_POSITION = "its position is unknown, so it can't hold it"
 
 
 class ControlRecovery:
@@ -150,7 +150,7 @@ class ControlRecovery:
         """Begin to request control; returns the reason where that is impossible, else empty."""
         self._holding, self._asked = self._hold(), now
         if self._holding is None:
-            return NOWHERE
+            return NO_POSITION
         self._modes.want("offboard")
         return ""
 

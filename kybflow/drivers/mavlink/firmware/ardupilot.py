@@ -82,7 +82,7 @@ _EARLY_END = MappingProxyType({5: f"on a low battery {_FALLS}"})
 DANGERS = (
     Danger(
         "FS_GCS_ENABLE",
-        {0: "without our heartbeat nothing would happen, a position set-point is held for ever"},
+        {0: "without our heartbeat nothing would happen, a position setpoint is held for ever"},
         "5 (land)",
     ),
     Danger(

@@ -73,7 +73,7 @@ class PreflightChecks:
     def _heartbeat(self, now: Time) -> Check:
         status, wanted = self._status, self._profile.name
         if status.heartbeat is None:
-            return Check("heartbeat", False, "none was heard")
+            return Check("heartbeat", False, "none was received")
         age = (now - status.heartbeat) / NS
         if now - status.heartbeat > ALIVE:
             return Check("heartbeat", False, f"the last one {age:.1f} s ago")
