@@ -220,7 +220,7 @@ def test_another_firmware_is_not_touched() -> None:
 
 
 def test_nobody_there_says_what_to_try() -> None:
-    with pytest.raises(DriverError, match=r"nothing is heard at udpin:127.0.0.1:14540; is the"):
+    with pytest.raises(DriverError, match=r"nothing is heard at udpin:127.0.0.1:14540; does the"):
         Table().set_up()
 
 

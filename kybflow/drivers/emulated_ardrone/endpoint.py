@@ -52,8 +52,8 @@ class DroneEndpoint:
         """Receive, estimate, fly and send."""
         ports, was, was_lost = self._ports, self.drone.flight.phase, self.drone.is_lost
         if ports is not None:
-            self._commands.send_all(self._link.heard(ports.commands()), now)
-            self._requests.send_all(self._link.heard(ports.requests()), now)
+            self._commands.send_all(self._link.received(ports.commands()), now)
+            self._requests.send_all(self._link.received(ports.requests()), now)
             for datagram, sender in self._commands.arrived(now):
                 self.drone.receive(datagram, sender, now)
             for _, sender in self._requests.arrived(now):

@@ -1,10 +1,10 @@
 """PX4 or ArduPilot, emulated on simulated quadrotors: for tests, and for dry runs without firmware.
 
-The vehicles are those of `sim`, in one MuJoCo world; on each sits enough of an autopilot, with an
-estimator, controllers, modes, arming checks and failsafes as they were seen on the firmware. It
-speaks MAVLink with the driver for real ones, over wires in memory and in lockstep with the engine's
-clock: the same generator gives the same flight. Its parameters are those that flight indoors needs,
-unless it is to come as the firmware does. It is no judge of anything: only the firmware is.
+The vehicles are those of `sim`, in one MuJoCo world. Each has an emulated autopilot, with an
+estimator, controllers, modes, arming checks and failsafes as observed on the firmware. The MAVLink
+driver flies it over wires in memory, in lockstep with the engine's clock: the same generator gives
+the same flight. Its parameters are by default those that flight indoors needs. It proves nothing
+about the firmware: fly that in its own simulator.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ else:
 
 @params
 class EmulatedAutopilotParams(AutopilotLinkParams, SimParams):
-    autopilot: EmulatedName = param("Whose firmware is emulated.", default="px4", read_only=True)
+    autopilot: EmulatedName = param("The emulated firmware.", default="px4", read_only=True)
     prepared: bool = param(
         "Whether its parameters are those that kybflow needs; else they are the firmware's own.",
         default=True, read_only=True,
@@ -59,7 +59,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
 
     @classmethod
     def tracker(cls, params: EmulatedAutopilotParams) -> Mapping[str, str] | None:
-        """As of a real one, but that accelerations become thrust in each."""
+        """The tracker of a real autopilot; accelerations become thrust with both firmwares."""
         asked = Mavlink.tracker(params)
         return {name: value for name, value in asked.items() if name != "keeps_height"}
 

@@ -30,16 +30,16 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import VehicleContext
 
 REPEATS: Time = 30 * NS
-"""How often a firmware that complains says why it cannot be armed."""
+"""How often a firmware that complains repeats why it cannot be armed."""
 REST = Command(LEVEL, 0.0, ZERO, None, armed=False)
 
 
 class OnboardAutopilot:
     """The autopilot of one vehicle.
 
-    changes: parameters that differ from the firmware's own. `failures`: what is broken on purpose.
-    `commanded`: what its attitude loop follows, None while the rotors rest. `texts`: what it has
-    said and not sent yet, with the severity. `on_mode_change`: called when its mode has changed.
+    changes: parameters that differ from the firmware's own. `failures`: the injected ones.
+    `commanded`: the command for its attitude loop, None while the rotors rest. `texts`: those to be
+    sent, with the severity. `on_mode_change`: called when its mode has changed.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class OnboardAutopilot:
         return self._control.thrust / self._most if self.state.armed else 0.0
 
     def boot_us(self, now: Time) -> int:
-        """Its own time, microseconds since its boot."""
+        """The time since its boot, microseconds."""
         return (now + self._boot) // 1000
 
     def boot_ms(self, now: Time) -> int:
@@ -105,7 +105,7 @@ class OnboardAutopilot:
         return stamp_us * 1000 - self._boot
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take what the simulated sensors measured."""
+        """Take a measurement of the simulated sensors."""
         if isinstance(measured, Imu):
             self.state.estimator.add_imu(measured, now)
         elif isinstance(measured, Battery):
@@ -120,14 +120,16 @@ class OnboardAutopilot:
         if self.failures.pilot:
             self.give_to_pilot(self.failures.pilot)
             self.failures.pilot = ""
-        self._sense(now)
+        if self._sensors.read(now):
+            self.height = self._sensors.height
+            self.state.estimator.press(self.height, now)
+            self.state.estimator.aim(self._sensors.heading, now)
         self._find_home(now)
         self._fly(now, (now - self._stepped) / NS)
         self._complain(now)
         self._stepped = now
 
     def start(self, now: Time) -> None:
-        """Arm."""
         state = self.state
         state.armed, state.armed_at, state.landed = True, now, LandedState.GROUND
         state.home = state.estimator.position
@@ -135,7 +137,7 @@ class OnboardAutopilot:
         state.say(self.firmware.armed_text, INFO)
 
     def stop(self, now: Time, words: str) -> None:
-        """Disarm, wherever it is."""
+        """Disarm, also in the air."""
         state = self.state
         state.armed, state.landed, state.climb_to = False, LandedState.GROUND, None
         state.failed_over, self.commanded = "", None
@@ -148,7 +150,7 @@ class OnboardAutopilot:
         self._body.drive(REST, now)
 
     def change(self, mode: int, now: Time, *, asked: bool) -> None:
-        """Change to a mode. asked: whether somebody requested it, not a failsafe."""
+        """Change to a mode. asked: whether it was requested, not a failsafe's."""
         state, before = self.state, self.state.mode
         if asked:
             state.asked = mode
@@ -168,14 +170,8 @@ class OnboardAutopilot:
             if known.name == mode.upper():
                 self.change(number, self.now, asked=True)
 
-    def _sense(self, now: Time) -> None:
-        if self._sensors.read(now):
-            self.height = self._sensors.height
-            self.state.estimator.press(self.height, now)
-            self.state.estimator.aim(self._sensors.heading, now)
-
     def _find_home(self, now: Time) -> None:
-        """Place the local frame on earth where GPS was first seen, and set the home position."""
+        """Place the local frame on earth at the first GPS fix, and set the home position."""
         state, zero = self.state, self.state.estimator.local_zero
         if not state.estimator.has_position(now):
             return
@@ -199,16 +195,21 @@ class OnboardAutopilot:
         own = self.firmware.acts(state, now)
         if own is not None:
             self._fail_over(own.mode, own.words, own.cause, now)
-        elif state.failed_over == "set-points" and state.flying.role is Role.HOLD:
-            self._resume(now)
+        elif (
+            state.failed_over == "setpoints"
+            and state.flying.role is Role.HOLD
+            and state.streams(now)
+        ):
+            state.failed_over = ""
+            self.change(state.asked, now, asked=False)
         if state.armed:
             self.commanded = self.flight.step(now, dt)
             self._body.drive(self._for_the_loop(self.commanded), now)
             self.flight.watch(now, dt)
 
     def _for_the_loop(self, command: Command) -> Command:
-        """The command whose attitude is as far from what the attitude loop believes as that of
-        `command` is from the estimate: an autopilot has one estimator."""
+        """The command relative to the attitude loop's own estimate instead of the autopilot's: a
+        real autopilot has one estimator only."""
         off = multiply(conjugate(self.state.estimator.attitude.value), command.attitude)
         return command._replace(attitude=multiply(self._body.attitude(), off))
 
@@ -219,12 +220,6 @@ class OnboardAutopilot:
         self.state.failed_over = cause
         self.state.say(words, CRITICAL)
         self.change(mode, now, asked=False)
-
-    def _resume(self, now: Time) -> None:
-        """End a hold when setpoints are back; a landing goes on."""
-        if self.state.streams(now):
-            self.state.failed_over = ""
-            self.change(self.state.asked, now, asked=False)
 
     def _complain(self, now: Time) -> None:
         if not self.firmware.complains or self.state.armed or now - self._complained < REPEATS:

@@ -1,8 +1,8 @@
-"""The estimator of an emulated autopilot: attitude, position, velocity, and for how long each stays
-valid without new sightings.
+"""The estimator of an emulated autopilot: attitude, position, velocity, and how long each stays
+valid without measurements.
 
 Its parameters select the sensors, as on the firmware. Its local frame (ENU here, NED on the wire)
-is that of external vision, or begins where GPS was first seen.
+is that of external vision, or begins at the first GPS fix.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from kybflow.core.signals import NS, Imu, Time
 from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
 from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
-SEEN, FIX, PRESSURE = 4.0, 0.7, 1.5
+VISION, FIX, PRESSURE = 4.0, 0.7, 1.5
 """Bandwidths of the observer for vision, GPS and the barometer, rad/s."""
 GATE = 0.5
-"""A sighting further off than this, metres, is taken for an error."""
-STUBBORN: Time = NS
-"""How long sightings are taken for errors before they are believed."""
+"""The largest innovation that is accepted, metres."""
+REJECTS: Time = NS
+"""How long measurements are rejected before the position jumps to them."""
 OLDEST: Time = 3 * NS // 10
-"""How old a sighting may be: its filter runs 0.2 s behind and takes what is up to 0.1 s older, in
+"""How old a pose may be: the filter runs 0.2 s behind and takes what is up to 0.1 s older, in
 PX4 (EKF2_DELAY_MAX) and in ArduPilot's EKF3."""
 UNSYNCHRONISED: Time = 10 * NS
-"""Stamps that are this far off are by another clock; then the arrival counts."""
+"""Stamps that are this far off are from another clock; then the arrival counts."""
 SETTLES: Time = NS
 """How long the attitude takes to settle after the start."""
 
 
 class VisionPose(NamedTuple):
-    """A pose from external vision. heading: None where it has none. resets: how often the sender
-    says that its position has jumped."""
+    """A pose from external vision. heading: None where it has none. resets: the sender's count of
+    jumps."""
 
     time: Time
     position: Vec3
@@ -51,9 +51,9 @@ class Sources(NamedTuple):
 
 
 class SightingClock:
-    """When a sighting was true, by the vehicle's clock. adopts: after how many sightings in a row
-    that came late their delay is taken for an error of the sender's clock, as that of the first one
-    is, by ArduPilot's correction of jitter; None where stamps are believed, as by PX4."""
+    """Converts the stamps of poses to the vehicle's clock. adopts: after how many late poses in a
+    row their delay counts as an error of the sender's clock, as that of the first one does
+    (ArduPilot's correction of jitter); None where stamps are trusted, as by PX4."""
 
     def __init__(self, adopts: int | None) -> None:
         self._adopts = adopts
@@ -61,7 +61,7 @@ class SightingClock:
         self._ahead: Time | None = None if adopts is not None else 0
 
     def true_at(self, stamp: Time, now: Time) -> Time | None:
-        """None for a sighting that is older than the filter remembers."""
+        """When a pose was true; None where it is older than the filter's history."""
         if self._ahead is None:
             self._ahead = now - stamp
         age = now - stamp - self._ahead
@@ -79,9 +79,9 @@ class SightingClock:
 
 
 class EmulatedEstimator:
-    """The estimator of one vehicle; every call carries its time. sources: reads the parameters.
-    forgets: seconds after which a position without sightings is invalid. waits: seconds from the
-    first GPS fix to a position. adopts: see `SightingClock`."""
+    """The estimator of one vehicle. sources: reads the parameters. forgets: seconds after which a
+    position without measurements is invalid. waits: seconds from the first GPS fix to a position.
+    adopts: see `SightingClock`."""
 
     def __init__(
         self, parameters: EmulatedParameters, sources: Callable[[EmulatedParameters], Sources],
@@ -113,11 +113,11 @@ class EmulatedEstimator:
 
     @property
     def local_zero(self) -> Vec3 | None:
-        """Where GPS was first seen."""
+        """The position of the first GPS fix."""
         return None if self._first_fix is None else self._first_fix[1]
 
     def unseen(self, now: Time) -> float | None:
-        """Seconds since the position was last seen; None if it never was."""
+        """Seconds since the last measurement of the position; None before the first."""
         return None if self._fixed is None else (now - self._fixed) / NS
 
     def has_position(self, now: Time) -> bool:
@@ -158,8 +158,8 @@ class EmulatedEstimator:
         jumped = self._resets is not None and pose.resets != self._resets
         left = self._admitted(off, jumped or self._vision is None, now)
         if left is not None:
-            height = SEEN if used.vision_height else 0.0
-            self._observer.correct(left, (SEEN, SEEN, height), self._since(self._vision, now))
+            height = VISION if used.vision_height else 0.0
+            self._observer.correct(left, (VISION, VISION, height), self._since(self._vision, now))
             self._vision, self._resets = now, pose.resets
             self._height = now if used.vision_height else self._height
 
@@ -186,7 +186,7 @@ class EmulatedEstimator:
             self._aimed = now
 
     def press(self, height: float, now: Time) -> None:
-        """Correct with the barometer, where the height isn't seen otherwise."""
+        """Correct with the barometer, where nothing else measures the height."""
         if self._height is not None and now - self._height < NS:
             self._pressure = (now, self.position[2] - height)
             return
@@ -196,15 +196,15 @@ class EmulatedEstimator:
         self._pressure = (now, zero)
 
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
-        """The correction of a sighting that is believed, None for one that is not. One that is
-        `anew`, or stays far off, is jumped to."""
+        """The correction by a measurement, None where it is rejected. The position jumps to one
+        that is `anew` or stays far off."""
         is_far = norm(off) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting
-            if now - self._rejecting < STUBBORN:
+            if now - self._rejecting < REJECTS:
                 return None
         if is_far or anew:
-            self._observer.jump(off)
+            self._observer.shift(off)
             if self._fixed is None:
                 self._observer.rest()
             off = ZERO

@@ -19,7 +19,7 @@ INTEGER = mavlink.MAV_PARAM_TYPE_INT32
 class EmulatedParameters:
     """All parameters by name, in the order of their indices.
 
-    own: the firmware's defaults. changes: what differs from them. bytewise: how integers travel.
+    own: the firmware's defaults. changes: the values that differ. bytewise: how integers travel.
     `dangling`: names that are requested but never answered, for tests.
     """
 
@@ -40,12 +40,13 @@ class EmulatedParameters:
         return self._values.get(name, default)
 
     def handle(self, message: Any) -> list[Any]:
-        """The answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; none to a name that
-        it doesn't have."""
+        """The answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; none for an unknown
+        name."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
-            return [self._said(name) for name in self._values if name not in self.dangling]
-        name = _name(message.param_id)
+            return [self._value_message(name) for name in self._values if name not in self.dangling]
+        name = message.param_id
+        name = (name.decode("ascii", "replace") if isinstance(name, bytes) else name).rstrip("\0")
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
             names = list(self._values)
             name = names[message.param_index] if message.param_index < len(names) else ""
@@ -53,14 +54,14 @@ class EmulatedParameters:
             return []
         if kind == "PARAM_SET":
             self._values[name] = self._read(message.param_value, message.param_type)
-        return [self._said(name)]
+        return [self._value_message(name)]
 
     def _read(self, value: float, kind: int) -> float:
         if self._bytewise and kind == INTEGER:
             return float(struct.unpack("<i", struct.pack("<f", value))[0])
         return float(value)
 
-    def _said(self, name: str) -> Any:
+    def _value_message(self, name: str) -> Any:
         value, kind = self._values[name], INTEGER if name in self._integers else REAL
         if self._bytewise and kind == INTEGER:
             value = struct.unpack("<f", struct.pack("<i", round(value)))[0]
@@ -68,8 +69,3 @@ class EmulatedParameters:
         return mavlink.MAVLink_param_value_message(
             name.encode(), value, kind, len(self._values), index
         )
-
-
-def _name(given: str | bytes) -> str:
-    text = given.decode("ascii", "replace") if isinstance(given, bytes) else given
-    return text.rstrip("\0")

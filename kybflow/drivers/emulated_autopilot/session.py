@@ -1,4 +1,4 @@
-"""Emulated autopilots in lockstep: the world goes on, then they do, then the links read them."""
+"""Emulated autopilots in lockstep: the world advances, then the autopilots, then the links."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def open_fleet(
 
 
 class EmulatedLink(AutopilotLink):
-    """A link as to a real autopilot, with the poses of simulated motion capture beside it. `wire`:
-    our end. `onboard`: the emulated autopilot at the other end."""
+    """The link of a real autopilot, with the poses of simulated motion capture. `wire`: our end.
+    `onboard`: the emulated autopilot at the other end."""
 
     def __init__(
         self, seat: Seat, port: Port, wire: MemoryWire, emulated: EmulatedVehicle[MavlinkEndpoint]
@@ -75,9 +75,9 @@ class EmulatedLink(AutopilotLink):
         super().update(now)
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        told = super().read(now)
-        self.is_heard = bool(told)
-        return self._emulated.with_poses(told)
+        measured = super().read(now)
+        self.is_heard = bool(measured)
+        return self._emulated.with_poses(measured)
 
     def truth(self) -> Truth | None:
         return self._emulated.vehicle.truth()
@@ -101,10 +101,10 @@ class EmulatedSession(Session):
         self._fleet = open_fleet(seats, plans, generator)
         self._links: list[EmulatedLink] = []
         wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
-        self._hub = Router({ours.address: ours for ours, _ in wires}, own, None)
+        self._router = Router({ours.address: ours for ours, _ in wires}, own, None)
         for seat, (ours, theirs), emulated in zip(seats, wires, self._fleet.members, strict=True):
             emulated.onboard.connect(theirs)
-            port = self._hub.port(ours.address, emulated.onboard.autopilot.system)
+            port = self._router.port(ours.address, emulated.onboard.autopilot.system)
             self._links.append(EmulatedLink(seat, port, ours, emulated))
         self.links: dict[str, Link] = {
             seat.context.vehicle: link for seat, link in zip(seats, self._links, strict=True)
@@ -112,7 +112,7 @@ class EmulatedSession(Session):
 
     def advance(self, now: Time) -> None:
         self._fleet.advance(now)
-        self._hub.poll(now)
+        self._router.poll(now)
         for link in self._links:
             link.update(now)
 

@@ -15,18 +15,19 @@ from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
 from kybflow.drivers.emulation.body import BatteryMonitor
 from kybflow.drivers.emulation.breaking import Failures
 from kybflow.drivers.emulation.control import PositionTarget
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import Airframe
 
-CRITICAL, WARNING, INFO = 2, 4, 6
-"""MAV_SEVERITY of texts."""
+CRITICAL, WARNING = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING
+INFO = mavlink.MAV_SEVERITY_INFO
 PILOT_LOST: Time = 3 * NS // 2
 """A transmitter that is silent for longer counts as lost."""
 
 
 class Role(Enum):
-    """What a mode makes the vehicle do."""
+    """The behaviour of a mode."""
 
     FOLLOW = "follow"
     HOLD = "hold"
@@ -37,8 +38,7 @@ class Role(Enum):
 
 
 class FlightMode(NamedTuple):
-    """A mode of a firmware. number: its custom_mode. needs_position: whether it can't be flown
-    without one."""
+    """A mode of a firmware. number: its custom_mode. needs_position: whether it needs one."""
 
     name: str
     number: int
@@ -57,8 +57,8 @@ class PilotSticks(NamedTuple):
 
 
 class FailsafeAction(NamedTuple):
-    """What the autopilot does by itself: it changes to a mode, or stops its rotors where `mode` is
-    None. words: the text that it sends. cause: what it reacts to; each cause acts once."""
+    """A failsafe: a change to a mode, or a stop of the rotors where `mode` is None. words: the text
+    that is sent. cause: each cause acts once."""
 
     mode: int | None
     words: str
@@ -67,11 +67,11 @@ class FailsafeAction(NamedTuple):
 
 @dataclass
 class AutopilotFailures(Failures):
-    """What is broken in an emulated autopilot.
+    """The failures of an emulated autopilot.
 
-    blind: it does not see external vision. refuse: the words with which it refuses to arm. bar: the
-    words with which it refuses every mode. tilt: the tilt that it believes in before it is armed,
-    degrees. pilot: the mode into which a transmitter that is switched on takes it.
+    blind: it ignores external vision. refuse: the text with which it refuses to arm. bar: the text
+    with which it refuses every mode. tilt: the tilt that it estimates before it is armed, degrees.
+    pilot: the mode that a newly switched-on transmitter selects.
     """
 
     blind: bool = False
@@ -86,9 +86,9 @@ class EmulatedState:
     """The shared state.
 
     modes: those of the firmware, by number. loss_parameter: the parameter with the seconds after
-    which setpoints count as lost. mode: in force; asked: the last that somebody asked for. wanted,
-    wanted_at: the last setpoint, and when it came. stations: when each ground station was last
-    heard, by system id. home: in the local frame. ground: the height at which the vehicle stood
+    which setpoints count as lost. mode: in force; asked: the last requested one. wanted, wanted_at:
+    the last setpoint, and when it came. stations: when each ground station sent its last heartbeat,
+    by system id. home: in the local frame. ground: the height at which the vehicle stood
     when it was armed. climb_to: the height of a take-off under way. failed_over: the cause of the
     failsafe in force.
     """
@@ -128,10 +128,10 @@ class EmulatedState:
         return self.landed is LandedState.GROUND
 
     def streams(self, now: Time) -> bool:
-        """Whether setpoints arrive: the last one is not older than `loss_parameter` says."""
+        """Whether setpoints arrive: the last one is not older than `loss_parameter` allows."""
         timeout = self.parameters.get(self.loss_parameter, 1.0)
-        return self.wanted_at is not None and now - self.wanted_at <= timeout * 1e9
+        return self.wanted_at is not None and now - self.wanted_at <= timeout * NS
 
     def has_pilot(self, now: Time) -> bool:
-        """Whether a transmitter is heard."""
+        """Whether a transmitter is received."""
         return self.sticks is not None and now - self.sticks.time < PILOT_LOST

@@ -1,8 +1,7 @@
 """The body of an emulated vehicle, and the sensors that only its own computer reads.
 
-The IMU and GPS are those of the simulated vehicle. Compass, barometer and battery monitor are here;
-they look at the simulator's truth so that the emulated computer need not. World ENU, radians,
-metres.
+The IMU and GPS are those of the simulated vehicle. Compass, barometer and battery monitor are here
+and read the simulator's truth; the emulated computer never does. World ENU, radians, metres.
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ PRESSURE_NOISE, PRESSURE_WANDERS, PRESSURE_LASTS = 0.03, 0.10, 60.0
 """Standard deviations of the barometric height: its noise and its drift, metres; and the drift's
 time constant, seconds."""
 EMPTY, SPAN = 9.6, 3.0
-"""The voltage of an empty pack of three cells, and what a full one has more."""
+"""The voltage of an empty pack of three cells, and how much higher that of a full one is."""
 
 
 class SimulatedBody(NamedTuple):
     """The simulated vehicle under an emulated computer.
 
-    drive: takes the command that the attitude loop follows. attitude: the one that the loop itself
-    believes in. move: opens or closes the payload's
-    servo. look: the simulator's truth, for sensors and for what a simulator itself reports.
+    drive: takes the command for the attitude loop. attitude: that loop's own estimate. move: opens
+    or closes the payload's servo. look: the simulator's truth, for sensors and for messages of the
+    firmware's simulator.
     """
 
     drive: Callable[[Command, Time], None]
@@ -56,7 +55,7 @@ class CompassAndBarometer:
         self.height = 0.0
 
     def read(self, now: Time) -> bool:
-        """Whether there is a new reading."""
+        """Read both where due; returns whether there is a new reading."""
         if now < self._due:
             return False
         self._due = now + PERIOD
@@ -69,8 +68,7 @@ class CompassAndBarometer:
 
 
 class BatteryMonitor:
-    """The charge that the computer believes in: the simulated battery's, unless a failure sets
-    another."""
+    """Measures the simulated battery; a failure may set another charge."""
 
     def __init__(self, failures: Failures) -> None:
         self._failures = failures

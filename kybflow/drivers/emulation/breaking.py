@@ -1,7 +1,7 @@
-"""Failures of an emulated vehicle that are caused on purpose: `NAME[=VALUE][@SECONDS]`.
+"""Injected failures of an emulated vehicle: `NAME[=VALUE][@SECONDS]`.
 
-What can fail are the fields of a `Failures` dataclass: a field that is false by default is a switch
-and takes no value, one that is text takes words, any other a number. An emulator adds its own by a
+The names are the fields of a `Failures` dataclass: a field that is false by default is a switch and
+takes no value, a text field takes words, any other a number. An emulator adds its own by a
 subclass. `heal` ends all failures.
 """
 
@@ -21,10 +21,10 @@ Message = TypeVar("Message")
 
 @dataclass
 class Failures:
-    """What is broken in any emulated vehicle.
+    """The failures of any emulated vehicle.
 
-    silent: it sends nothing. deaf: it hears nothing. drop: the share of all messages that is lost,
-    in and out. battery: the charge that it believes to have, 0 to 1.
+    silent: it sends nothing. deaf: it receives nothing. drop: the share of all messages that is
+    lost, in and out. battery: the charge that it measures, 0 to 1.
     """
 
     silent: bool = False
@@ -44,7 +44,6 @@ class Break(NamedTuple):
         return f"{self.name}={self.value}" if self.value else self.name
 
     def apply(self, failures: Failures) -> None:
-        """Cause it."""
         for field in fields(failures):
             if self.name == HEAL:
                 setattr(failures, field.name, field.default)
@@ -53,7 +52,7 @@ class Break(NamedTuple):
 
 
 def read_break(text: str, kind: type[Failures]) -> Break:
-    """Raises DriverError with what can be written. kind: the failures that the emulator knows."""
+    """Raises DriverError with what can be written. kind: the emulator's failures."""
     what, _, seconds = text.partition("@")
     name, _, value = what.partition("=")
     known = {field.name: field for field in fields(kind)}
@@ -80,12 +79,12 @@ def _value(field: Field[Any], text: str) -> bool | float | str:
 
 
 class BreakableLink:
-    """Loses what an emulated vehicle sends and hears, as its failures say."""
+    """Drops messages from and to an emulated vehicle by its failures."""
 
     def __init__(self, failures: Failures, generator: random.Random) -> None:
         self._failures, self._generator = failures, generator
 
-    def heard(self, messages: Iterable[Message]) -> list[Message]:
+    def received(self, messages: Iterable[Message]) -> list[Message]:
         """Those messages that arrive."""
         if self._failures.deaf:
             return []

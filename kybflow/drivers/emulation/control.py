@@ -4,14 +4,14 @@ Per axis: v = P (target - position) + target velocity; a = PV (v - velocity) + i
 acceleration; thrust along a + g. What the target leaves out is not controlled. While tilt or thrust
 is at its bound, no integral grows. ENU, SI.
 
-The thrust is T0 |a + g| / g, T0 the hover thrust, which is learnt in the air, because what the
-rotors give follows the battery's voltage: T0 is the mean of T z / (1 + a / g), with z the part of
+The thrust is T0 |a + g| / g, T0 the hover thrust, which is learnt in the air, because the rotors'
+thrust depends on the battery's voltage: T0 is the mean of T z / (1 + a / g), with z the part of
 the thrust T that points up and a the measured vertical acceleration, over the time since take-off
 at first and over about 10 s later (PX4's hover thrust estimator, a Kalman filter of one state, has
 this gain for its initial variance and process noise; 10 s is ArduPilot's for MOT_THST_HOVER). Where
-it is another at once, as with a load or a weak rotor, it is learnt anew, as by PX4 once innovations
-leave its gate on one side for a quarter of a second. What the floor carries in a landing is not
-taken for a lighter vehicle.
+it changes suddenly, as with a load or a weak rotor, it is learnt again from the start, as by PX4
+once innovations leave its gate on one side for a quarter of a second. The floor's support in a
+landing does not count as a lighter vehicle.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ MOST_INTEGRAL = (2.0, 2.0, 4.0)
 """Bounds of the integrals, m/s^2."""
 TILT = 35.0 * DEG
 TURNS = 90.0 * DEG
-"""How fast the wanted heading may turn, rad/s."""
-BELIEVED, LEARNING = 0.5, 10.0
-"""Over how many seconds the hover thrust is averaged: for how many the one that it begins with
-counts, and the most."""
+"""The largest rate of the commanded heading, rad/s."""
+INITIAL, LEARNING = 0.5, 10.0
+"""Over how many seconds the hover thrust is averaged: the weight of the initial one, and the
+most."""
 STEADY = 2.0
 """The vertical speed up to which the hover thrust is learnt, m/s; PX4's."""
-SUDDEN, NOTICED = 0.15, 0.25
-"""The part of the weight by which the hover thrust is suddenly another, and over how many seconds
-that is noticed."""
+SUDDEN, DETECTED = 0.15, 0.25
+"""A sudden change of the hover thrust, as a part of the weight, and the seconds over which it is
+detected."""
 LEAST_HOVER, MOST_HOVER = 0.5, 2.0
 """Bounds of the learnt hover thrust, as parts of the weight."""
 LIGHTEST = 0.15
@@ -61,7 +61,7 @@ LIGHTEST = 0.15
 
 
 class PositionTarget(NamedTuple):
-    """What is to be followed, None where nothing is said. ENU of the vehicle's own local frame."""
+    """A target; None leaves an axis free. ENU of the vehicle's own local frame."""
 
     position: Axes = FREE
     velocity: Axes = FREE
@@ -87,7 +87,7 @@ class PositionControl:
         self._integral = [0.0, 0.0, 0.0]
         self._heading = heading
         self.thrust, self.hover = 0.0, airframe.hover_thrust
-        self._averaged, self._surprise = BELIEVED, 0.0
+        self._averaged, self._surprise = INITIAL, 0.0
         self._saturates = False
 
     def begin(self, heading: float) -> None:
@@ -138,9 +138,9 @@ class PositionControl:
         lift = self.thrust * upright / max(LIGHTEST, 1.0 + acceleration / GRAVITY)
         lacks = lift - self.hover
         surprise = lacks if clear else max(0.0, lacks)
-        self._surprise += (surprise - self._surprise) * dt / NOTICED
+        self._surprise += (surprise - self._surprise) * dt / DETECTED
         is_sudden = abs(self._surprise) > SUDDEN * weight
-        self._averaged = BELIEVED if is_sudden else min(LEARNING, self._averaged + dt)
+        self._averaged = INITIAL if is_sudden else min(LEARNING, self._averaged + dt)
         learnt = self.hover + lacks * dt / self._averaged
         self.hover = max(LEAST_HOVER * weight, min(MOST_HOVER * weight, learnt))
 

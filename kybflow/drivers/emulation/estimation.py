@@ -1,18 +1,17 @@
-"""How an emulated computer estimates its motion: an attitude filter and a position observer.
+"""The estimation of an emulated computer: an attitude filter and a position observer.
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
-eq. 34), from gyroscope, accelerometer and a heading that is seen. In flight thrust is all that an
-accelerometer feels, whatever the tilt; where the position is seen, the gravity that levels the
-attitude is what the accelerometer feels less the acceleration that is seen, as in effect in the
+eq. 34), from gyroscope, accelerometer and a measured heading. In flight an accelerometer measures
+thrust only, whatever the tilt; where the position is measured, the gravity that levels the attitude
+is the specific force less the acceleration that follows from the position, as in effect in the
 filters of PX4 and ArduPilot. World ENU, body FLU.
 
-Position: inertial, corrected by what is seen of it. Per axis a constant-gain observer with the
+Position: inertial, corrected by measurements. Per axis a constant-gain observer with the
 error of the acceleration as its third state, all poles at exp(-w dt), w the bandwidth and dt the
 seconds since the last correction: with the innovation e and k = 1 - exp(-w dt), p += e - (1-k)^3 e,
 v += 1.5 k^2 (2 - k) / dt e, b += k^3 / dt^2 e (Brookner, "Tracking and Kalman Filtering Made Easy",
 1998, sec. 1.3), so that after a long gap an offset is no speed. Between corrections p' = v,
-v' = a + b. What is seen late is compared with the position at that time.
-Metres, ENU."""
+v' = a + b. A late measurement is compared with the position at its time. Metres, ENU."""
 
 from __future__ import annotations
 
@@ -40,11 +39,10 @@ from kybflow.core.geometry import (
 from kybflow.core.signals import NS, Imu, Time
 
 LEVELLING, AIDED = 0.10, 0.6
-"""How fast the accelerometer levels the attitude by itself and where the acceleration is seen, 1/s.
+"""How fast the accelerometer levels the attitude, alone and where the acceleration is known, 1/s.
 The bias of the gyroscope is learnt at critical damping, with a quarter of its square, 1/s^2."""
 AIMING, AIMING_BIAS = 1.0, 0.1
-"""How fast the heading follows the one that is seen, 1/s, and the bias about the vertical,
-1/s^2."""
+"""How fast the heading follows the measured one, 1/s, and the bias about the vertical, 1/s^2."""
 LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
 UP: Vec3 = (0.0, 0.0, 1.0)
 
@@ -73,13 +71,13 @@ class AttitudeFilter:
             self._is_aimed, self._off = True, 0.0
 
     def lose(self) -> None:
-        """Drop the last heading: none is seen any more."""
+        """Drop the last heading: none is measured any more."""
         self._off = 0.0
 
     def add_imu(self, imu: Imu, lacking: Vec3 | None) -> None:
-        """Propagate with a sample of the IMU. lacking: the acceleration that is seen and that the
-        accelerometer doesn't explain, m/s^2 in the world; None where none is seen: then the vehicle
-        is taken to accelerate nowhere."""
+        """Propagate with a sample of the IMU. lacking: the acceleration that follows from position
+        measurements and that the accelerometer doesn't explain, m/s^2 in the world; None where
+        there are none: then the vehicle is assumed not to accelerate."""
         back = conjugate(self.value)
         up = rotate(back, UP)
         force, size = imu.specific_force, norm(imu.specific_force)
@@ -98,12 +96,12 @@ class AttitudeFilter:
 
 REMEMBERED: Time = NS // 2
 MOST_BIAS = 0.5
-"""Largest error of the acceleration that is believed, m/s^2."""
+"""Bound of the estimated error of the acceleration, m/s^2."""
 
 
 class PositionObserver:
-    """The position of one vehicle; it starts at zero, at rest. `bias`: the acceleration that it
-    moves by beyond that of the accelerometer, m/s^2 in the world."""
+    """The position of one vehicle; it starts at zero, at rest. `bias`: its acceleration
+    beyond that of the accelerometer, m/s^2 in the world."""
 
     def __init__(self) -> None:
         self.position: Vec3 = ZERO
@@ -123,34 +121,31 @@ class PositionObserver:
             self._past.popleft()
 
     def off(self, position: Vec3, at: Time) -> Vec3:
-        """The distance of a position seen at `at` from the estimate at that time."""
-        believed = next((p for time, p in reversed(self._past) if time <= at), None)
-        if believed is None:
-            believed = self._past[0][1] if self._past else sub(self.position, self._shifted)
-        return sub(position, add(believed, self._shifted))
+        """The offset of a position measured at `at` from the estimate at that time."""
+        then = next((p for time, p in reversed(self._past) if time <= at), None)
+        if then is None:
+            then = self._past[0][1] if self._past else sub(self.position, self._shifted)
+        return sub(position, add(then, self._shifted))
 
     def correct(self, off: Vec3, bandwidths: Vec3, dt: float) -> None:
-        """Correct by a sighting, `off` from the estimate, `dt` seconds after the last one."""
+        """Correct by a measurement, `off` from the estimate, `dt` seconds after the last one."""
         if dt <= 0.0:
             return
         k = [1.0 - exp(-w * dt) for w in bandwidths]
         p = [(1.0 - (1.0 - k) ** 3) * e for k, e in zip(k, off, strict=True)]
         v = [1.5 * k * k * (2.0 - k) / dt * e for k, e in zip(k, off, strict=True)]
         b = [k**3 / dt**2 * e for k, e in zip(k, off, strict=True)]
-        self._shift((p[0], p[1], p[2]))
+        self.shift((p[0], p[1], p[2]))
         self.velocity = add(self.velocity, (v[0], v[1], v[2]))
         x, y, z = add(self.bias, (b[0], b[1], b[2]))
         self.bias = (_within(x), _within(y), _within(z))
-
-    def jump(self, off: Vec3) -> None:
-        """Shift the position: the sightings have jumped."""
-        self._shift(off)
 
     def rest(self) -> None:
         """Set the velocity to zero: the vehicle stands."""
         self.velocity = ZERO
 
-    def _shift(self, off: Vec3) -> None:
+    def shift(self, off: Vec3) -> None:
+        """Shift the position and its history."""
         self.position, self._shifted = add(self.position, off), add(self._shifted, off)
 
 

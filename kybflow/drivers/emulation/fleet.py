@@ -19,17 +19,17 @@ PERIOD: Time = NS // 125
 
 
 class OnboardComputer(Protocol):
-    """What flies an emulated vehicle."""
+    """The computer of an emulated vehicle."""
 
     @property
     def failures(self) -> Failures:
-        """What is broken on purpose."""
+        """The injected failures."""
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take what the vehicle's own sensors measured."""
+        """Take a measurement of the vehicle's own sensors."""
 
     def step(self, now: Time) -> None:
-        """Hear, estimate, fly, report."""
+        """Receive, estimate, fly, report."""
 
 
 Onboard = TypeVar("Onboard", bound=OnboardComputer)
@@ -46,7 +46,7 @@ class EmulatedVehicle(Generic[Onboard]):
         self._poses: list[Measurement] = []
 
     def step(self, now: Time) -> None:
-        """Give the computer what its own sensors measured, and let it go on."""
+        """Hand the sensors' measurements to the computer, and step it."""
         for measured in self.vehicle.read(now):
             if isinstance(measured, Pose):
                 self._poses.append(measured)
@@ -54,18 +54,18 @@ class EmulatedVehicle(Generic[Onboard]):
                 self.onboard.add_measurement(measured, now)
         self.onboard.step(now)
 
-    def with_poses(self, told: Sequence[Measurement]) -> Sequence[Measurement]:
-        """Return what the computer told and what motion capture saw since the last call, which the
-        computer is not given, in the order of their times."""
+    def with_poses(self, measured: Sequence[Measurement]) -> Sequence[Measurement]:
+        """The computer's measurements with the poses of motion capture since the last call, which
+        the computer does not get, in the order of their times."""
         poses, self._poses = self._poses, []
-        return sorted([*told, *poses], key=attrgetter("time")) if poses else told
+        return sorted([*measured, *poses], key=attrgetter("time")) if poses else measured
 
 
 class Fleet(Generic[Onboard]):
     """The emulated vehicles of one world: `members`, in the order of the seats.
 
-    build: makes the computer of a seat, by its place from 0, its body and its source of chance, and
-    says whether the vehicle has GPS. period: how often the computers step at most. Raises
+    build: returns the computer of a seat, by its place from 0, its body and its source of chance,
+    and whether the vehicle has GPS. period: how often the computers step at most. Raises
     DriverError as the simulator does.
     """
 
@@ -91,7 +91,7 @@ class Fleet(Generic[Onboard]):
         self._due: Time = 0
 
     def advance(self, now: Time) -> None:
-        """Let the world go on until `now`."""
+        """Advance the world and the computers to `now`."""
         self._world.advance(now)
         if now >= self._due:
             self._due = now + self._period
@@ -99,15 +99,15 @@ class Fleet(Generic[Onboard]):
                 member.step(now)
 
     def serve(
-        self, ticks: Iterable[Time], breaks: Sequence[Break], tell: Callable[[Break, Time], None]
+        self, ticks: Iterable[Time], breaks: Sequence[Break], report: Callable[[Break, Time], None]
     ) -> None:
-        """Go on from tick to tick and cause each failure at its time. tell: called with a failure
-        as it begins."""
+        """Advance from tick to tick and inject each failure at its time. report: called with a
+        failure as it begins."""
         waiting = sorted(breaks)
         for now in ticks:
             while waiting and waiting[0].at <= now:
                 failure = waiting.pop(0)
-                tell(failure, now)
+                report(failure, now)
                 for member in self.members:
                     failure.apply(member.onboard.failures)
             self.advance(now)

@@ -1,12 +1,11 @@
 """PX4 and ArduPilot autopilots over MAVLink.
 
-One part for both: what differs is a profile (`autopilot`). Several vehicles share a link and are
-told apart by their system id. Unless its `position` is its own, what kybflow estimates goes to the
-autopilot as external vision, and kybflow's own position loop sends it accelerations, which it
-follows by its own attitude controller; by GPS, or where setpoints are rare, it follows positions.
-Everything goes by the engine's tick: when this program stops, so do setpoints and heartbeats. The
-last setpoint stays in force until the autopilot's own failsafe acts, which the preflight has
-looked at.
+One part for both: what differs is a profile (`autopilot`). Several vehicles may share a link; each
+has its own system id. Unless its `position` is its own, the autopilot gets kybflow's estimate as
+external vision and accelerations from kybflow's position loop, which it follows by its own attitude
+controller. With GPS, or where setpoints are rare, it follows positions. Everything is sent in the
+engine's tick: when this program stops, so do setpoints and heartbeats. The last setpoint then stays
+in force until the autopilot's own failsafe acts, which the preflight has checked.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     import random
 
 OFTEN = 40.0
-"""Setpoints a second from which on the position loop may be ours, as accelerations."""
+"""Setpoints a second from which on kybflow's position loop may send accelerations."""
 SLOW, QUICK = 100, 250
 """Ticks a second, for setpoints of position or acceleration: up to one in two ticks of the former,
 and above. The attitude loop, which needs more, is the autopilot's."""
@@ -58,14 +57,13 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def takes(cls, params: MavlinkParams) -> frozenset[CommandKind]:
-        """Those with a thrust only where they are asked for: what it does with them is not known
-        well enough. The failsafe's landing by the IMU sends them all the same."""
+        """Commands with a thrust only where `attitude` is set, because they are not tested well
+        enough. The failsafe's landing by the IMU sends them all the same."""
         return cls.accepts if params.attitude else cls.accepts - THRUSTS
 
     @classmethod
     def tracker(cls, params: AutopilotLinkParams) -> Mapping[str, str]:
-        """By acceleration where kybflow knows better than the autopilot where it is, and says
-        often enough where to go."""
+        """By acceleration where kybflow provides the position and sends setpoints often enough."""
         if params.position != "outside" or params.rate < OFTEN:
             return {"use": "on_board", "by": "position"}
         keeps = "true" if profile_of(params.autopilot).keeps_height else "false"
@@ -77,7 +75,7 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def inner_loop(cls, params: MavlinkParams, airframe: Airframe) -> InnerLoop:
-        """The firmware's loop as it comes, unless the airframe has gains of its own."""
+        """The firmware's default loop, unless the airframe has gains of its own."""
         profile, lag = profile_of(params.autopilot), airframe.rotor_time
         gain = airframe.attitude_gain or profile.attitude_gain
         loop = attitude_loop(lag, gain, airframe.rate_gain)

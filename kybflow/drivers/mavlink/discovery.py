@@ -1,7 +1,7 @@
-"""Discovery of autopilots outside a mission: who is heard at an address, and their parameters.
+"""Discovery of autopilots outside a mission: those at an address, and their parameters.
 
-An autopilot may say nothing until it hears us; so a heartbeat is sent once a second, a ground
-station's, since PX4 sends its texts only to those.
+An autopilot may be silent until it receives a message, and PX4 sends texts only to ground stations;
+so a ground station's heartbeat is sent once a second.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
 from kybflow.drivers.mavlink.transport.wire import Wire
 
-PATIENCE: Time = 6 * NS
-"""How long an autopilot may take to be heard: some need two of our heartbeats."""
+FIRST: Time = 6 * NS
+"""How long the first message may take: some autopilots need two of our heartbeats."""
 OTHERS: Time = 3 * NS // 2
 """How much longer other autopilots are awaited."""
 SILENT: Time = 5 * NS
@@ -25,8 +25,8 @@ SILENT: Time = 5 * NS
 
 
 class Discovery:
-    """Listens on one wire. `statuses`: what each autopilot reported, by its system id. system: the
-    one to look for; None takes any. own_system, key: as in a mission."""
+    """Searches one wire. `statuses`: what each autopilot reported, by its system id. system: the
+    one to find, None for any. own_system, key: as in a mission."""
 
     def __init__(
         self, wire: Wire, system: int | None, own_system: int, key: bytes | None = None
@@ -42,7 +42,7 @@ class Discovery:
         self._beat: Time | None = None
 
     def step(self, now: Time) -> None:
-        """Take in what arrived, and send our heartbeats."""
+        """Handle what arrived, and send our heartbeats."""
         self.now = now
         self._router.poll(now)
         for system in sorted(self._asked.heard_from - set(self._ports) - {self._own}):
@@ -58,27 +58,33 @@ class Discovery:
                 port.send(HEARTBEAT)
 
     def watch(
-        self, ticks: Iterator[Time], patience: Time, until: Callable[[], bool] = lambda: False
+        self, ticks: Iterator[Time], timeout: Time, until: Callable[[], bool] = lambda: False
     ) -> None:
-        """Step for so long, or until `until` is true."""
-        end = self.now + patience
+        """Step until the timeout, or until `until` is true."""
+        end = self.now + timeout
         while self.now < end and not until():
             self.step(next(ticks))
 
     def find(self, ticks: Iterator[Time]) -> list[int]:
-        """The system that is looked for, as soon as it is heard; else all that are. Raises
-        DriverError where there is none."""
-        self.watch(ticks, PATIENCE, lambda: bool(self._fitting()))
+        """Wait for the system to find; returns it as soon as it is heard, or all where any will do.
+        Raises DriverError where there is none."""
+        self.watch(ticks, FIRST, lambda: bool(self._fitting()))
         if self._system is None and self._fitting():
             self.watch(ticks, OTHERS)
         return self.found()
 
     def found(self) -> list[int]:
-        """The systems that were looked for and heard. Raises DriverError where there are none, with
-        what was heard instead and what to try."""
+        """The systems found. Raises DriverError where there are none, with what was heard instead
+        and what to try."""
         if fitting := self._fitting():
             return fitting
-        raise DriverError(self._silence())
+        if others := self.there():
+            names = ", ".join(str(system) for system in others)
+            raise DriverError(
+                f"system {self._system} is not heard at {self._wire.address}, but {names}"
+            )
+        trouble = self._asked.trouble() or f"no autopilot is heard at {self._wire.address}"
+        raise DriverError(f"{trouble}; {self._asked.to_ask}")
 
     def _fitting(self) -> list[int]:
         return [s for s in self.there() if self._system in (None, s)]
@@ -128,10 +134,3 @@ class Discovery:
                     f"system {system} at {self._wire.address} fell silent: is it still powered and"
                     " in reach?"
                 )
-
-    def _silence(self) -> str:
-        if others := self.there():
-            names = ", ".join(str(system) for system in others)
-            return f"system {self._system} is not heard at {self._wire.address}, but {names}"
-        trouble = self._asked.trouble() or f"no autopilot is heard at {self._wire.address}"
-        return f"{trouble}; {self._asked.to_ask}"

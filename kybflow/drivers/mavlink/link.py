@@ -30,7 +30,6 @@ from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency
 from kybflow.drivers.mavlink.preflight.checks import LineCapacity, PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
-from kybflow.drivers.mavlink.protocol.frames import Anchor
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
@@ -43,8 +42,8 @@ OFTEN: Time = NS // 50
 """How often the keep-alive runs; it need not in every tick."""
 REREAD: Time = NS // 2
 """How often one of the preflight's parameters is read again in flight."""
-FORGOTTEN: Time = NS // 2
-"""Its own position counts as unknown when it is older than this."""
+OLDEST: Time = NS // 2
+"""An older position of the autopilot counts as unknown."""
 MS: Time = NS // 1000
 
 
@@ -94,7 +93,7 @@ class AutopilotLink(Link):
         self._command: Command | None = None
 
     def update(self, now: Time) -> None:
-        """Take in messages, decide, and send what is due. Raises DriverError."""
+        """Handle messages, decide, and send what is due. Raises DriverError."""
         self._now = now
         if self.autopilot.receive(now):
             self._keep_alive.begin_anew()
@@ -140,7 +139,7 @@ class AutopilotLink(Link):
     def disarm_by_force(self, now: Time) -> None:
         landed = self.autopilot.status.landed
         if landed in (LandedState.AIR, LandedState.TAKING_OFF):
-            raise Refused("it says that it is in the air")
+            raise Refused("it reports that it is in the air")
         self.cut(now)
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
@@ -160,7 +159,7 @@ class AutopilotLink(Link):
     def checks(self, now: Time) -> Sequence[Check]:
         misses = self.offboard.prepare(now)
         self._stream_setpoint(now)
-        return [*self._checks.checks(misses, self._vision.told, now), *self._capacity.check()]
+        return [*self._checks.checks(misses, self._vision.newest, now), *self._capacity.check()]
 
     def status_texts(self) -> Sequence[StatusText]:
         return self.autopilot.new_texts(is_disarming=self.offboard.is_disarming)
@@ -203,8 +202,8 @@ class AutopilotLink(Link):
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
-        """Put the streams back to what they were before us, and the mode of a disarmed vehicle,
-        unless somebody else has it."""
+        """Restore the default streams, and the earlier mode of a disarmed vehicle unless somebody
+        else controls it."""
         self._keep_alive.close()
         autopilot, before = self.autopilot, self.offboard.modes.before
         is_ours = self.override is None and not autopilot.status.armed
@@ -222,7 +221,7 @@ class AutopilotLink(Link):
             self.autopilot.port.deaf, self.autopilot.port.mute = self.faults.deaf, self.faults.mute
 
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
-        """The messages to request, Hz. kinds: what the vehicle is flown by."""
+        """The streams to request, Hz. kinds: what the vehicle is flown by."""
         rates = {**self.autopilot.streams(kinds), **setpoints.STREAMS}
         if self._grip is not None:
             rates |= payload.STREAMS
@@ -231,10 +230,12 @@ class AutopilotLink(Link):
 
     def _stream_setpoint(self, now: Time) -> None:
         """Send the setpoint that is due."""
-        command = self.offboard.stream.due(now)
-        if command is None or (anchor := self._anchor) is None:
+        command, autopilot = self.offboard.stream.due(now), self.autopilot
+        if command is None:
             return
-        autopilot = self.autopilot
+        anchor = self._drift.anchor if autopilot.is_outside else autopilot.telemetry.anchor
+        if anchor is None:
+            return
         boot = autopilot.clock.to_boot(now) or now
         message = codec.encode(
             compensated(command, self._latency), target=autopilot.target, boot_ms=boot // MS,
@@ -244,12 +245,6 @@ class AutopilotLink(Link):
         )  # fmt: skip
         autopilot.port.send(message)
         autopilot.others.sent(message, now)
-
-    @property
-    def _anchor(self) -> Anchor | None:
-        """Where its frame lies."""
-        own = self.autopilot.telemetry.anchor
-        return self._drift.anchor if self.autopilot.is_outside else own
 
     def _watch_parameters(self, now: Time) -> None:
         """Read the parameters of the preflight again in flight, one at a time."""
@@ -265,7 +260,6 @@ class AutopilotLink(Link):
                 parameters.read((name,), now, again=True)
 
     def _learn_hover_throttle(self, now: Time) -> None:
-        """How much throttle holds it in the air."""
         status, autopilot = self.autopilot.status, self.autopilot
         flies = self.offboard.goal is OffboardGoal.FOLLOW and status.landed is LandedState.AIR
         if self._command is not None:
@@ -274,9 +268,9 @@ class AutopilotLink(Link):
             self._hover.learn(asked, self._command, own, values, now)
 
     def _holding(self) -> Command | None:
-        """What makes it hold still where it is, None where that is not known any more."""
+        """The command that holds the vehicle where it is, None while that is unknown."""
         own = self.autopilot.telemetry.odometry
-        if own is None or self._now - own.time > FORGOTTEN:
+        if own is None or self._now - own.time > OLDEST:
             return None
         heading = heading_of(own.attitude)
         here = own.position

@@ -9,6 +9,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import Time
 from kybflow.drivers.mavlink.firmware import FirmwareProfile, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
+from kybflow.drivers.mavlink.protocol.signing import read_key
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.router import Router
@@ -16,7 +17,7 @@ from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.parts import Link, Seat, Session
 
 Group = tuple[int, str | None]
-"""What the vehicles of a router share: our system id, and the file with the secret."""
+"""Our system id and the file with the secret, which the vehicles of a router share."""
 
 
 def open_session(
@@ -39,7 +40,8 @@ def open_session(
             if address not in wires:
                 wires[address] = session.opened(opener(address))
         routers = {
-            group: Router(wires, group[0], _key(group[1])) for group, wires in groups.items()
+            (own, key): Router(wires, own, None if key is None else read_key(Path(key)))
+            for (own, key), wires in groups.items()
         }
         session.routers = tuple(routers.values())
         for (profile, address, system), seat in zip(places, seats, strict=True):
@@ -53,7 +55,7 @@ def open_session(
 
 
 class MavlinkSession(Session):
-    """Polls the `routers`, then lets every link handle what arrived."""
+    """Polls the `routers`, then updates every link."""
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
@@ -61,7 +63,7 @@ class MavlinkSession(Session):
         self._wires: list[Wire] = []
 
     def opened(self, wire: Wire) -> Wire:
-        """Remember a wire, to be closed with the rest."""
+        """Add a wire, to be closed with the session."""
         self._wires.append(wire)
         return wire
 
@@ -87,9 +89,3 @@ def _place(seat: Seat, number: int) -> tuple[FirmwareProfile, str, int]:
     profile = profile_of(seat.params.autopilot)
     system = seat.params.system or number
     return profile, seat.params.address or profile.default_address(system), system
-
-
-def _key(path: str | None) -> bytes | None:
-    from kybflow.drivers.mavlink.protocol.signing import read_key
-
-    return None if path is None else read_key(Path(path))

@@ -59,7 +59,7 @@ def test_foreign_set_points_are_told_with_the_station_and_no_success(autopilot, 
     told = flight.only("foreign_command")
     assert (told.vehicle, told.at) == ("a", DRIVER)
     assert (
-        "set-points that this program did not send: position (1.0, 0.0, -0.8)"
+        "setpoints that this program did not send: position (1.0, 0.0, -0.8)"
         in (told.fields["reason"])
     )
     assert told.fields["reason"].endswith(f"ground station {STATION} is heard too")

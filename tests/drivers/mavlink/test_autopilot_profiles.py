@@ -100,27 +100,27 @@ def test_a_setting_accepts_what_its_rule_says():
 DANGEROUS = [
     (
         PX4, {"COM_OBL_RC_ACT": 0.0}, False,
-        "COM_OBL_RC_ACT is 0: without set-points it would change to POSITION, and without a"
+        "COM_OBL_RC_ACT is 0: without setpoints it would change to POSITION, and without a"
         " transmitter climb and return; set 4 (land)",
     ),
     (
         PX4, {"COM_OBL_RC_ACT": 3.0}, True,
-        "COM_OBL_RC_ACT is 3: without set-points it would climb and return; set 4 (land)",
+        "COM_OBL_RC_ACT is 3: without setpoints it would climb and return; set 4 (land)",
     ),
     (
         PX4, {"COM_OF_LOSS_T": 2.5}, False,
-        "COM_OF_LOSS_T is 2.5: for so many seconds it would fly on without set-points; set 0.5",
+        "COM_OF_LOSS_T is 2.5: for so many seconds it would fly on without setpoints; set 0.5",
     ),
     (
         ARDUPILOT, {"FS_GCS_ENABLE": 0.0}, False,
-        "FS_GCS_ENABLE is 0: without our heartbeat nothing would happen, a position set-point is"
+        "FS_GCS_ENABLE is 0: without our heartbeat nothing would happen, a position setpoint is"
         " held for ever; set 5 (land)",
     ),
     *(
         (
             PX4, {"NAV_DLL_ACT": value}, False,
             f"NAV_DLL_ACT is {value:g}: without our heartbeat its rotors would stop in the air;"
-            " set 3 (land), or 0 (nothing: lost set-points count)",
+            " set 3 (land), or 0 (nothing: lost setpoints count)",
         )
         for value in (5.0, 6.0)
     ),
@@ -207,14 +207,14 @@ def test_an_autopilot_is_ready_only_in_the_mode_in_which_it_follows(profile):
     assert profile.ready(heard(profile)) is None
     assert "not" in profile.ready(heard(profile, mode="land"))
     assert "not" in profile.ready(heard(profile, mode="no such"))
-    assert "unheard" in profile.ready(heard(profile, ready=None))
+    assert "it has not reported its health" in profile.ready(heard(profile, ready=None))
     assert profile.ready(heard(profile, ready=False)) is not None
     assert "no position yet" in profile.ready(heard(profile, ready=False, ekf=167))
 
 
 def test_ardupilot_is_not_ready_without_a_position_whatever_it_says():
     assert "flags 167" in ARDUPILOT.ready(heard(ARDUPILOT, ekf=167))
-    assert ARDUPILOT.ready(heard(ARDUPILOT, ekf=None)) == "its estimator is unheard"
+    assert ARDUPILOT.ready(heard(ARDUPILOT, ekf=None)) == "it has not reported its estimator"
 
 
 def test_the_spread_is_told_only_with_a_position():

@@ -366,7 +366,7 @@ def test_one_that_stays_armed_is_disarmed_by_force_unless_it_says_that_it_flies(
     bench = Bench(name)
     bench.fly()
     bench.fake.refuses[ARM] = (FAILED, "Disarm refused: not landed")
-    with pytest.raises(Refused, match="it says that it is in the air"):
+    with pytest.raises(Refused, match="it reports that it is in the air"):
         bench.link.disarm_by_force(bench.now)
     bench.fake.landed = LANDING
     bench.run(8.0, RESTING)
@@ -503,7 +503,7 @@ def test_the_preflight_sees_that_it_believes_to_be_elsewhere():
     bench = Bench("px4")
     bench.fake.position = (2.0, 0.0, 0.0)
     assert "2.00 m" in lines(bench)["position"].reason
-    assert "told none" in lines(Bench("px4"), tells=False)["position"].reason
+    assert "no estimate to send" in lines(Bench("px4"), tells=False)["position"].reason
 
 
 def test_another_autopilot_is_told_as_such():

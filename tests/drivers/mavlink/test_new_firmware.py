@@ -31,8 +31,8 @@ PROFILE = replace(
     modes={"offboard": 2, "land": 3, "hold": 4} | {name: n for n, name in NAMES.items()},
     manual_modes=frozenset({"STEERED"}),
     indoors=(Needed("ACME_VISION", 1, "takes poses from kybflow"),
-             Needed("ACME_LOST", 4, "it lands when set-points stop")),
-    dangers=(Danger("ACME_LOST", {0: "without set-points it would fly on"}, "4 (land)"),),
+             Needed("ACME_LOST", 4, "it lands when setpoints stop")),
+    dangers=(Danger("ACME_LOST", {0: "without setpoints it would fly on"}, "4 (land)"),),
     hover_parameter="ACME_HOVER",
     reaction="ACME_LOST",
     feeds=("ACME_VISION",),
@@ -93,7 +93,7 @@ for check in bench.link.checks(bench.now):
     assert code == 0, said
     assert "heartbeat True acme in STILL" in said
     assert "watchdog False dangerous: ACME_LOST" in said
-    assert "ACME_LOST is 0: without set-points it would fly on" in said
+    assert "ACME_LOST is 0: without setpoints it would fly on" in said
     assert "ACME_VISION is 0,  should be 1:  takes poses from kybflow" in said
 
 

@@ -62,13 +62,13 @@ def test_one_that_is_unready_without_a_word_is_asked_what_is_not_well():
     bench = set_up(Bench())
     bench.fake.ready, bench.fake.ill = False, COMPASS | RECEIVER
     assert looked(bench, 8.0)["autopilot"].reason == (
-        "it says that it is not ready to arm; it reports as not well: compass,"
+        "it reports that it is not ready to arm; it reports as not well: compass,"
         " receiver of the transmitter (is the transmitter on?)"
     )
     bench.fake.say("Preflight Fail: compass 1 missing")
     assert looked(bench, 0.5)["autopilot"].reason == (
-        "it says that it is not ready to arm: Preflight Fail: compass 1 missing; it reports as not"
-        " well: compass, receiver of the transmitter (is the transmitter on?)"
+        "it reports that it is not ready to arm: Preflight Fail: compass 1 missing; it reports as"
+        " not well: compass, receiver of the transmitter (is the transmitter on?)"
     )
 
 
@@ -84,16 +84,16 @@ def test_where_it_has_no_position_the_line_says_what_it_is_made_of():
     bench = set_up(Bench())
     bench.fake.flags = NO_POSITION
     assert looked(bench, 8.0)["position"].reason == (
-        "it has none (estimator flags 37); it is told one, and set up to take it (EKF2_EV_CTRL 15,"
-        " EKF2_HGT_REF 3): parameters that were just written may count only after it has started"
-        " anew"
+        "it has none (estimator flags 37); kybflow sends it one, and it is set up to use it"
+        " (EKF2_EV_CTRL 15, EKF2_HGT_REF 3): parameters that were just written may count only after"
+        " a restart"
     )
     bench.fake.flags = NO_POSITION
     bare = Bench()
     bare.fake.flags = NO_POSITION
     assert looked(bare, 8.0)["position"].reason == (
-        "it has none (estimator flags 37); it is not set up to take the one that it is told: see"
-        " `parameters`"
+        "it has none (estimator flags 37); it is not set up to use the one that kybflow sends:"
+        " see `parameters`"
     )
 
 
@@ -102,8 +102,8 @@ def test_one_that_finds_its_own_position_says_by_which_parameters():
     bench.fake.params |= {"GPS_TYPE": 1.0, "EK3_SRC1_POSXY": 3.0}
     bench.fake.flags = NO_POSITION
     assert looked(bench, 8.0)["position"].reason == (
-        "it has none (estimator flags 37); it is to find its own by GPS_TYPE 1, EK3_SRC1_POSXY 3:"
-        " are there satellites to be seen?"
+        "it has none (estimator flags 37); it finds its own by GPS_TYPE 1, EK3_SRC1_POSXY 3: does"
+        " it receive satellites?"
     )
 
 
@@ -141,12 +141,12 @@ def test_what_newer_versions_renamed_is_looked_at_by_its_new_name():
 def test_a_green_watchdog_says_what_this_one_does():
     bench = set_up(Bench())
     bench.fake.params["NAV_DLL_ACT"] = 0.0
-    assert looked(bench, 8.0)["watchdog"].reason == "it lands when set-points stop"
+    assert looked(bench, 8.0)["watchdog"].reason == "it lands when setpoints stop"
     bench = set_up(Bench())
     bench.fake.params["COM_OBL_RC_ACT"] = 5.0
     found = looked(bench, 8.0)["watchdog"]
     assert found.green
-    assert found.reason.startswith("it holds where it is when set-points stop")
+    assert found.reason.startswith("it holds where it is when setpoints stop")
     bench = Bench(position="own")
     bench.fake.params |= {"COM_OBL_RC_ACT": 3.0, "COM_OF_LOSS_T": 1.0}
     assert "COM_OBL_RC_ACT is 3" in looked(bench, 8.0)["watchdog"].reason
@@ -160,4 +160,4 @@ def test_one_that_does_not_tell_what_it_does_without_us_is_not_flown(name):
     del bench.fake.params[reaction]
     watchdog = looked(bench, 8.0)["watchdog"]
     assert not watchdog.green
-    assert f"it does not tell {reaction}" in watchdog.reason
+    assert f"it does not report {reaction}" in watchdog.reason

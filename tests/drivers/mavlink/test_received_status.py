@@ -6,7 +6,7 @@ import pytest
 
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.telemetry.received_status import (
-    CHUNK_PATIENCE,
+    CHUNK_TIMEOUT,
     LandedState,
     ReceivedStatus,
     ReceivedText,
@@ -57,7 +57,7 @@ def test_readiness_and_ill_sensors() -> None:
     heard.handle(mavlink.MAVLink_sys_status_message(7 | 1 << 28, 5, 1, *status), 0)
     assert heard.ready is False
     assert heard.sensors is not None
-    assert heard.sensors.ill == 4
+    assert heard.sensors.unhealthy == 4
     heard.handle(mavlink.MAVLink_sys_status_message(0, 0, 1 << 28, *status), 1)
     assert heard.ready is True
 
@@ -103,9 +103,9 @@ def test_a_lost_chunk_does_not_hold_the_rest_for_ever(lost: int, rest: str) -> N
     heard = ReceivedStatus()
     for chunk in {0, 1} - {lost}:
         heard.handle(text(LONG[50 * chunk :][:50], number=9, chunk=chunk), 0)
-    heard.handle(heartbeat(0), CHUNK_PATIENCE)
+    heard.handle(heartbeat(0), CHUNK_TIMEOUT)
     assert texts(heard) == []
-    heard.handle(heartbeat(0), CHUNK_PATIENCE + 1)
+    heard.handle(heartbeat(0), CHUNK_TIMEOUT + 1)
     assert list(heard.texts) == [ReceivedText(0, 2, rest)]
 
 

@@ -129,7 +129,7 @@ def test_what_is_in_progress_is_not_sent_again_but_must_end() -> None:
     assert request.outcome == "waiting"
     peer.sent(10_100)
     assert request.outcome == "silent"
-    assert request.words == "COMPONENT_ARM_DISARM began, and no end of it was told"
+    assert request.words == "COMPONENT_ARM_DISARM began, and its end was not reported"
 
 
 def test_many_of_one_command_take_turns() -> None:

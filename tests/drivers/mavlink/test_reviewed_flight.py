@@ -78,9 +78,7 @@ def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
     deaf_to_positions(bench, monkeypatch)
     bench.run(3.0, UP)
     bench.link.reclaim(bench.now)
-    assert (
-        bench.link.override.refused == "it is not known where it is, and so not where it is to hold"
-    )
+    assert bench.link.override.refused == "its position is unknown, so it can't hold it"
 
 
 def after_landing(refuses: str) -> Bench:

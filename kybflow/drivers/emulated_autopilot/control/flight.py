@@ -1,5 +1,4 @@
-"""How an emulated autopilot flies: what each mode makes of its targets, and when it is on the
-ground.
+"""The flight of an emulated autopilot: the targets of each mode, and landing detection.
 
 Speeds in m/s, heights in metres, ENU of its own local frame.
 """
@@ -24,25 +23,24 @@ from kybflow.drivers.emulated_autopilot.state import EmulatedState, Role
 from kybflow.drivers.emulation.control import STEADY, PositionControl, PositionTarget
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
-TAKES_HOLD, SLIGHT, SLOW = 0.6, 0.65, 0.25
-"""It counts as standing after these seconds with less thrust than this share of its hover thrust
-and a climb or descent slower than this."""
+LANDS, SLIGHT, SLOW = 0.6, 0.65, 0.25
+"""Landed: these seconds with less thrust than this share of the hover thrust and a climb or descent
+slower than this."""
 TOUCHES, PUSHED = 0.3, 0.9
-"""Where it is to land, it has touched something if in these seconds it has hardly come down, with
-less thrust than this share of its hover thrust: it stays level then, as PX4 with `ground_contact`
-and ArduPilot with `land_complete_maybe`."""
+"""Ground contact in a landing: in these seconds it has hardly descended, with less thrust than this
+share of the hover thrust. It then stays level, as PX4 with `ground_contact` and ArduPilot with
+`land_complete_maybe`."""
 LIFTS, LIFTED = 0.9, 0.08
-"""It counts as flying with more thrust than this share of its hover thrust, this far above where it
-stood."""
+"""Lifted off: more thrust than this share of the hover thrust, this far above the ground."""
 CLEAR = 0.5
-"""This far above where it stood, and while it doesn't land, it stands on nothing."""
+"""From this height on, unless it lands, nothing supports it from below."""
 REACHED = 0.15
 SPOOLS: Time = NS
 """How long the rotors spool up before a take-off."""
 STICK_SPEED, STICK_TURN = 2.0, 1.0
 """The speed and the turn rate of a full stick, m/s and rad/s."""
 SINKS = 2.4
-"""How fast it comes down in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
+"""The descent in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
 FAST_ABOVE = 5.0
 """Above this height, metres, it descends twice as fast."""
 
@@ -59,7 +57,7 @@ class EmulatedFlight:
         self._attitude: Quat = from_heading(0.0)
         self._turning = False
         self._slight: Time | None = None
-        self._looks: Time = 0
+        self._contact_at: Time = 0
         self._was_at: float | None = None
         self._has_touched = False
         self._is_home = False
@@ -74,14 +72,14 @@ class EmulatedFlight:
         self._heading = estimator.attitude.heading
         self._attitude = estimator.attitude.value
         self._is_home, self._turning, self._began = False, False, now
-        self._looks, self._was_at = now + round(TOUCHES * NS), None
+        self._contact_at, self._was_at = now + round(TOUCHES * NS), None
         self._has_touched = False
         if self._state.flying.role is Role.FOLLOW:
             self._state.climb_to = None
         self._leave_the_ground()
 
     def arm(self, now: Time) -> None:
-        """Arm: the rotors begin to turn."""
+        """Begin a flight: the rotors begin to turn."""
         state, estimator = self._state, self._state.estimator
         state.ground, state.has_flown = estimator.position[2], False
         state.climb_to = None
@@ -114,7 +112,7 @@ class EmulatedFlight:
         return self._reach(PositionTarget(self._held, ZERO, heading=self._heading), dt)
 
     def watch(self, now: Time, dt: float) -> None:
-        """Notice a lift-off or a landing; in the air, learn the hover thrust."""
+        """Detect a lift-off or a landing; in the air, learn the hover thrust."""
         state, control, estimator = self._state, self._control, self._state.estimator
         climb, height = estimator.velocity[2], estimator.position[2] - state.ground
         if not state.is_down and abs(climb) < STEADY:
@@ -122,35 +120,33 @@ class EmulatedFlight:
             up = body_z(estimator.attitude.value)[2]
             control.learn(up, estimator.acceleration[2], clear, dt)
         share = control.thrust / control.hover
-        if now >= self._looks:
-            self._look(now, share)
+        if now >= self._contact_at:
+            self._detect_contact(now, share)
         if state.is_down:
             if share > LIFTS and height > LIFTED:
                 state.landed, state.has_flown, self._slight = LandedState.AIR, True, None
         elif share < SLIGHT and abs(climb) < SLOW:
             self._slight = now if self._slight is None else self._slight
-            if now - self._slight > TAKES_HOLD * NS:
+            if now - self._slight > LANDS * NS:
                 state.landed, state.landed_at, self._slight = LandedState.GROUND, now, None
                 state.climb_to = None
         else:
             self._slight = None
-            self._tell()
+            role = state.flying.role
+            if state.climb_to is not None and role in (Role.TAKE_OFF, Role.FOLLOW):
+                state.landed = LandedState.TAKING_OFF
+            else:
+                state.landed = LandedState.LANDING if role is Role.LAND else LandedState.AIR
 
-    def _look(self, now: Time, share: float) -> None:
-        """Notice that something is in the way down, or that it comes down after all: what still
-        climbed when the landing began has only stopped climbing."""
+    def _detect_contact(self, now: Time, share: float) -> None:
+        """Detect ground contact, or its end: a vehicle that climbed when the landing began only
+        stopped climbing."""
         was, height = self._was_at, self._state.estimator.position[2]
         if was is not None and was - height >= SLOW * TOUCHES:
             self._has_touched = False
         elif was is not None and share < PUSHED:
             self._has_touched = True
-        self._looks, self._was_at = now + round(TOUCHES * NS), height
-
-    def _tell(self) -> None:
-        role, climbing = self._state.flying.role, self._state.climb_to is not None
-        taking_off = climbing and role in (Role.TAKE_OFF, Role.FOLLOW)
-        down = LandedState.LANDING if role is Role.LAND else LandedState.AIR
-        self._state.landed = LandedState.TAKING_OFF if taking_off else down
+        self._contact_at, self._was_at = now + round(TOUCHES * NS), height
 
     def _starts(self, now: Time) -> bool:
         """Whether it is commanded to leave the ground."""
@@ -220,7 +216,8 @@ class EmulatedFlight:
         return PositionTarget(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
 
     def _landing(self, now: Time) -> PositionTarget:
-        """The target straight down; without a position, or on something, it only stays level."""
+        """The target straight down; without a position, or in ground contact, it only stays
+        level."""
         state, (x, y, _) = self._state, self._held
         down = self._firmware.land_speed(state.parameters)
         if state.estimator.position[2] - state.ground > FAST_ABOVE:

@@ -13,8 +13,9 @@ from kybflow.drivers.emulated_autopilot.state import EmulatedState
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 
 MIDDLE = 1500
-ACCEPTED, UNSUPPORTED, FAILED = 0, 3, 4
-"""MAV_RESULT."""
+ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
+UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
+FAILED: int = mavlink.MAV_RESULT_FAILED
 COMMANDS = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_SERVO, mavlink.MAV_CMD_DO_SET_RELAY,
@@ -44,8 +45,8 @@ class Outputs:
             self.pulses[channel] = pulses[closed]
 
     def move_all(self, parameter: str, function: int, pulse: int, now: Time) -> bool:
-        """Move all outputs with that function; whether there is one. parameter: the name of the
-        parameter with an output's function, `{}` in place of its number."""
+        """Move all outputs with that function; returns whether there is one. parameter: the name of
+        the parameter with an output's function, `{}` in place of its number."""
         found = [
             channel
             for channel in range(1, 15)

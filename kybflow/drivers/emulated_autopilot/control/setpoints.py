@@ -8,13 +8,23 @@ from typing import Any, NamedTuple
 
 from kybflow.core.geometry import Quat, Vec3, add, from_heading, rotate
 from kybflow.drivers.emulation.control import FREE, Axes, PositionTarget
+from kybflow.drivers.mavlink.protocol.codec import (
+    NO_ACCELERATION,
+    NO_ATTITUDE,
+    NO_POSITION,
+    NO_RATES,
+    NO_VELOCITY,
+    NO_YAW,
+    NO_YAW_RATE,
+)
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import attitude_from_ned, from_frd, heading_from_ned
 
-LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD = 1, 7, 8, 9, 12
-_YAW, _YAW_RATE = 0x400, 0x800
-_POSITION, _VELOCITY, _ACCELERATION = 0x007, 0x038, 0x1C0
-_ROLL_RATE, _PITCH_RATE, _TURN_RATE, _THRUST, _ATTITUDE = 1, 2, 4, 64, 128
+LOCAL, LOCAL_OFFSET = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED
+BODY, BODY_OFFSET = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED
+BODY_FRD = mavlink.MAV_FRAME_BODY_FRD
+NO_THRUST = 1 << 6
+"""A bit of the type mask of SET_ATTITUDE_TARGET, beside those of the driver's codec."""
 
 
 class AttitudeTarget(NamedTuple):
@@ -27,15 +37,15 @@ class AttitudeTarget(NamedTuple):
 
 
 def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> PositionTarget | None:
-    """What SET_POSITION_TARGET_LOCAL_NED asks for; None where it asks for nothing, or in a frame
-    that isn't known. at, heading: where the vehicle is, for the frames that go with it. by_axis:
-    whether an axis can be left out alone; otherwise its group is."""
+    """The target of SET_POSITION_TARGET_LOCAL_NED; None where it is empty or its frame unknown. at,
+    heading: where the vehicle is, for the frames that move with it. by_axis: whether a single axis
+    can be left out; otherwise its group is."""
     m, mask = message, message.type_mask
     if m.coordinate_frame not in (LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD):
         return None
-    position = _axes((m.x, m.y, m.z), mask, _POSITION, by_axis)
-    velocity = _axes((m.vx, m.vy, m.vz), mask, _VELOCITY, by_axis)
-    acceleration = _axes((m.afx, m.afy, m.afz), mask, _ACCELERATION, by_axis)
+    position = _axes((m.x, m.y, m.z), mask, NO_POSITION, by_axis)
+    velocity = _axes((m.vx, m.vy, m.vz), mask, NO_VELOCITY, by_axis)
+    acceleration = _axes((m.afx, m.afy, m.afz), mask, NO_ACCELERATION, by_axis)
     turned = m.coordinate_frame in (BODY, BODY_OFFSET, BODY_FRD)
     if turned:
         position, velocity, acceleration = (
@@ -45,9 +55,9 @@ def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Po
         x, y, z = position
         position = add(at, (x or 0.0, y or 0.0, z or 0.0))
     to = rate = None
-    if not mask & _YAW and isfinite(m.yaw):
+    if not mask & NO_YAW and isfinite(m.yaw):
         to = heading - m.yaw if turned else heading_from_ned(m.yaw)
-    if not mask & _YAW_RATE and isfinite(m.yaw_rate):
+    if not mask & NO_YAW_RATE and isfinite(m.yaw_rate):
         rate = -m.yaw_rate
     if position == velocity == acceleration == FREE:
         return None
@@ -58,13 +68,13 @@ def attitude_target(message: Any) -> AttitudeTarget | None:
     """The target of SET_ATTITUDE_TARGET; None where it leaves out the thrust, or both attitude and
     rates."""
     mask = message.type_mask
-    if mask & _THRUST or not isfinite(message.thrust):
+    if mask & NO_THRUST or not isfinite(message.thrust):
         return None
     rates = None
-    if not mask & (_ROLL_RATE | _PITCH_RATE | _TURN_RATE):
+    if not mask & NO_RATES:
         rates = from_frd((message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate))
     w, x, y, z = message.q
-    attitude = None if mask & _ATTITUDE else attitude_from_ned((w, x, y, z))
+    attitude = None if mask & NO_ATTITUDE else attitude_from_ned((w, x, y, z))
     if attitude is None and rates is None:
         return None
     return AttitudeTarget(attitude, rates, message.thrust)

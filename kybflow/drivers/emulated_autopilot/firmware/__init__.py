@@ -1,5 +1,4 @@
-"""The emulated firmwares, as they were observed: what differs between them, as data and small
-functions.
+"""The emulated firmwares as observed: what differs between them, as data and small functions.
 
 Each module of this folder is one, with the name of its profile in the MAVLink driver's `firmware`;
 its `EMULATED` is an `EmulatedFirmware`. A firmware without a module here is flown but not emulated.
@@ -40,34 +39,33 @@ class EmulatedFirmware:
     integers are integers on the wire too. system_parameter: its system id. loss_parameter: see
     `EmulatedState`. takeoff_parameter: the height of its mode for taking off, where it has one.
     setpoint_timeout: the parameter with the seconds after which a setpoint other than a position is
-    dropped; None where the mode is left instead. streams: what it sends unasked, Hz by the
-    message's name. stations: addresses of ground stations to which its own simulator speaks too.
+    dropped; None where the mode is left instead. streams: the messages that it sends by default, Hz
+    by name. stations: addresses of ground stations to which its own simulator sends too.
 
-    denied: its acknowledgement of what it cannot do now; unknown_mode: of a mode that it does not
-    have. armed_text, disarmed_text, not_landed_text: what it says when it is armed, disarmed, and
-    asked to disarm in the air. text_end: what ends its texts. mode_messages: what it sends when its
-    mode changes. servo_function: the output function that its owner gives to a payload's servo.
-    pulses: of an open and a closed servo, microseconds. vision_frames: the frames of ODOMETRY that
-    it takes. origin: where its simulator begins.
+    denied: its acknowledgement of what it cannot do now; unknown_mode: of an unknown mode.
+    armed_text, disarmed_text, not_landed_text: the texts when it is armed, disarmed, and asked to
+    disarm in the air. text_end: ends its texts. mode_messages: the messages after a change of mode.
+    servo_function: the output function of a payload's servo. pulses: of an open and a closed servo,
+    microseconds. vision_frames: the accepted frames of ODOMETRY. origin: where its simulator
+    begins.
 
-    forgets: when its estimator gives up a position that is not seen any more. gives_up: when it
-    lands because of that. adopts: see `SightingClock`. waits: from the first GPS fix to a position,
-    for which real ones take longer. takes_off: climb rate of its take-off. obeys_on_ground:
+    forgets: when its estimator gives up a position without measurements. gives_up: when it lands
+    because of that. adopts: see `SightingClock`. waits: from the first GPS fix to a position; real
+    ones take longer. takes_off: climb rate of its take-off. obeys_on_ground:
     setpoints alone make it leave the ground. keeps_setpoints: it takes setpoints in any mode and
-    keeps them across modes. returns_to_mode: once disarmed it goes back to the mode that was last
-    asked for. by_axis: a setpoint may leave out single axes. takes_mocap: it fuses ATT_POS_MOCAP.
+    keeps them across modes. returns_to_mode: once disarmed it returns to the last requested mode.
+    by_axis: a setpoint may leave out single axes. takes_mocap: it fuses ATT_POS_MOCAP.
     speaks_to_all: it sends texts to others than ground stations too. complains: it repeats why it
     cannot be armed. every_heartbeat_counts: as a ground station's, for its failsafe.
     pauses_in_mode: a pause does not change its mode.
 
-    sources: which sensors its parameters select. refusal: why it cannot be armed now, empty where
-    it can; refusal_texts: the texts that say so. mode_refusal: why it does not change to a mode
-    now, beyond what every firmware checks. failsafe: what it does by itself in the air; disarms: on
-    the ground. idle_status: MAV_STATE while disarmed. tells_position: whether it reports its
-    position. mode_number: the mode that the parameters of DO_SET_MODE ask for. move_output: obeys a
-    command to an output, with its acknowledgement. speeds, land_speed, return_height: as its
-    parameters say. climb_rate: the climb for which it takes a throttle; None where thrust is
-    thrust.
+    sources: the sensors that its parameters select. refusal: why it cannot be armed now, empty
+    where it can; refusal_texts: the texts for that. mode_refusal: why it does not change to a mode
+    now, beyond the checks of every firmware. failsafe: its reaction in the air; disarms: on the
+    ground. idle_status: MAV_STATE while disarmed. tells_position: whether it reports its position.
+    mode_number: the mode in the parameters of DO_SET_MODE. move_output: carries out a command to an
+    output; returns the acknowledgement. speeds, land_speed, return_height: from its parameters.
+    climb_rate: the climb that a throttle commands; None where it commands thrust.
     """
 
     version: tuple[int, int, int]
@@ -127,7 +125,7 @@ class EmulatedFirmware:
 
     @property
     def profile(self) -> FirmwareProfile:
-        """What the driver knows of this firmware."""
+        """The driver's profile of this firmware."""
         return profile_of(self.name)
 
     def refuses_arming(self, state: EmulatedState, now: Time) -> str:
@@ -146,7 +144,7 @@ class EmulatedFirmware:
         return self.mode_refusal(state, mode, now)
 
     def acts(self, state: EmulatedState, now: Time) -> FailsafeAction | None:
-        """What it does now by itself, while armed."""
+        """The failsafe that begins now, while armed; None without one."""
         if state.is_down:
             return self.disarms(state, now)
         own = self.failsafe(state, now)
@@ -155,7 +153,7 @@ class EmulatedFirmware:
         return own
 
     def drops_setpoint(self, state: EmulatedState, now: Time) -> bool:
-        """Whether the last setpoint is too old to be followed any more."""
+        """Whether the last setpoint is too old to be followed."""
         wanted, at = state.wanted, state.wanted_at
         if self.setpoint_timeout is None or wanted is None or at is None:
             return False
@@ -164,9 +162,9 @@ class EmulatedFirmware:
 
 
 class SetupPlan(NamedTuple):
-    """How a vehicle's autopilot is set up. outside: its position comes from a client. prepared: its
-    owner has set it up for kybflow. station: the system id of the client that it obeys. changes: to
-    its parameters, on top."""
+    """The setup of an autopilot. outside: its position comes from a client. prepared: it is set up
+    for kybflow. station: the system id of the client that it obeys. changes: to its parameters, on
+    top."""
 
     firmware: str
     outside: bool
@@ -207,8 +205,8 @@ def check_names(firmware: str, changes: Mapping[str, float]) -> None:
 
 
 def as_built(firmware: EmulatedFirmware, context: VehicleContext, system: int) -> dict[str, float]:
-    """The parameters that a vehicle has before anybody sets it up, where they differ from the
-    firmware's defaults: the throttle in hover of its airframe, and its system id."""
+    """The parameters before any setup, where they differ from the firmware's defaults: the throttle
+    in hover of the airframe, and the system id."""
     hover = round(context.airframe.hover_thrust / context.airframe.max_thrust, 4)
     return {firmware.profile.hover_parameter: hover, firmware.system_parameter: system}
 

@@ -26,13 +26,13 @@ from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
 EARTH = 6_378_100.0
-"""Radius of the sphere that it takes the earth for, metres."""
+"""Its radius of the earth, a sphere, metres."""
 RESTS: Time = NS
-"""It disarms so long after a landing in a mode that lands."""
+"""Time to disarming after a landing in a mode that lands."""
 GRIPPER, RELAY, FIRST_RELAY = 28, -1, 9
 """Functions of an output, and the output that is relay 0."""
-LEANS = 20.0 * DEG
-"""The tilt from which on it cannot be armed."""
+MOST_TILT = 20.0 * DEG
+"""The largest tilt for arming."""
 THRUST_IS_THRUST = 8
 """The bit of GUID_OPTIONS without which a throttle is a climb rate."""
 STABILIZE, GUIDED, LOITER, RETURN, LAND, BRAKE = 0, 4, 5, 6, 9, 17
@@ -61,7 +61,7 @@ def refusal(state: EmulatedState, now: Time) -> str:
         return "PreArm: AHRS: not healthy"
     if 0.0 < state.battery.voltage < max(p["BATT_LOW_VOLT"], p["BATT_ARM_VOLT"]):
         return "PreArm: Battery 1 low voltage failsafe"
-    if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > LEANS:
+    if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > MOST_TILT:
         return "Arm: Leaning"
     if mode.role in (Role.LAND, Role.RETURN, Role.HOLD):
         return f"Arm: {mode.name} mode not armable"
@@ -69,7 +69,7 @@ def refusal(state: EmulatedState, now: Time) -> str:
 
 
 def _position_lacks(state: EmulatedState, now: Time) -> str:
-    """What its position needs and does not have."""
+    """What the position needs and lacks."""
     estimator, has_vision = state.estimator, sources(state.parameters).vision
     if has_vision and not estimator.sees(now):
         return "PreArm: VisOdom: not healthy"

@@ -14,13 +14,14 @@ from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
-TEMPORARILY_REJECTED, DENIED = 1, 2
+TEMPORARILY_REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+DENIED: int = mavlink.MAV_RESULT_DENIED
 VISION, VISION_HEIGHT, VISION_HEADING = 1, 2, 8
 """Bits of EKF2_EV_CTRL."""
 GRIPPER, FIRST_SET, SETS = 430, 301, 6
 """Functions of an output: the gripper, or one of six actuator sets."""
-LEANS = 20.0 * DEG
-"""The tilt from which on it cannot be armed."""
+MOST_TILT = 20.0 * DEG
+"""The largest tilt for arming."""
 
 
 def number(main: int, sub: int = 0) -> int:
@@ -51,7 +52,7 @@ def refusal(state: EmulatedState, now: Time) -> str:
     estimator, mode = state.estimator, state.flying
     if not estimator.is_settled(now):
         return "Preflight Fail: ekf2 missing data"
-    if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > LEANS:
+    if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > MOST_TILT:
         return "Preflight Fail: Attitude failure (roll)"
     if state.battery.remaining < state.parameters["BAT_LOW_THR"]:
         return "Preflight Fail: low battery"
@@ -61,7 +62,7 @@ def refusal(state: EmulatedState, now: Time) -> str:
 
 
 def _mode_lacks(state: EmulatedState, now: Time) -> str:
-    """What the mode in force needs and does not have."""
+    """What the current mode needs and lacks."""
     mode = state.flying
     if mode.role is Role.PILOT and not state.has_pilot(now):
         return "Preflight Fail: No manual control input"
@@ -109,7 +110,7 @@ def failsafe(state: EmulatedState, now: Time) -> FailsafeAction | None:
         return low
     if role is Role.FOLLOW and not state.streams(now):
         action = {4: LAND, 5: HOLD}.get(int(p["COM_OBL_RC_ACT"]), RETURN)
-        return FailsafeAction(action, "Failsafe activated: offboard signal lost", "set-points")
+        return FailsafeAction(action, "Failsafe activated: offboard signal lost", "setpoints")
     alone = {1: HOLD, 2: RETURN, 3: LAND}.get(int(p["NAV_DLL_ACT"]))
     heard = max(state.stations.values(), default=None)
     if alone is not None and heard is not None and now - heard > p["COM_DL_LOSS_T"] * NS:
@@ -139,7 +140,7 @@ def tells_position(state: EmulatedState, now: Time) -> bool:
 
 
 def move_output(outputs: Outputs, command: int, p: tuple[float, ...], now: Time) -> int:
-    """Outputs do not move while it is disarmed, which it acknowledges all the same."""
+    """Outputs do not move while disarmed, but the command is acknowledged."""
     if command == mavlink.MAV_CMD_DO_GRIPPER:
         _move(outputs, GRIPPER, 2000 if p[1] else 1000, now)
         return ACCEPTED

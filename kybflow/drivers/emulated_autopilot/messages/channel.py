@@ -1,4 +1,4 @@
-"""One wire of an emulated autopilot: who listens there, and which messages are sent how often."""
+"""One wire of an emulated autopilot: its ground stations, and the rates of its messages."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.sockets import UdpIn
 from kybflow.drivers.mavlink.transport.wire import Wire
 
-AUTOPILOT = 1
-"""Our component (MAV_COMP_ID_AUTOPILOT1)."""
+AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 LISTENS: Time = 5 * NS
 """How long a ground station counts as present after its last heartbeat."""
 FASTEST = 250.0
 
 
 class Channel:
-    """One wire. `station`: when a ground station's heartbeat was last heard. streams: what is sent
-    from the start, Hz."""
+    """One wire. `station`: when the last heartbeat of a ground station came. streams: the messages
+    that are sent by default, Hz."""
 
     def __init__(
         self,
@@ -43,27 +42,27 @@ class Channel:
         self._parsers: dict[Any, Parser] = {}
         self._link = BreakableLink(failures, generator)
         self._streams: dict[str, tuple[Time, Time]] = {}
-        self._usual, self._soonest = dict(streams), 0
+        self._default, self._soonest = dict(streams), 0
         for name, rate in streams.items():
             self.stream(name, rate)
 
     def receive(self, now: Time) -> list[Any]:
         """The messages since the last call."""
-        heard: list[Any] = []
+        messages: list[Any] = []
         for data, sender in self.wire.receive(now):
             parser = self._parsers.get(sender)
             if parser is None:
                 parser = self._parsers[sender] = Parser(self._signing, self.counts)
-            heard += parser.parse(data)
-        return self._link.heard(heard)
+            messages += parser.parse(data)
+        return self._link.received(messages)
 
     def send(self, message: Any) -> None:
-        """Send a message to everybody on this wire."""
+        """Send a message to all on this wire."""
         if self._link.sends():
             self._put(self._packer.pack(message, AUTOPILOT))
 
     def forward(self, message: Any) -> None:
-        """Send somebody else's message to everybody on this wire, unsigned."""
+        """Send another system's message to all on this wire, unsigned."""
         if self._signing is None and self._link.sends():
             sender = message.get_srcSystem(), message.get_srcComponent()
             layout = LAYOUTS[message.get_msgId()]
@@ -88,12 +87,12 @@ class Channel:
             period = round(NS / min(rate, FASTEST))
             self._streams[name] = (period, self._streams.get(name, (0, 0))[1])
 
-    def usual(self, name: str) -> float:
-        """The rate at the start, Hz."""
-        return self._usual.get(name, 0.0)
+    def default(self, name: str) -> float:
+        """The default rate, Hz."""
+        return self._default.get(name, 0.0)
 
     def interval(self, name: str) -> float:
-        """The seconds between two of these messages, 0 where they aren't sent."""
+        """The seconds between two of these messages, 0 where none is sent."""
         return self._streams.get(name, (0, 0))[0] / NS
 
     def due(self, now: Time) -> list[str]:

@@ -1,4 +1,4 @@
-"""An emulated autopilot on its MAVLink channels: hears, steps, reports."""
+"""An emulated autopilot on its MAVLink channels."""
 
 from __future__ import annotations
 
@@ -18,18 +18,17 @@ CHUNK = 50
 
 
 class MavlinkEndpoint:
-    """One autopilot and the channels on which it speaks. generator: the chance by which messages
-    are lost."""
+    """One autopilot and its channels. generator: chooses the messages that are lost."""
 
     def __init__(self, autopilot: OnboardAutopilot, generator: random.Random) -> None:
         self.autopilot, self.failures = autopilot, autopilot.failures
         self._generator = generator
         self._channels: list[tuple[Channel, MessageHandlers]] = []
         self._text_id = 0
-        autopilot.on_mode_change = self._tell_mode
+        autopilot.on_mode_change = self._send_mode
 
     def connect(self, wire: Wire, key: bytes | None = None) -> Channel:
-        """Speak on one more wire. key: the secret of signed messages."""
+        """Add a wire. key: the secret of signed messages."""
         streams = {"HEARTBEAT": 1.0, **self.autopilot.firmware.streams}
         system = self.autopilot.system
         channel = Channel(wire, system, key, streams, self.failures, self._generator)
@@ -37,11 +36,11 @@ class MavlinkEndpoint:
         return channel
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take what the vehicle's own sensors measured."""
+        """Take a measurement of the vehicle's own sensors."""
         self.autopilot.add_measurement(measured, now)
 
     def step(self, now: Time) -> None:
-        """Hear, estimate, fly, report; at least fifty times a second."""
+        """Handle messages, estimate, fly, report; at least fifty times a second."""
         self.autopilot.now = now
         for channel, handlers in self._channels:
             for message in channel.receive(now):
@@ -49,31 +48,31 @@ class MavlinkEndpoint:
                 if message.get_type() == "HEARTBEAT" and len(self._channels) > 1:
                     self._forward(message, channel)
         self.autopilot.step(now)
-        self._tell(now)
+        self._report(now)
 
     def _forward(self, message: Any, heard: Channel) -> None:
-        """Pass a heartbeat on to the other channels, as both firmwares do."""
+        """Forward a heartbeat to the other channels, as both firmwares do."""
         for channel, _ in self._channels:
             if channel is not heard:
                 channel.forward(message)
 
-    def _tell_mode(self) -> None:
+    def _send_mode(self) -> None:
         for channel, _ in self._channels:
             for name in self.autopilot.firmware.mode_messages:
                 channel.send(MAKERS[name](self.autopilot))
 
-    def _tell(self, now: Time) -> None:
+    def _report(self, now: Time) -> None:
         texts, self.autopilot.texts = self.autopilot.texts, []
         for words, severity in texts:
-            self._speak(words, severity, now)
+            self._send_text(words, severity, now)
         for channel, _ in self._channels:
             for name in channel.due(now):
                 message = MAKERS[name](self.autopilot)
                 if message is not None:
                     channel.send(message)
 
-    def _speak(self, words: str, severity: int, now: Time) -> None:
-        """Send a text in chunks, to whom the firmware sends texts."""
+    def _send_text(self, words: str, severity: int, now: Time) -> None:
+        """Send a text in chunks, on the channels to which the firmware sends texts."""
         firmware = self.autopilot.firmware
         data = (words + firmware.text_end).encode()
         chunks = [data[at : at + CHUNK] for at in range(0, len(data), CHUNK)]

@@ -1,18 +1,19 @@
-"""What an emulated autopilot does with each message that it receives, commands excepted."""
+"""What an emulated autopilot does with each message and command that it receives."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import Any
 
 from kybflow.core.geometry import Vec3, heading_of
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
-from kybflow.drivers.emulated_autopilot.control import setpoints
+from kybflow.drivers.emulated_autopilot.control import payload, setpoints
+from kybflow.drivers.emulated_autopilot.control.payload import ACCEPTED, FAILED, UNSUPPORTED
 from kybflow.drivers.emulated_autopilot.estimator import VisionPose
-from kybflow.drivers.emulated_autopilot.messages.channel import AUTOPILOT, Channel
-from kybflow.drivers.emulated_autopilot.messages.commands import CUSTOM, CommandHandlers
+from kybflow.drivers.emulated_autopilot.messages.channel import AUTOPILOT, Channel, name_of
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
-from kybflow.drivers.emulated_autopilot.state import PilotSticks, Role
+from kybflow.drivers.emulated_autopilot.state import CRITICAL, PilotSticks, Role
 from kybflow.drivers.emulation.control import PositionTarget
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
@@ -23,13 +24,16 @@ from kybflow.drivers.mavlink.protocol.frames import (
     to_ned,
 )
 
-GROUND_STATION = 6
-"""Type of a heartbeat (MAV_TYPE_GCS)."""
-BODY_FRD = 12
+RELATIVE = (
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+)  # fmt: skip
+"""Frames whose heights are above the home position."""
+CUSTOM = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+DENIED: int = mavlink.MAV_RESULT_DENIED
 REFUSED, UNKNOWN_COMMAND = 129, 7
-"""Answers of the file transfer protocol."""
+"""Answers of the file transfer protocol: NAK, and its reason."""
 RELEASED, IGNORED = 0, 65535
-"""Pulses of an overridden channel: given back to the transmitter; left as it is."""
+"""Pulses of an overridden channel: returned to the transmitter; unchanged."""
 GROUPS = {
     "RAW_SENSORS": (1, "RAW_IMU"),
     "EXTENDED_STATUS": (2, "SYS_STATUS", "GPS_RAW_INT", "EXTENDED_SYS_STATE", "BATTERY_STATUS"),
@@ -39,7 +43,7 @@ GROUPS = {
     "EXTRA2": (11, "VFR_HUD"),
     "EXTRA3": (12, "EKF_STATUS_REPORT", "SYSTEM_TIME"),
 }
-"""What REQUEST_DATA_STREAM asks for: its number and the messages."""
+"""The groups of REQUEST_DATA_STREAM: number and messages."""
 
 
 class MessageHandlers:
@@ -58,7 +62,7 @@ class MessageHandlers:
             "PARAM_SET": self._parameter,
             "SET_POSITION_TARGET_LOCAL_NED": self._position_target,
             "SET_POSITION_TARGET_GLOBAL_INT": self._global_target,
-            "SET_ATTITUDE_TARGET": self._attitude_target,
+            "SET_ATTITUDE_TARGET": lambda m: self._follow(setpoints.attitude_target(m)),
             "ODOMETRY": self._odometry,
             "VISION_POSITION_ESTIMATE": self._vision,
             "ATT_POS_MOCAP": self._mocap,
@@ -69,7 +73,9 @@ class MessageHandlers:
             "MISSION_COUNT": self._missions,
             "MISSION_CLEAR_ALL": self._missions,
             "REQUEST_DATA_STREAM": self._data_stream,
-            "AUTOPILOT_VERSION_REQUEST": self._version,
+            "AUTOPILOT_VERSION_REQUEST": lambda _: channel.send(
+                MAKERS["AUTOPILOT_VERSION"](autopilot)
+            ),
             "SET_GPS_GLOBAL_ORIGIN": self._origin,
             "RC_CHANNELS_OVERRIDE": self._override,
             "MANUAL_CONTROL": self._manual,
@@ -88,14 +94,14 @@ class MessageHandlers:
 
     def _heartbeat(self, m: Any) -> None:
         a = self._a
-        if m.type == GROUND_STATION:
+        if m.type == mavlink.MAV_TYPE_GCS:
             self._channel.station = a.now
             a.state.stations[m.get_srcSystem()] = a.now
         elif a.firmware.every_heartbeat_counts:
             a.state.stations[m.get_srcSystem()] = a.now
 
     def _command(self, m: Any) -> None:
-        result = self._commands.obey(m)
+        result = self._commands.carry_out(m)
         ack = mavlink.MAVLink_command_ack_message(
             m.command, result, 255, 0, m.get_srcSystem(), m.get_srcComponent()
         )
@@ -106,8 +112,7 @@ class MessageHandlers:
             self._commands.set_mode(m.custom_mode)
 
     def _parameter(self, m: Any) -> None:
-        a = self._a
-        for answer in a.state.parameters.handle(m):
+        for answer in self._a.state.parameters.handle(m):
             self._channel.send(answer)
 
     def _follow(self, wanted: setpoints.AttitudeTarget | PositionTarget | None) -> None:
@@ -119,10 +124,9 @@ class MessageHandlers:
             a.state.wanted, a.state.wanted_at = wanted, a.now
 
     def _position_target(self, m: Any) -> None:
-        a = self._a
-        e = a.state.estimator
-        heading = e.attitude.heading
-        self._follow(setpoints.position_target(m, e.position, heading, by_axis=a.firmware.by_axis))
+        e, by_axis = self._a.state.estimator, self._a.firmware.by_axis
+        target = setpoints.position_target(m, e.position, e.attitude.heading, by_axis=by_axis)
+        self._follow(target)
 
     def _global_target(self, m: Any) -> None:
         a = self._a
@@ -130,16 +134,16 @@ class MessageHandlers:
         if origin is None:
             return
         x, y, z = origin.local(m.lat_int * 1e-7, m.lon_int * 1e-7, m.alt)
-        if m.coordinate_frame in (3, 6):
+        if m.coordinate_frame in RELATIVE:
             z = m.alt + (a.state.home or (0.0, 0.0, 0.0))[2]
         self._position_target(setpoints.as_local(m, to_ned((x, y, z))))
 
-    def _attitude_target(self, m: Any) -> None:
-        self._follow(setpoints.attitude_target(m))
-
     def _odometry(self, m: Any) -> None:
         a = self._a
-        if m.frame_id in a.firmware.vision_frames and m.child_frame_id == BODY_FRD:
+        if (
+            m.frame_id in a.firmware.vision_frames
+            and m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD
+        ):
             w, x, y, z = m.q
             heading = heading_of(attitude_from_ned((w, x, y, z)))
             self._see(m.time_usec, (m.x, m.y, m.z), heading, m.reset_counter)
@@ -166,7 +170,7 @@ class MessageHandlers:
             self._channel.send(mavlink.MAVLink_timesync_message(a.boot_us(a.now) * 1000, m.ts1))
 
     def _files(self, m: Any) -> None:
-        """Refuse file transfers at once, so that nobody waits."""
+        """Refuse file transfers at once, so that no client waits."""
         asked = bytes(m.payload)
         number = (int.from_bytes(asked[:2], "little") + 1) & 0xFFFF
         head = [*number.to_bytes(2, "little"), asked[2], REFUSED, 1, asked[3], 0, 0, 0, 0, 0, 0]
@@ -191,8 +195,11 @@ class MessageHandlers:
         if m.get_type() == "MISSION_REQUEST_LIST":
             self._channel.send(mavlink.MAVLink_mission_count_message(*to, 0, kind))
         else:
-            taken = 0 if m.get_type() == "MISSION_CLEAR_ALL" else 3
-            self._channel.send(mavlink.MAVLink_mission_ack_message(*to, taken, kind))
+            is_clearing = m.get_type() == "MISSION_CLEAR_ALL"
+            result = (
+                mavlink.MAV_MISSION_ACCEPTED if is_clearing else mavlink.MAV_MISSION_UNSUPPORTED
+            )
+            self._channel.send(mavlink.MAVLink_mission_ack_message(*to, result, kind))
 
     def _data_stream(self, m: Any) -> None:
         rate = float(m.req_message_rate) if m.start_stop else 0.0
@@ -200,10 +207,6 @@ class MessageHandlers:
             if m.req_stream_id in (0, number):
                 for name in names:
                     self._channel.stream(str(name), rate)
-
-    def _version(self, m: Any) -> None:
-        a = self._a
-        self._channel.send(MAKERS["AUTOPILOT_VERSION"](a))
 
     def _origin(self, m: Any) -> None:
         a = self._a
@@ -213,7 +216,7 @@ class MessageHandlers:
             self._channel.send(MAKERS["GPS_GLOBAL_ORIGIN"](a))
 
     def _override(self, m: Any) -> None:
-        """Sticks from a ground station: only the one that the vehicle obeys counts."""
+        """Take the sticks from the ground station that the vehicle obeys."""
         a = self._a
         if m.get_srcSystem() != int(a.state.parameters.get("SYSID_MYGCS", m.get_srcSystem())):
             return
@@ -234,3 +237,148 @@ class MessageHandlers:
         a = self._a
         if m.target == a.system:
             a.state.sticks = PilotSticks(a.now, m.y / 1000, m.x / 1000, m.r / 1000, m.z / 1000)
+
+
+FORCED = 21196
+"""The second parameter of a forced arming or disarming."""
+
+Params = tuple[float, ...]
+
+
+class CommandHandlers:
+    """The commands of one channel, with the acknowledgements that the firmwares were observed to
+    send."""
+
+    def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
+        self._a, self._channel, modes = autopilot, channel, autopilot.firmware
+        self._actions: dict[int, Callable[[Params], int]] = {
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
+            mavlink.MAV_CMD_DO_SET_MODE: self._do_set_mode,
+            mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mavlink.MAV_CMD_NAV_LAND: lambda _: self.set_mode(modes.land),
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(modes.back),
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda _: self.set_mode(modes.hold),
+            mavlink.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
+            mavlink.MAV_CMD_DO_SET_HOME: self._set_home,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
+            mavlink.MAV_CMD_REQUEST_MESSAGE: self._request,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._capabilities,
+        }
+
+    def carry_out(self, message: Any) -> int:
+        """Carry out a COMMAND_LONG or COMMAND_INT; returns the acknowledgement."""
+        m, number = message, message.command
+        if m.get_type() == "COMMAND_INT":
+            p: Params = (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
+        else:
+            p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
+        if number in payload.COMMANDS:
+            return self._a.firmware.move_output(self._a.outputs, number, p, self._a.now)
+        action = self._actions.get(number)
+        return UNSUPPORTED if action is None else action(p)
+
+    def set_mode(self, number: int) -> int:
+        """Change to a mode, or send the reason why not; returns the acknowledgement."""
+        a = self._a
+        if number not in a.firmware.modes:
+            return a.firmware.unknown_mode
+        reason = a.firmware.refuses_mode(a.state, number, a.now)
+        if reason:
+            a.state.say(reason, CRITICAL)
+            return a.firmware.denied
+        a.state.failed_over = ""
+        a.change(number, a.now, asked=True)
+        return ACCEPTED
+
+    def _do_set_mode(self, p: Params) -> int:
+        a = self._a
+        if not int(p[0]) & CUSTOM:
+            return a.firmware.unknown_mode
+        return self.set_mode(a.firmware.mode_number(p))
+
+    def _arm(self, p: Params) -> int:
+        a = self._a
+        state, forced = a.state, p[1] == FORCED
+        if p[0] == 0.0:
+            if not state.armed:
+                return ACCEPTED
+            if not (state.is_down or forced):
+                a.state.say(a.firmware.not_landed_text, CRITICAL)
+                return a.firmware.denied
+            a.stop(a.now, a.firmware.disarmed_text)
+            return ACCEPTED
+        if state.armed:
+            return ACCEPTED
+        reason = "" if forced else a.firmware.refuses_arming(state, a.now)
+        if reason:
+            for text in a.firmware.refusal_texts(reason):
+                state.say(text, CRITICAL)
+            return a.firmware.denied
+        a.start(a.now)
+        return ACCEPTED
+
+    def _take_off(self, p: Params) -> int:
+        a = self._a
+        state, up = a.state, p[6]
+        here = state.estimator.position[2]
+        if not a.firmware.takeoff_parameter:
+            if state.flying.role is not Role.FOLLOW or not state.armed or not state.is_down:
+                return FAILED
+            if not state.estimator.has_position(a.now):
+                return FAILED
+            state.wanted = None
+            a.flight.enter(a.now)
+            state.climb_to = here + up
+            return ACCEPTED
+        low = here + state.parameters[a.firmware.takeoff_parameter]
+        sea = None if state.origin is None else up - state.origin.height
+        mode = next(n for n, mode in a.firmware.modes.items() if mode.role is Role.TAKE_OFF)
+        a.change(mode, a.now, asked=True)
+        state.climb_to = low if sea is None or not isfinite(sea) else max(sea, here + 0.5)
+        return ACCEPTED
+
+    def _pause(self, p: Params) -> int:
+        """Hold the position: in the current mode, or by changing to the mode that holds."""
+        a = self._a
+        if p[0] != 0.0:
+            return ACCEPTED
+        if not a.firmware.pauses_in_mode:
+            return self.set_mode(a.firmware.hold)
+        a.state.wanted = None
+        a.flight.enter(a.now)
+        return ACCEPTED
+
+    def _set_home(self, p: Params) -> int:
+        a = self._a
+        if a.state.origin is None:
+            return a.firmware.denied
+        a.state.home = a.state.estimator.position
+        return ACCEPTED
+
+    def _set_interval(self, p: Params) -> int:
+        name, channel = name_of(int(p[0])), self._channel
+        if name not in MAKERS or name in self._a.firmware.profile.polled:
+            return DENIED
+        default = channel.default(name)
+        channel.stream(name, default if p[1] == 0.0 else 0.0 if p[1] < 0.0 else 1e6 / p[1])
+        return ACCEPTED
+
+    def _get_interval(self, p: Params) -> int:
+        apart = round(1e6 * self._channel.interval(name_of(int(p[0])))) or -1
+        self._channel.send(mavlink.MAVLink_message_interval_message(int(p[0]), apart))
+        return ACCEPTED
+
+    def _request(self, p: Params) -> int:
+        maker = MAKERS.get(name_of(int(p[0])))
+        if maker is None:
+            return DENIED
+        message = maker(self._a)
+        if message is None:
+            return FAILED
+        self._channel.send(message)
+        return ACCEPTED
+
+    def _capabilities(self, p: Params) -> int:
+        self._channel.send(MAKERS["AUTOPILOT_VERSION"](self._a))
+        return ACCEPTED

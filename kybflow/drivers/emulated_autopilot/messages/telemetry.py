@@ -17,9 +17,13 @@ from kybflow.drivers.emulation.control import FREE, PositionTarget
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_frd, to_ned
 
-QUADROTOR = 2
-GYRO, ACCELEROMETER, COMPASS, BAROMETER, GPS, VISION = 1, 2, 4, 8, 0x20, 0x80
-AHRS, BATTERY, PREARM, MOTORS = 0x20_0000, 0x200_0000, 0x1000_0000, 0x8000
+QUADROTOR = mavlink.MAV_TYPE_QUADROTOR
+GYRO, ACCELEROMETER = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO, mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+COMPASS = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+BAROMETER = mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+GPS, VISION = mavlink.MAV_SYS_STATUS_SENSOR_GPS, mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
+AHRS, BATTERY = mavlink.MAV_SYS_STATUS_AHRS, mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+PREARM, MOTORS = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 GOOD, NO_POSITION, LOST, PX4_VISION = 831, 167, 37, 303
 """Flags of the estimators."""
 NOTHING = 65535
@@ -79,7 +83,7 @@ def attitude_target(a: OnboardAutopilot) -> Any:
 
 
 def position_target_local_ned(a: OnboardAutopilot) -> Any:
-    """The target that it follows; what it lacks is ignored, as its mask says."""
+    """The target that the vehicle follows; the mask ignores what it lacks."""
     wanted = a.state.wanted
     if not isinstance(wanted, PositionTarget) or a.state.flying.role is not Role.FOLLOW:
         return None
@@ -215,7 +219,7 @@ def raw_imu(a: OnboardAutopilot) -> Any:
 
 
 def _saturated(value: float) -> int:
-    """What a field of 16 bits holds of a collision."""
+    """A value limited to 16 bits: a collision exceeds them."""
     return max(-32768, min(32767, round(value)))
 
 
@@ -321,4 +325,4 @@ _MAKERS: tuple[Maker, ...] = (
     vfr_hud, altitude, sim_state, hil_state_quaternion,
 )  # fmt: skip
 MAKERS: dict[str, Maker] = {maker.__name__.upper(): maker for maker in _MAKERS}
-"""What makes each message, by its name."""
+"""The function for each message, by its name."""

@@ -27,9 +27,10 @@ from kybflow.drivers.mavlink.control.modes import Modes
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 
-ARM_DISARM, TAKEOFF = 400, 22
+ARM_DISARM, TAKEOFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF
 FORCED = 21196.0
 """The number that makes COMPONENT_ARM_DISARM stop rotors in the air."""
 LEAD = 1.0
@@ -42,9 +43,9 @@ LIFTED = 0.15
 SOON: Time = NS
 """How long disarming on the ground may take; then the vehicle lands by its own mode."""
 UNSURE: Time = 5 * NS
-"""After this it is asked to disarm even if it does not report that it is on the ground."""
-PATIENT: Time = 10 * NS
-"""How long refusals to disarm are not reported: it notices its landing late."""
+"""After this the autopilot is asked to disarm even if it does not report that it has landed."""
+REPORTED: Time = 10 * NS
+"""When refusals to disarm are reported: an autopilot notices its landing late."""
 
 
 class Arming:
@@ -58,7 +59,9 @@ class Arming:
         self._begun, self._timeout = now, timeout
         self._arm = Retries(requests, ARM_DISARM, (1.0,))
         self._lift = Retries(
-            requests, TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height)
+            requests,
+            mavlink.MAV_CMD_NAV_TAKEOFF,
+            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height),
         )
         self._floor: float | None = None
         modes.want("offboard")
@@ -66,12 +69,17 @@ class Arming:
             modes.again()
 
     def step(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> bool:
-        """Whether it is armed and follows. height: its own, metres, None while unknown. rises:
-        raised setpoints lift it. Raises Refused after the timeout, with the autopilot's words."""
+        """Returns whether the vehicle is armed and follows. height: its own, metres, None while
+        unknown. rises: raised setpoints lift it. Raises Refused after the timeout, with the
+        autopilot's texts."""
         waits = self._waits(stream, height, rises, now)
-        if waits and now - self._begun > self._timeout * NS:
-            raise Refused(f"{self._profile.name} won't arm: {self._words(waits)}")
-        return not waits
+        if not waits or now - self._begun <= self._timeout * NS:
+            return not waits
+        texts = [part for part in self._status.words(self._begun).split("; ") if part]
+        if not self._status.armed and self._status.unhealthy:
+            texts.append(self._status.unhealthy)
+        reason = "; ".join([waits, *(part for part in texts if part not in waits)])
+        raise Refused(f"{self._profile.name} won't arm: {reason}")
 
     def drop(self) -> None:
         """Withdraw the requests."""
@@ -81,7 +89,7 @@ class Arming:
     def _waits(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> str:
         """What arming waits for; empty when it is done."""
         if self._profile.streams_first and stream.flows(now) < LEAD:
-            return "no set-points flow"
+            return "no setpoints are sent to it"
         if not self._modes.step(now):
             return self._modes.trouble
         if not self._status.armed:
@@ -89,15 +97,17 @@ class Arming:
             return self._to_arm(now)
         if self._profile.climbs:
             return self._to_lift(height, now)
-        return self._to_rise(height) if rises else ""
+        if not rises or height is None or self._floor is None or height - self._floor >= LIFTED:
+            return ""
+        return "armed, it has not left the ground"
 
     def _to_arm(self, now: Time) -> str:
         unready = self._profile.ready(self._status)
         if unready and now - self._begun < DOUBT * self._timeout * NS:
             return unready
         self._arm.step(now)
-        said = self._arm.refusal or unready
-        return said or "it has been asked to, and its heartbeat says that it is not armed"
+        reason = self._arm.refusal or unready
+        return reason or "it was asked to, and its heartbeat reports that it is not armed"
 
     def _to_lift(self, height: float | None, now: Time) -> str:
         landed = self._status.landed
@@ -112,29 +122,17 @@ class Arming:
         refusal = self._lift.refusal
         return f"it won't take off: {refusal}" if refusal else "armed, it has not left the ground"
 
-    def _to_rise(self, height: float | None) -> str:
-        if height is None or self._floor is None or height - self._floor >= LIFTED:
-            return ""
-        return "armed, it has not left the ground"
-
-    def _words(self, waits: str) -> str:
-        """`waits`, followed by the autopilot's own texts since then."""
-        said = [part for part in self._status.words(self._begun).split("; ") if part]
-        if not self._status.armed and self._status.ill:
-            said.append(self._status.ill)
-        return "; ".join([waits, *(part for part in said if part not in waits)])
-
 
 class Disarming:
     """Disarms a vehicle by request, never by force. One that does not know that it is on the
-    ground, or does not disarm there within a second, is put into its own land mode, which brings it
-    down and notices. `insists`: whether it is too early to report that it refuses."""
+    ground, or does not disarm there within a second, is put into its own land mode, which detects
+    the landing. `is_retrying`: whether it is too early to report a refusal."""
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests, modes: Modes) -> None:
         self._status, self._modes = status, modes
         self._disarm = Retries(requests, ARM_DISARM, (0.0,))
         self._begun: Time | None = None
-        self.insists = status.armed
+        self.is_retrying = status.armed
 
     def drop(self) -> None:
         """Withdraw the requests."""
@@ -142,12 +140,13 @@ class Disarming:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it was armed in the last tick."""
+        """Whether the vehicle was armed in the last tick."""
         return self._begun is not None
 
     def step(self, now: Time) -> None:
-        """Once a tick."""
-        self.insists = self._status.armed and (self._begun is None or now - self._begun <= PATIENT)
+        self.is_retrying = self._status.armed and (
+            self._begun is None or now - self._begun <= REPORTED
+        )
         if not self._status.armed:
             self._begun = None
             return
@@ -167,10 +166,17 @@ class MotorStop:
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
         self._status = status
-        self._cut = Retries(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
+        self._cut = Retries(
+            requests,
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+            (0.0, FORCED),
+            first=0.2,
+            most=0.2,
+            shown=0.2,
+        )
 
     def step(self, now: Time) -> bool:
-        """Whether the rotors rest."""
+        """Returns whether the rotors have stopped."""
         if not self._status.armed:
             return True
         self._cut.step(now)
@@ -178,7 +184,7 @@ class MotorStop:
 
 
 AGAIN: Time = 2 * NS
-"""After this it is asked anew for a mode that it has left."""
+"""After this a mode that the autopilot has left is requested again."""
 
 
 class PreflightMode:
@@ -198,12 +204,8 @@ class PreflightMode:
         self._modes.want("offboard")
         if self._stream is not None:
             if (holding := self._hold()) is None:
-                return "it has no position to hold, which it must be sent first"
+                return "it has no position to hold, which it needs first"
             self._stream.feed(holding, now)
-        self._come_back(now)
-        return "" if self._follows(now) else self._modes.trouble
-
-    def _come_back(self, now: Time) -> None:
         if not self._modes.has_left:
             self._left = None
         elif self._left is None:
@@ -211,6 +213,7 @@ class PreflightMode:
         elif now - self._left > AGAIN:
             self._left = None
             self._modes.again()
+        return "" if self._follows(now) else self._modes.trouble
 
 
 LIFTS: Time = 5 * NS
@@ -240,12 +243,12 @@ class LiftOff:
 
     @property
     def is_low(self) -> bool:
-        """Whether it is near the height at which it last stood, and so may be landing right now."""
+        """Whether the vehicle is near the height at which it last stood, and so may be landing."""
         height = self.height
         return height is not None and self._floor is not None and height - self._floor < LOW
 
     def stand(self, now: Time) -> None:
-        """Note that it stands disarmed; called once a tick while it does."""
+        """Note that the vehicle stands disarmed; called once a tick while it does."""
         self._stood = now
         height = self.height
         self._floor = self._floor if height is None else height
@@ -261,7 +264,7 @@ class LiftOff:
     def end(self) -> None:
         self._until = None
 
-    def keeps_back(self, command: Command, now: Time) -> bool:
+    def holds_back(self, command: Command, now: Time) -> bool:
         """Whether a command must wait until the vehicle has lifted off."""
         if self._until is None:
             return False
@@ -273,14 +276,14 @@ class LiftOff:
         push = _acceleration(command)
         if push is not None:
             return push[2] < 0.0
-        wanted, height = _position(command), self.height
-        return wanted is not None and height is not None and wanted[2] < height
+        target, height = _position(command), self.height
+        return target is not None and height is not None and target[2] < height
 
 
 def raised(command: Command, height: float, seconds: float) -> Command:
-    """The command that lifts the vehicle: a position command becomes a rest `height` metres above
-    it, an acceleration command a push up that grows with the seconds and leaves the rest. Others
-    stay as they are."""
+    """The command that lifts the vehicle: a position command becomes a hover `height` metres above
+    it, an acceleration command keeps its horizontal part and gets a push up that grows with the
+    seconds. Others are returned unchanged."""
     setpoint, position = command.setpoint, _position(command)
     if setpoint is None:
         return command
@@ -289,8 +292,8 @@ def raised(command: Command, height: float, seconds: float) -> Command:
         place = (x, y, z + height)
         higher = setpoint._replace(position=place, velocity=ZERO, acceleration=ZERO, jerk=ZERO)
         return command._replace(setpoint=higher)
-    if (wanted := _acceleration(command)) is not None:
-        push = (wanted[0], wanted[1], min(PUSH + GROWTH * seconds, HARDEST))
+    if (asked := _acceleration(command)) is not None:
+        push = (asked[0], asked[1], min(PUSH + GROWTH * seconds, HARDEST))
         return command._replace(setpoint=setpoint._replace(acceleration=push, jerk=ZERO))
     return command
 

@@ -1,7 +1,7 @@
 """The mode that is requested, and the mode that the autopilot reports.
 
-An acknowledgement only says that a request was taken; HEARTBEAT and CURRENT_MODE say which mode is
-in force, and only they count.
+An acknowledgement only means that a request was accepted. Which mode is in force, HEARTBEAT and
+CURRENT_MODE report, and only they count.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class Modes:
         self._want(self.wanted)
 
     def step(self, now: Time) -> bool:
-        """Send the request where it is due, once a tick; whether the mode is in force. A mode that
-        was in force and was left is not requested again."""
+        """Send the request where it is due; returns whether the mode is in force. A mode that was
+        in force and was left is not requested again. Called once a tick."""
         if self.wanted is None:
             return False
         if self.before is None:
@@ -84,7 +84,7 @@ class Modes:
         """Why the requested mode is not in force, in the autopilot's own words where it gave
         any."""
         if self.wanted is None:
-            return "no mode is wanted"
+            return "no mode is requested"
         name = self._profile.mode_name(self._profile.modes[self.wanted])
         refusal = self._asking.refusal if self._asking is not None else ""
         return f"it won't go from {self.reported} to {name}" + (f": {refusal}" if refusal else "")

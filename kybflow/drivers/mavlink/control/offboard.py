@@ -2,8 +2,8 @@
 stopped.
 
 The autopilot follows while it is armed and in the mode that follows setpoints. When a pilot or its
-own failsafe takes it out of that mode, `override` says why, and nothing is sent until somebody asks
-for the vehicle back. A vehicle that somebody else armed is never disarmed here.
+own failsafe takes it out of that mode, `override` says why, and nothing is sent until control is
+requested again. A vehicle that was armed by somebody else is never disarmed here.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ from kybflow.parts import Override
 
 MODE_TIMEOUT: Time = 3 * NS
 """How long a change to its land mode may take; arming within this time is still by our request."""
-ALIVE = 0.3
+MOST_GAP = 0.3
 """Seconds without a message that are normal."""
-WELL: Time = NS
+STABLE: Time = NS
 """How long a link must have been good before a vehicle is taken back unasked."""
-RISES = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
+LIFTED_BY_SETPOINT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
 """Commands that are raised until the vehicle has lifted off; others lift it by themselves."""
 
 
 class OffboardGoal(Enum):
     """What the autopilot is asked for: nothing yet, to be disarmed, to arm, to follow setpoints, to
-    land by its own mode, to stop its rotors whoever controls it."""
+    land by its own mode, to stop its rotors in any case."""
 
     NONE = "none"
     DISARM = "disarm"
@@ -88,7 +88,7 @@ class OffboardControl:
         self._recovery = ControlRecovery(self.modes, self.stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Arm; whether it follows. Raises Refused, and disarms a vehicle that it had armed."""
+        """Arm; returns whether the vehicle follows. Raises Refused, and then disarms again."""
         if self._status.armed and (self.goal is OffboardGoal.NONE or self.override is not None):
             reason = "it is armed" if self.override is None else self.override.reason
             raise Refused(f"somebody else has it: {reason}")
@@ -103,19 +103,23 @@ class OffboardControl:
                 raise Refused(self.override.reason)
             return False
         if self._profile.streams_first:
-            self.stream.feed(self._raised(command, now), now)
+            sent = command
+            if self._status.armed:
+                seconds = self._lift_off.armed_for(now)
+                sent = raised(command, self._profile.takeoff_height, seconds)
+            self.stream.feed(sent, now)
         try:
-            rises = command.kind in RISES
-            obeys = self._arming.step(self.stream, self._lift_off.height, rises, now)
+            rises = command.kind in LIFTED_BY_SETPOINT
+            follows = self._arming.step(self.stream, self._lift_off.height, rises, now)
         except Refused:
             self.disarm(now)
             raise
-        if obeys:
+        if follows:
             self._begin(OffboardGoal.FOLLOW, now)
             if self._profile.climbs:
                 self._lift_off.begin(now)
             self.send(command, now)
-        return obeys
+        return follows
 
     def send(self, command: Command, now: Time) -> None:
         """Follow the newest command; one that is not armed disarms the vehicle."""
@@ -128,32 +132,31 @@ class OffboardControl:
         if self.goal is not OffboardGoal.FOLLOW:
             self._begin(OffboardGoal.FOLLOW, now)
             self.modes.want("offboard")
-        if not (self._lift_off.keeps_back(command, now) or self.detector.is_in_doubt):
+        if not (self._lift_off.holds_back(command, now) or self.detector.is_in_doubt):
             self.stream.feed(command, now)
 
     def prepare(self, now: Time) -> str:
-        """Put the disarmed vehicle into the mode that follows setpoints; why it is not in force,
-        empty when it is. Called once a tick."""
+        """Put the disarmed vehicle into the mode that follows setpoints. Returns why the mode is
+        not in force, empty when it is. Called once a tick."""
         if self._status.armed or self.goal not in (OffboardGoal.NONE, OffboardGoal.DISARM):
             return "" if self.goal is OffboardGoal.FOLLOW else "it is armed"
         return self._preflight_mode.step(now)
 
     def disarm(self, now: Time) -> None:
-        """Disarm the vehicle."""
         self._begin(OffboardGoal.DISARM, now)
         self.stream.stop()
         self.modes.want(None)
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors, whoever controls the vehicle."""
+        """Stop the rotors, also of a vehicle that is controlled by somebody else."""
         self._begin(OffboardGoal.KILL, now)
         self.stream.stop()
         self.modes.want(None)
         self._motor_stop = MotorStop(self._status, self._requests)
 
     def land(self, now: Time) -> bool:
-        """Land by the autopilot's own mode; whether it is disarmed. Raises Refused."""
+        """Land by the autopilot's own mode; returns whether it is disarmed. Raises Refused."""
         if self.override is not None and not self.override.lands:
             raise Refused(f"somebody else has it: {self.override.reason}")
         if self.goal is not OffboardGoal.LAND or self.override is not None:
@@ -177,7 +180,7 @@ class OffboardControl:
         return False
 
     def reclaim(self, now: Time) -> None:
-        """Ask for the vehicle back, to hold still until it is commanded again."""
+        """Request control of the vehicle, which then holds still until it is commanded again."""
         if self.override is None or self._recovery.is_under_way:
             return
         if not self._status.armed:
@@ -191,7 +194,9 @@ class OffboardControl:
     def is_disarming(self) -> bool:
         """Whether disarming is under way and not overdue yet."""
         return (
-            self.goal is OffboardGoal.DISARM and self.override is None and self._disarming.insists
+            self.goal is OffboardGoal.DISARM
+            and self.override is None
+            and self._disarming.is_retrying
         )
 
     def update(self, age: float, silence: Silence | None, now: Time) -> None:
@@ -209,12 +214,6 @@ class OffboardControl:
             self._keep_disarmed(now)
         elif self.goal is OffboardGoal.FOLLOW:
             self._watch_control(now)
-
-    def _raised(self, command: Command, now: Time) -> Command:
-        """What is sent while it arms; once armed, the command that lifts it off."""
-        if not self._status.armed:
-            return command
-        return raised(command, self._profile.takeoff_height, self._lift_off.armed_for(now))
 
     def _step_mode(self, now: Time) -> bool:
         """Request the mode that follows setpoints once setpoints flow; whether it is in force."""
@@ -256,21 +255,22 @@ class OffboardControl:
         self.modes.want(None)
 
     def _wait_or_recover(self, override: Override, age: float, now: Time) -> None:
-        """Take back, while it is overridden, a vehicle that was asked for or may come back unasked.
-        One that is down would take off again, and one that a person may have is left alone."""
+        """While overridden: take control again where it was requested or returns by itself. A
+        vehicle that has landed would take off again, and one that a person may control is left
+        alone."""
         silence = self.detector.silence
-        is_well = age < ALIVE and (silence is None or now - silence.ended > WELL)
+        is_stable = age < MOST_GAP and (silence is None or now - silence.ended > STABLE)
         back = self._recovery
         is_down = self._status.landed is LandedState.GROUND or self._lift_off.is_low
         if back.is_unasked and (is_down or back.is_elsewhere):
             back.end()
-        if back.is_unasked and is_well:
+        if back.is_unasked and is_stable:
             self.reclaim(now)
         if back.is_under_way:
             self._recover(override, now)
 
     def _recover(self, override: Override, now: Time) -> None:
-        """Ask until the vehicle follows, is disarmed, or the time limit is over."""
+        """Request control until the vehicle follows, is disarmed, or the time limit is over."""
         refused = self._recovery.timed_out(now)
         if refused or not self._status.armed:
             self.override = override._replace(refused=refused)

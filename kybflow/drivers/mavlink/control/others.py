@@ -1,18 +1,20 @@
-"""Whether somebody else commands the autopilot, beside a person who takes it over (`override`).
+"""Detection of other programs that command the autopilot; a person who takes it over is in
+`override`.
 
-Autopilots take set-points, commands and parameters from every system whose signature they accept,
-and forward to us no more than the others' heartbeats. So this looks at what the autopilot does:
+Autopilots take setpoints, commands and parameters from every system whose signature they accept,
+and forward no more than the others' heartbeats to us. So this module watches what the autopilot
+does:
 
-- the target that it says to follow (POSITION_TARGET_LOCAL_NED), while it follows set-points in the
-  air: its highest field, position, velocity or acceleration, must be near one that we sent in the
-  last second, or near our last one. Both firmwares take turns between two senders, and report what
-  they follow. No velocity and no acceleration is nobody's: so Copter rests once set-points stop.
-  Nor is 100 m/s^2 downwards: with that PX4 replaces every target while it feels the ground;
-- answers to commands that are addressed to others (PX4 sends them to everybody);
-- parameters that keep it safe and are read again in flight: none of them changes by itself;
-- commands that are overheard on a wire that is shared.
+- the target that it reports (POSITION_TARGET_LOCAL_NED) while it follows setpoints in the air: its
+  highest field, position, velocity or acceleration, must be near one that we sent in the last
+  second, or near our last one. Both firmwares alternate between two senders, and report what they
+  follow. A target at rest does not count: Copter rests once setpoints stop. Neither do 100 m/s^2
+  downwards: PX4 replaces every target with that while it detects ground contact;
+- acknowledgements of commands from others (PX4 broadcasts them);
+- safety parameters, which are read again in flight: none of them changes by itself;
+- commands on a shared wire.
 
-Each cause is told once in ten seconds.
+Each cause is reported once in ten seconds.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 STREAMS = MappingProxyType({"POSITION_TARGET_LOCAL_NED": 4.0})
-"""What must come steadily, Hz."""
+"""Streams that are read, Hz."""
 STEERING = (
     "COMMAND_LONG", "COMMAND_INT", "SET_MODE", "PARAM_SET", "MANUAL_CONTROL",
     "RC_CHANNELS_OVERRIDE", "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT",
@@ -40,20 +42,20 @@ STEERING = (
 )  # fmt: skip
 """Messages with which a vehicle is commanded."""
 REQUESTS = 500
-"""MAV_CMD from here on ask for something or set up a device; smaller ones make a vehicle act."""
+"""MAV_CMD from here on request data or set up a device; smaller ones make a vehicle act."""
 SENT: Time = NS
-"""How long what we sent may be what the autopilot follows."""
+"""How long the autopilot may follow a setpoint that we sent."""
 MOST_SENT = 256
 NEAR = (0.3, 0.3, 1.0)
-"""How far it may be from that: metres, m/s, m/s^2."""
+"""How far the target may be from that setpoint: metres, m/s, m/s^2."""
 RESTS = 0.05
-"""A velocity or an acceleration below is that of a rest, m/s or m/s^2."""
+"""A velocity or an acceleration below is a rest, m/s or m/s^2."""
 NO_THRUST: Vec3 = (0.0, 0.0, 100.0)
-"""The acceleration with which PX4's position controller makes sure of no thrust (NED)."""
+"""The acceleration with which PX4's position controller commands zero thrust (NED)."""
 OFTEN, WITHIN = 2, 3 * NS
-"""So many foreign targets within so long are told."""
+"""So many foreign targets within so long are reported."""
 AGAIN: Time = 10 * NS
-"""Pause before a cause is told again."""
+"""Pause before a cause is reported again."""
 IGNORED = (NO_POSITION, NO_VELOCITY, NO_ACCELERATION)
 FIELDS = ("position", "velocity", "acceleration")
 
@@ -66,31 +68,31 @@ class _Target(NamedTuple):
 
 
 class OtherCommanders:
-    """What is known of others who command one autopilot. system: its id. own_system: ours.
-    `stations`: the other ground stations that were heard."""
+    """Watches one autopilot for commands of others. system: its id. own_system: ours. `stations`:
+    the other ground stations that sent heartbeats."""
 
     def __init__(self, system: int, own_system: int) -> None:
         self.stations: set[int] = set()
         self._system, self._own = system, own_system
         self._sent: deque[tuple[Time, Message]] = deque(maxlen=MOST_SENT)
         self._foreign: deque[Time] = deque(maxlen=OFTEN)
-        self._told: dict[str, Time] = {}
-        self._fresh: list[str] = []
+        self._reported: dict[str, Time] = {}
+        self._new: list[str] = []
 
     def take(self) -> list[str]:
-        """What was noticed since the last call, in words."""
-        if not self._fresh:
+        """The causes since the last call, in words."""
+        if not self._new:
             return []
-        fresh, self._fresh = self._fresh, []
-        return fresh
+        new, self._new = self._new, []
+        return new
 
     def sent(self, message: Message, now: Time) -> None:
-        """Note a set-point of ours."""
+        """Note a setpoint of ours."""
         self._sent.append((now, message))
 
     def follows(self, message: Message, now: Time) -> None:
-        """Look at the target that the autopilot follows (POSITION_TARGET_LOCAL_NED), while it
-        follows set-points in the air."""
+        """Check the target that the autopilot follows (POSITION_TARGET_LOCAL_NED), while it follows
+        setpoints in the air."""
         target = _target(message)
         if target is None or _rests(target) or self._is_ours(target, now):
             return
@@ -98,15 +100,15 @@ class OtherCommanders:
         if len(self._foreign) == OFTEN and now - self._foreign[0] <= WITHIN:
             x, y, z = target.value
             kind = FIELDS[target.field]
-            self._tell(
-                f"it follows set-points that this program did not send: {kind}"
+            self._report(
+                f"it follows setpoints that this program did not send: {kind}"
                 f" ({x:.1f}, {y:.1f}, {z:.1f}) north, east, down{self._who()}",
                 now,
-                about=f"set-points of {kind}",
+                about=f"setpoints of {kind}",
             )
 
     def follow_nobody(self) -> None:
-        """Note that the autopilot does not follow set-points now: a target that was heard while it
+        """Note that the autopilot does not follow setpoints now: a target that came while it
         changed its mode is its own."""
         self._foreign.clear()
 
@@ -118,13 +120,13 @@ class OtherCommanders:
         )
 
     def answered(self, message: Message, now: Time) -> None:
-        """Look at a COMMAND_ACK."""
+        """Check a COMMAND_ACK."""
         to = message.target_system
         if to not in (0, self._own, self._system) and message.command < REQUESTS:
-            self._tell(f"system {to} commands it: {name_of(message.command)}", now)
+            self._report(f"system {to} commands it: {name_of(message.command)}", now)
 
     def overheard(self, message: Message, now: Time) -> None:
-        """Look at a message of another system on the same wire."""
+        """Check a message of another system on the same wire."""
         sender, kind = message.get_srcSystem(), message.get_type()
         if kind == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_GCS:
@@ -133,11 +135,11 @@ class OtherCommanders:
             command = getattr(message, "command", None)
             if command is None or command < REQUESTS:
                 what = kind if command is None else name_of(command)
-                self._tell(f"system {sender} commands it: {what}", now)
+                self._report(f"system {sender} commands it: {what}", now)
 
     def changed(self, name: str, before: float, value: float, now: Time) -> None:
-        """Note a parameter that keeps it safe and has another value than when it was read last."""
-        self._tell(f"somebody set {name} from {before:g} to {value:g}{self._who()}", now)
+        """Note a safety parameter that has another value than when it was read last."""
+        self._report(f"somebody set {name} from {before:g} to {value:g}{self._who()}", now)
 
     def _who(self) -> str:
         if not self.stations:
@@ -145,12 +147,12 @@ class OtherCommanders:
         names = " and ".join(str(system) for system in sorted(self.stations))
         return f"; ground station {names} is heard too"
 
-    def _tell(self, words: str, now: Time, about: str = "") -> None:
+    def _report(self, words: str, now: Time, about: str = "") -> None:
         about = about or words
-        told = self._told.get(about)
-        if told is None or now - told >= AGAIN:
-            self._told[about] = now
-            self._fresh.append(words)
+        last = self._reported.get(about)
+        if last is None or now - last >= AGAIN:
+            self._reported[about] = now
+            self._new.append(words)
 
 
 def _target(message: Message) -> _Target | None:

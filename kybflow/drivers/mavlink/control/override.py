@@ -1,13 +1,13 @@
-"""Manual override and failsafes: who took an autopilot out of offboard control, and how it is taken
-back.
+"""Manual override and failsafes: what took an autopilot out of offboard control, and how control
+returns.
 
-A mode that is flown by hand is a pilot's, unless the autopilot's texts say failsafe. Any other mode
-is its own failsafe where a cut link or its texts say so; texts may arrive a moment after the mode.
-Where nothing says so, the reason says that.
+A manual mode is a pilot's, unless the autopilot's texts report a failsafe. Any other mode is its
+own failsafe where a cut link or its texts explain it; texts may arrive a moment after the mode.
+Otherwise the reason names the mode and says that the cause is unknown.
 
-A vehicle is asked back for 10 s at most; with no limit it would leave its pilot when nobody expects
-it any more. One that its own failsafe has may come back unasked. That ends with the first mode that
-is flown by hand, or that differs from the failsafe's: a person may have chosen it."""
+Control is requested for 10 s at most: later the pilot would not expect the change any more. A
+vehicle in its own failsafe may return by itself. That ends with the first mode that is manual or
+differs from the failsafe's: a person may have chosen it."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     Silence,
 )
 
-TELLING = (
+FAILSAFE_WORDS = (
     "lost", "variance", "emergency", "critical", "timeout", "battery", "fence breach", "geofence",
 )  # fmt: skip
-"""What of an autopilot's words says that it acted by itself. Some of it is no more than a notice:
-ArduPilot's breach of its own fence."""
+"""Words in a text with which an autopilot reports that it acted by itself. Some texts are notices
+only, such as ArduPilot's breach of its own fence."""
 BEFORE: Time = 2 * NS
-"""How much earlier than the change what it said may be about it."""
+"""How much earlier than the change a text may be about it."""
 AFTER: Time = NS // 2
-"""How long its words are waited for."""
+"""How long texts about the change are awaited."""
 LANDING_GRACE: Time = 3 * NS
-"""How long after a vehicle on the ground disarms itself or changes its mode this is no override
-yet: an autopilot ends a landing by itself, and the mission may notice the touchdown later."""
+"""How long a vehicle on the ground may be disarmed or in another mode before this is an override:
+an autopilot ends a landing by itself, and the mission may detect the touchdown later."""
 CUT_BEFORE: Time = 3 * NS
 """How long ago a link may have returned that explains the change."""
 
@@ -48,8 +48,8 @@ class OverrideCause(NamedTuple):
 
 
 class OverrideDetector:
-    """Notices that an armed autopilot has left the mode that was asked for, and why. `silence`: the
-    newest one of the link. `is_in_doubt`: whether it has left and the cause is not known yet."""
+    """Detects that an armed autopilot has left the requested mode, and why. `silence`: the newest
+    one of the link. `is_in_doubt`: whether it has left and the cause is not known yet."""
 
     def __init__(self, status: ReceivedStatus, modes: Modes) -> None:
         self.silence: Silence | None = None
@@ -61,12 +61,12 @@ class OverrideDetector:
         return self._since is not None
 
     def forget(self) -> None:
-        """Forget what was noticed: the vehicle is asked for something else now."""
+        """Begin anew: another goal is requested now."""
         self._since = None
 
     def found(self, now: Time) -> OverrideCause | None:
-        """Why the vehicle does not follow, asked once a tick; None while it follows, and while its
-        texts are awaited."""
+        """Why the vehicle does not follow; None while it follows, and while texts are awaited.
+        Called once a tick."""
         if self._status.armed and not self._modes.has_left:
             self._since = None
             return None
@@ -82,21 +82,21 @@ class OverrideDetector:
             self._status.words(since - BEFORE, NOTICE),
             self.silence,
         )
-        said = f" ('{words}')" if words else ""
+        text = f" ('{words}')" if words else ""
         if "failsafe" in words.lower():
-            return OverrideCause(f"its own failsafe: {mode}{said}", True)
+            return OverrideCause(f"its own failsafe: {mode}{text}", True)
         if self._modes.is_manual:
-            return OverrideCause(f"a pilot took over: {mode}{said}")
+            return OverrideCause(f"a pilot took over: {mode}{text}")
         if silence is not None and since - silence.ended <= CUT_BEFORE:
             cut = f"after {silence.seconds:.1f} s without a link"
-            return OverrideCause(f"its own failsafe: {mode}, {cut}{said}", True)
-        if any(telling in words.lower() for telling in TELLING):
-            return OverrideCause(f"its own failsafe: {mode}{said}", True)
+            return OverrideCause(f"its own failsafe: {mode}, {cut}{text}", True)
+        if any(word in words.lower() for word in FAILSAFE_WORDS):
+            return OverrideCause(f"its own failsafe: {mode}{text}", True)
         on_ground = self._status.landed is LandedState.GROUND
         if now - since < (LANDING_GRACE if on_ground else AFTER):
             return None
         return OverrideCause(
-            f"a person or itself put it into {mode}, and it does not say why{said}"
+            f"a person or itself put it into {mode}, and it does not say why{text}"
         )
 
     def _rotors(self, since: Time, now: Time) -> OverrideCause | None:
@@ -109,16 +109,16 @@ class OverrideDetector:
         return OverrideCause(f"it disarmed {where}" + (f" ('{words}')" if words else ""))
 
 
-INSISTENT: Time = 10 * NS
-"""How long it is asked for."""
-NOWHERE = "it is not known where it is, and so not where it is to hold"
+REQUESTED: Time = 10 * NS
+"""How long control is requested."""
+NO_POSITION = "its position is unknown, so it can't hold it"
 
 
 class ControlRecovery:
     """Takes one vehicle back into offboard control. stream: carries the command to hold meanwhile.
     hold: makes that command, None while the position is unknown. follows: requests the mode that
-    follows setpoints and says whether it is in force. `is_unasked`: it comes back without being
-    asked for."""
+    follows setpoints and returns whether it is in force. `is_unasked`: control returns without a
+    request."""
 
     def __init__(
         self, modes: Modes, stream: SetpointStream, hold: Callable[[], Command | None],
@@ -136,42 +136,42 @@ class ControlRecovery:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether a person may have taken a vehicle that should come back unasked: it is flown by
-        hand, or is neither in its failsafe's mode nor in the one that follows setpoints."""
+        """Whether a person may have taken the vehicle: its mode is manual, or is neither its
+        failsafe's nor the one that follows setpoints."""
         mode = self._modes.reported
         is_other = mode != self._failsafe_mode and not self._modes.is_in("offboard")
         return self._modes.is_manual or is_other
 
     def expect(self) -> None:
-        """Let it come back unasked, from the mode that it reports now."""
+        """Let control return without a request, from the mode that is reported now."""
         self.is_unasked, self._failsafe_mode = True, self._modes.reported
 
     def begin(self, now: Time) -> str:
-        """Begin to ask for it; the reason where that is impossible, else empty."""
+        """Begin to request control; returns the reason where that is impossible, else empty."""
         self._holding, self._asked = self._hold(), now
         if self._holding is None:
-            return NOWHERE
+            return NO_POSITION
         self._modes.want("offboard")
         return ""
 
     def forget(self) -> None:
-        """Forget what was noticed: the vehicle is asked for something else now."""
+        """Begin anew: another goal is requested now."""
         self._holding, self.is_unasked = None, False
 
     def end(self) -> None:
-        """Stop asking, and do not let it come back unasked."""
+        """Withdraw the request, and do not let control return by itself."""
         self.forget()
         self._stream.stop()
         self._modes.want(None)
 
     def timed_out(self, now: Time) -> str:
-        """Why it has not come back within the time limit; empty before that."""
-        if now - self._asked <= INSISTENT:
+        """Why control has not returned within the time limit; empty before that."""
+        if now - self._asked <= REQUESTED:
             return ""
-        return f"{self._modes.trouble}, asked for {INSISTENT / NS:.0f} s"
+        return f"{self._modes.trouble}, asked for {REQUESTED / NS:.0f} s"
 
     def step(self, now: Time) -> bool:
-        """Whether it is back; called once a tick while it is asked for."""
+        """Returns whether the vehicle follows; called once a tick while control is requested."""
         if self._holding is not None:
             self._stream.feed(self._holding, now)
         return self._follows(now)

@@ -1,8 +1,8 @@
-"""The payload's output: commanded, acknowledged, and seen to have moved.
+"""The payload's output: commanded, acknowledged, and reported to have moved.
 
-An acknowledgement is not enough where the autopilot reports its outputs: some acknowledge what
-moves nothing. Where the function of an output is unknown, the commands that may move it are tried
-in turn.
+An acknowledgement is not enough where the autopilot reports its outputs: some acknowledge a command
+that moves nothing. Where the function of an output is unknown, the commands that may move it are
+tried in turn.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 STREAMS = MappingProxyType({"SERVO_OUTPUT_RAW": 10.0})
-"""Where the output is seen to move, Hz."""
+"""Reports the position of the output, Hz."""
 SEEN = 2.0
 """Seconds within which an acknowledged output must have moved, and the largest age of a report of
 the outputs."""
 
 
 class PayloadGrip:
-    """Opens and closes the payload. output: the one that it hangs on."""
+    """Opens and closes the payload. output: the one that holds it."""
 
     def __init__(
         self,
@@ -40,12 +40,12 @@ class PayloadGrip:
         self._output = output
         self._is_open: bool | None = None
         self._left: list[PayloadCommand] = []
-        self._said: list[str] = []
+        self._refusals: list[str] = []
         self._request: CommandRequest | None = None
         self._accepted: Time | None = None
 
     def ask(self, is_open: bool, now: Time) -> Payload | None:
-        """Request it, once a tick until it is done; the payload's state when it is. Raises Refused,
+        """Open or close; called once a tick until it returns the payload's state. Raises Refused,
         and the next call starts over."""
         if self._is_open is not is_open:
             self._begin(is_open)
@@ -72,17 +72,17 @@ class PayloadGrip:
             raise Refused(
                 f"output {number} is for something else: {parameter} is {function or 0.0:g}"
             )
-        self._is_open, self._said, self._request = is_open, [], None
+        self._is_open, self._refusals, self._request = is_open, [], None
 
     def _is_done(self, is_open: bool, now: Time) -> bool:
-        """Whether the acknowledged movement was seen, where it can be seen."""
+        """Whether the output reports the acknowledged movement, where it is reported at all."""
         if self._accepted is None:
             self._accepted = now
-        told = self._status.at.get("SERVO_OUTPUT_RAW")
+        reported = self._status.at.get("SERVO_OUTPUT_RAW")
         shown = self._left[0].seen and self._output.shown
-        if not shown or told is None or now - told > SEEN * NS:
+        if not shown or reported is None or now - reported > SEEN * NS:
             return True
-        if told >= self._accepted:
+        if reported >= self._accepted:
             pulses = codec.payload(self._status.servos, self._output.number, now)
             if pulses is not None and pulses.is_open is is_open:
                 return True
@@ -92,11 +92,11 @@ class PayloadGrip:
             self._next(f"it took {name}, but output {number} does not move{rests}: see {parameter}")
         return False
 
-    def _next(self, said: str) -> None:
+    def _next(self, refusal: str) -> None:
         """Try the next command. Raises Refused where there is none."""
-        self._said.append(said)
+        self._refusals.append(refusal)
         self._request = None
         del self._left[0]
         if not self._left:
             self._is_open = None
-            raise Refused("; ".join(dict.fromkeys(self._said)))
+            raise Refused("; ".join(dict.fromkeys(self._refusals)))

@@ -1,14 +1,14 @@
-"""Commands to an autopilot: sent, acknowledged, sent again, refused in the autopilot's words.
+"""Commands to an autopilot, with acknowledgements and retries.
 
-COMMAND_ACK names the command and nothing more, so one request of each command is under way at a
-time and the next waits for its turn. A newer request on the same matter replaces the older one,
-which is not sent again: whoever disarms does not want to be armed by a late retry. The first answer
-after that counts for the older one.
+COMMAND_ACK names the command and nothing more, so only one request of each command is under way at
+a time. A newer request on the same subject replaces the older one, which is not sent again: a late
+retry must not arm a vehicle that was disarmed meanwhile. The first answer after that counts for
+the older one.
 
 A request is sent again after its `timeout`, then after twice as long each time, up to 2 s. An
 acknowledgement does not mean that the command was carried out, and an autopilot that refuses now
-may accept in a second; so `Retries` asks, with pauses that double, until the caller has seen the
-effect in what the autopilot reports."""
+may accept in a second. So `Retries` repeats the command, with pauses that double, until the caller
+sees the effect in what the autopilot reports."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ WORDS_LATE: Time = 3 * NS // 10
 PROGRESS: Time = 10 * NS
 """How long a command in progress may be silent."""
 
-ACCEPTED, IN_PROGRESS = 0, 5
+ACCEPTED, IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
 RESULTS = (
     "ACCEPTED", "TEMPORARILY_REJECTED", "DENIED", "UNSUPPORTED", "FAILED", "IN_PROGRESS",
     "CANCELLED", "COMMAND_LONG_ONLY", "COMMAND_INT_ONLY", "UNSUPPORTED_MAV_FRAME",
     "NOT_IN_CONTROL",
 )  # fmt: skip
+"""MAV_RESULT, with those that the dialect of pymavlink lacks."""
 NUMBERED = frozenset(
     {
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
@@ -51,8 +52,8 @@ NUMBERED = frozenset(
 
 
 class CommandRequest:
-    """One command, from the request to its end. `words`: empty while it waits and when it was
-    accepted, else why not, as far as the autopilot says."""
+    """One command, from the request to its end. `words`: why it was not accepted, as far as the
+    autopilot reports it; empty while it waits and when it was accepted."""
 
     def __init__(
         self, command: int, params: tuple[float, ...], asked: Time, timeout: float, attempts: int
@@ -63,13 +64,13 @@ class CommandRequest:
         self.sent = 0
         self.attempts = attempts
         self.refusal = ""
-        self.is_going_on = False
+        self.is_in_progress = False
         self.next: Time = asked
         self.wait: Time = round(timeout * NS)
 
     @property
-    def matter(self) -> tuple[float, ...]:
-        """Its subject: a newer request on the same one replaces it."""
+    def subject(self) -> tuple[float, ...]:
+        """What it is about: a newer request on the same subject replaces it."""
         return (self.command, self.params[0]) if self.command in NUMBERED else (self.command,)
 
     def end(self, outcome: Outcome, words: str = "") -> None:
@@ -101,12 +102,12 @@ class CommandRequests:
         filled = (*map(float, params), *(0.0,) * (7 - len(params)))
         request = CommandRequest(command, filled, now, timeout, attempts)
         for other in self._waiting:
-            if other.matter != request.matter or other.refusal:
+            if other.subject != request.subject or other.refusal:
                 continue
             if repr(other.params) == repr(filled):  # one NaN is like another
                 return other
             other.end("refused", "a newer request took its place")
-            if other.sent and not other.is_going_on:
+            if other.sent and not other.is_in_progress:
                 self._replaced.append(other)
         self._waiting.append(request)
         self._tidy()
@@ -143,11 +144,11 @@ class CommandRequests:
     def _expire(self, request: CommandRequest) -> None:
         """End it if its time is over."""
         if request.refusal:
-            said = self._status.words(request.asked)
-            why = f": {said}" if said else ", and it does not say why"
+            texts = self._status.words(request.asked)
+            why = f": {texts}" if texts else ", and it does not say why"
             request.end("refused", f"refused ({request.refusal}){why}")
-        elif request.is_going_on:
-            request.end("silent", f"{name_of(request.command)} began, and no end of it was told")
+        elif request.is_in_progress:
+            request.end("silent", f"{name_of(request.command)} began, and its end was not reported")
         elif request.sent >= request.attempts:
             tries = "once" if request.sent == 1 else f"{request.sent} times"
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
@@ -183,7 +184,7 @@ def _answer(request: CommandRequest, result: int, now: Time) -> None:
     if result == ACCEPTED:
         request.end("accepted")
     elif result == IN_PROGRESS:
-        request.is_going_on = True
+        request.is_in_progress = True
         request.next = now + PROGRESS
     else:
         request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
@@ -211,7 +212,7 @@ class Retries:
         self._due: Time | None = None
 
     def step(self, now: Time) -> None:
-        """Request the command when it is due; called once a tick until its effect shows."""
+        """Send the command when it is due; called once a tick until its effect shows."""
         request = self._request
         if request is not None and request.outcome != "waiting":
             self._answered(request, now)
@@ -225,9 +226,9 @@ class Retries:
             )
 
     def drop(self) -> None:
-        """Stop: a request that was not answered is not sent again."""
+        """Withdraw a request that was not answered: it is not sent again."""
         if self._request is not None and self._request.outcome == "waiting":
-            self._request.end("silent", "nobody wants it any more")
+            self._request.end("silent", "it was withdrawn")
 
     def _answered(self, request: CommandRequest, now: Time) -> None:
         self._request = None

@@ -1,15 +1,14 @@
 """The setpoints that are sent: how often, how far ahead of time, and with which throttle.
 
 `SetpointStream` sends the newest command at its own rate and repeats it until it is 250 ms old.
-Then it stops, and the vehicle's own watchdog acts: a program that hangs flies nothing.
+Then it stops, and the vehicle's own watchdog acts.
 
-`compensated` sends setpoints ahead by the vehicle's `Latency`: its attitude loop and its rotors
-take a moment. What is sent is the setpoint of that much later, extrapolated with its own velocity,
-acceleration and jerk; one that rests stays where it is.
+`compensated` sends setpoints ahead by the vehicle's `Latency`, which is that of its attitude loop
+and rotors: the setpoint is extrapolated with its own velocity, acceleration and jerk.
 
-`HoverThrottle` learns which share of the throttle holds the vehicle in the air, for commands in
-newtons: first from the autopilot's own parameter; then, while it hovers under setpoints of position
-or acceleration, from the throttle that its attitude controller really asks for, averaged slowly."""
+`HoverThrottle` learns the throttle that holds the vehicle in the air, for commands in newtons:
+first from the autopilot's own parameter; then, while it hovers under setpoints of position or
+acceleration, from the slowly averaged throttle of its attitude controller."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ class SetpointStream:
         self._command = self._begun = None
 
     def due(self, now: Time) -> Command | None:
-        """The command to send now, None while none is due. A late one is not caught up by a
+        """The command to send now, None while none is due. Late ones are skipped, not sent in a
         burst."""
         command = self._command
         if command is None or now < self._due:
@@ -60,13 +59,13 @@ class SetpointStream:
         return command
 
     def flows(self, now: Time) -> float:
-        """The seconds for which it has flowed without a gap; zero while it does not."""
+        """The seconds since the stream began; zero while it is stopped."""
         return 0.0 if self._begun is None else (now - self._begun) / NS
 
 
 def compensated(command: Command, latency: Latency) -> Command:
-    """The command ahead of time by the vehicle's latency; unchanged where the setpoint says nothing
-    of its motion."""
+    """The command extrapolated by the vehicle's latency; unchanged where the setpoint has no
+    acceleration."""
     setpoint = command.setpoint
     if setpoint is None or (acceleration := setpoint.acceleration) is None:
         return command
@@ -88,7 +87,7 @@ def compensated(command: Command, latency: Latency) -> Command:
 
 
 STREAMS = MappingProxyType({"ATTITUDE_TARGET": 10.0})
-"""From which `HoverThrottle` learns, Hz."""
+"""The stream from which `HoverThrottle` learns, Hz."""
 USUAL = 0.5
 LEAST, MOST = 0.1, 0.9
 SLOW = 5.0
@@ -96,7 +95,7 @@ SLOW = 5.0
 STILL = 0.3
 """The vehicle hovers below this speed, m/s."""
 
-FLIES_ITSELF = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
+THRUST_BY_AUTOPILOT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
 """Commands under which the autopilot itself sets the thrust."""
 
 
@@ -122,7 +121,7 @@ class HoverThrottle:
         """Learn from one tick of hovering. asked: the throttle that the attitude controller asks
         for, 0 to 1, None while it is not in the air."""
         still = odometry is not None and norm(odometry.velocity) < STILL
-        if asked is None or not still or command.kind not in FLIES_ITSELF:
+        if asked is None or not still or command.kind not in THRUST_BY_AUTOPILOT:
             self._last = None
             return
         if self._last is not None:

@@ -2,8 +2,8 @@
 
 Each module of this folder is one firmware; its file name is the name in YAML and on the command
 line, and its `PROFILE` is a `FirmwareProfile`. Adding a file adds the firmware: its targets, the
-choices of commands, the schema and the reference follow. pymavlink is not needed here, so that the
-compiler may ask what an autopilot can do."""
+choices of commands, the schema and the reference follow. Nothing here needs pymavlink, because the
+compiler reads profiles too."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ OWN: Final = "own"
 """In place of a parameter's value: the system id of this program."""
 DO_SET_RELAY, DO_SET_SERVO, DO_SET_ACTUATOR, DO_GRIPPER = 181, 183, 187, 211
 RELEASE, GRAB = 0.0, 1.0
-"""What DO_GRIPPER is to do."""
+"""GRIPPER_ACTIONS."""
 
 
 class Needed(NamedTuple):
-    """A parameter of the autopilot as flight indoors needs it, and why, in one plain line.
+    """A parameter that flight indoors needs, and the reason in one plain line.
 
-    value: what is written where it is not so; `OWN` stands for this program's system id. why: what
-    it does with that value. allowed: other values that will do, and what it does with those. rule:
-    of what is found, `equal` accepts the value and the allowed ones, `at_most` what is above zero
-    and not more, `bits` whatever has these bits. simulator_only: only the firmware's own simulator
-    has it. restart: it counts only after the autopilot has started anew.
+    value: the value to write; `OWN` stands for this program's system id. why: its effect. allowed:
+    other acceptable values, with their effects. rule: `equal` accepts the value and the allowed
+    ones, `at_most` what is above zero and not above the value, `bits` all values with these bits.
+    simulator_only: only the firmware's own simulator has it. restart: it counts only after a
+    restart.
     """
 
     name: str
@@ -56,12 +56,11 @@ class Needed(NamedTuple):
         return float(self.value)
 
     def does(self, found: float) -> str:
-        """What it does with what was found, where that will do; else what it should do."""
+        """The effect of the value found where it is acceptable, else of the one to write."""
         return self.allowed.get(round(found), self.why) if isfinite(found) else self.why
 
     def accepts(self, found: float, own: int) -> bool:
-        """Whether what the autopilot has will do; it keeps no more digits than a float of 32
-        bits."""
+        """Whether the value found is acceptable, to the precision of a float of 32 bits."""
         wanted = self.wanted(own, found)
         if self.rule == "at_most":
             return 0.0 < found <= wanted + 1e-6
@@ -77,12 +76,12 @@ class Latency(NamedTuple):
 
 
 class Danger(NamedTuple):
-    """A parameter with which a vehicle is dangerous once this program is dead or the link is gone.
+    """A parameter that makes a vehicle dangerous once this program or the link fails.
 
-    values: which ones, and what would happen; where `above` is given, more than that is dangerous
-    too, and `excess` says why. others: what would happen with any but this program's system id,
-    where that is dangerous. cure: what to set, but for `others`. indoors: whether it is dangerous
-    only where the position comes from outside.
+    values: the dangerous ones, with what would happen. above: larger values are dangerous too;
+    `excess` says what would happen. others: what would happen with any but this program's system
+    id, where that is dangerous. cure: what to set, except for `others`. indoors: whether it is
+    dangerous only where the position comes from outside.
     """
 
     name: str
@@ -106,9 +105,9 @@ class Danger(NamedTuple):
 
 
 class PayloadCommand(NamedTuple):
-    """A COMMAND_LONG that opens or closes an output. command, params: its MAV_CMD and its
-    parameters from the first on. seen: whether its effect shows in SERVO_OUTPUT_RAW; else only its
-    acknowledgement is known."""
+    """A COMMAND_LONG that opens or closes an output. command, params: its MAV_CMD and its first
+    parameters. seen: whether its effect shows in SERVO_OUTPUT_RAW; else only its acknowledgement is
+    known."""
 
     command: int
     params: tuple[float, ...]
@@ -116,8 +115,8 @@ class PayloadCommand(NamedTuple):
 
 
 class Output(NamedTuple):
-    """An auxiliary output. number: among all outputs of the autopilot. parameter: says what it is
-    for. shown: whether SERVO_OUTPUT_RAW reports its pulses."""
+    """An auxiliary output. number: among all outputs of the autopilot. parameter: the one that sets
+    its function. shown: whether SERVO_OUTPUT_RAW reports its pulses."""
 
     number: int
     parameter: str
@@ -132,29 +131,29 @@ class FirmwareProfile:
     names: the firmware's names of its modes, by custom_mode.
     modes: custom_mode by those names and by ours: `offboard` (follows setpoints), `land`, `hold`.
     manual_modes: the names of the modes that a person flies.
-    streams: the messages that can be requested from it; who reads them says how often.
+    streams: the messages that can be requested from it.
     polled: those of them whose rate can't be set, so that each one is requested by itself.
     indoors: the parameters that flight without GPS needs.
     dangers: the parameters that can be dangerous.
     renamed: what other versions of the firmware call a parameter, by the name used here.
     streams_first: whether setpoints must flow before it accepts `offboard`.
-    climbs: whether it leaves the ground only when asked to take off.
-    needs_origin: whether it must be told a place on earth before it has a position.
+    climbs: whether it leaves the ground only by its own take-off.
+    needs_origin: whether it needs a place on earth before it has a position.
     raises: whether it raises the thrust by the tilt itself.
     integer_parameters_bytewise: whether integers travel as their bytes in the field of a float.
     hover_parameter: the parameter with its throttle in hover.
     reaction: the parameter that says what it does once this program is dead.
     feeds: the parameters that select kybflow as the source of its position.
     feeds_own: the parameters that select a source of its own.
-    takeoff_height: the height that a take-off asks for, metres.
+    takeoff_height: the height of a take-off, metres.
     latency: how late it follows its setpoints.
-    attitude_gain, gyro_filter: of its attitude loop as it comes, 1/s, and the cut-off of what its
-        rate loop sees, Hz.
-    keeps_height: whether it keeps to the height that it sums up from the accelerations sent to it.
+    attitude_gain: of its attitude loop by default, 1/s.
+    gyro_filter: the cut-off of its rate loop's filter, Hz.
+    keeps_height: whether it holds the height that it integrates from commanded accelerations.
     sphere: the radius of the earth in its simulator, metres; None for the ellipsoid.
     mode_params: the first three parameters of DO_SET_MODE for a custom_mode.
     default_address: the address of its simulator, by system id.
-    output: the n-th auxiliary output, from 1; whether it is that of the simulator.
+    output: the n-th auxiliary output, from 1, of the simulator or of hardware.
     grip: the commands that open or close the payload on an output, the likeliest first, none where
         nothing can be moved; takes the output's number, whether to open, and the value of the
         output's parameter, None while unknown.
@@ -215,7 +214,7 @@ class FirmwareProfile:
 
 @cache
 def profile_of(name: str) -> FirmwareProfile:
-    """The profile of a firmware. Raises DriverError for a name that none has."""
+    """The profile of a firmware. Raises DriverError for an unknown name."""
     names = firmware_names("mavlink")
     if name not in names:
         raise DriverError(f"no autopilot {name!r}: there are {' and '.join(names)}")
@@ -224,8 +223,7 @@ def profile_of(name: str) -> FirmwareProfile:
 
 
 def firmware_by(mav_autopilot: int | None) -> str | None:
-    """The name of the firmware that says it is this MAV_AUTOPILOT; None for one that kybflow does
-    not fly."""
+    """The name of the firmware with this MAV_AUTOPILOT; None for one that kybflow does not fly."""
     profiles = map(profile_of, firmware_names("mavlink"))
     return next((p.name for p in profiles if p.mav_autopilot == mav_autopilot), None)
 

@@ -1,4 +1,4 @@
-"""ArduPilot Copter, as seen in version 4.5.7 with its own simulator."""
+"""ArduPilot Copter, as observed in version 4.5.7 with its own simulator."""
 
 from __future__ import annotations
 
@@ -34,18 +34,19 @@ NAMES = MappingProxyType(
     }
 )  # fmt: skip
 HAS_POSITION, GUESSES = 16, 128
-"""In the flags of its estimator: an absolute position; one that is held for want of any."""
+"""Flags of its estimator: it has an absolute position; it only holds the last one."""
 GRIPPER, RELAY, FREE = 28, -1, 0
-"""What an output may be for: the gripper, a pin that is on or off, or nothing, which is free to be
-commanded."""
+"""Functions of an output: the gripper, a pin that is on or off, or none, which can be commanded
+freely."""
 FIRST_AUXILIARY = 9
-"""The first auxiliary output, which is relay 0 where it is one."""
+"""The first auxiliary output; as a relay it is number 0."""
 OPEN, CLOSED = 1100.0, 1900.0
 """Microseconds."""
 GATE = 0.6
-"""Metres: how far off its estimator still takes a position, three times the 0.2 m that it gives
-every position from outside at least."""
+"""The largest innovation that its estimator accepts, metres: three times 0.2 m, the least standard
+deviation that it gives a position from outside."""
 FINEST = 0.02
+"""The least standard deviation that is reported, metres."""
 
 _CLIMBS = "it would climb and return"
 INDOORS = (
@@ -71,7 +72,7 @@ INDOORS = (
 )  # fmt: skip
 
 RENAMED = MappingProxyType({"GPS_TYPE": "GPS1_TYPE", "SYSID_MYGCS": "MAV_GCS_SYSID"})
-"""Since 4.6 and 4.7."""
+"""Names since versions 4.6 and 4.7."""
 _RETRACES, _FALLS = "it would fly back the way it came", "its rotors would stop in the air"
 _EARLY_RETURN = MappingProxyType(
     dict.fromkeys((2, 6), f"on a low battery {_CLIMBS}")
@@ -81,7 +82,7 @@ _EARLY_END = MappingProxyType({5: f"on a low battery {_FALLS}"})
 DANGERS = (
     Danger(
         "FS_GCS_ENABLE",
-        {0: "without our heartbeat nothing would happen, a position set-point is held for ever"},
+        {0: "without our heartbeat nothing would happen, a position setpoint is held for ever"},
         "5 (land)",
     ),
     Danger(
@@ -142,22 +143,22 @@ def grip(channel: int, is_open: bool, function: float | None) -> tuple[PayloadCo
     return (servo,) if function == FREE else ()
 
 
-def ready(heard: ReceivedStatus) -> str | None:
-    """It calls itself ready in STABILIZE without a position, with which GUIDED then won't arm."""
-    if heard.mode is None or NAMES.get(heard.mode) != "GUIDED":
-        return "it says whether it can be armed only of the mode in which it is: not GUIDED yet"
-    if heard.ekf is None:
-        return "its estimator is unheard"
-    if not heard.ekf & HAS_POSITION:
-        return f"it has no position yet (EKF_STATUS_REPORT flags {heard.ekf})"
-    if heard.ready is None:
-        return "its health is unheard"
-    return None if heard.ready else "its checks before arming have not passed"
+def ready(status: ReceivedStatus) -> str | None:
+    """In STABILIZE it reports ready without a position, but GUIDED won't arm without one."""
+    if status.mode is None or NAMES.get(status.mode) != "GUIDED":
+        return "it reports its readiness only for its current mode, which is not GUIDED yet"
+    if status.ekf is None:
+        return "it has not reported its estimator"
+    if not status.ekf & HAS_POSITION:
+        return f"it has no position yet (EKF_STATUS_REPORT flags {status.ekf})"
+    if status.ready is None:
+        return "it has not reported its health"
+    return None if status.ready else "its checks before arming have not passed"
 
 
 def spread(status: Message) -> float | None:
-    """From EKF_STATUS_REPORT, whose variance is no variance but how far off the last position was,
-    as a share of what is still taken; so this is a bound, not an estimate."""
+    """From EKF_STATUS_REPORT, whose variance is the last innovation as a share of the accepted one;
+    so this is a bound, not an estimate."""
     if not status.flags & HAS_POSITION or status.flags & GUESSES:
         return None
     return max(GATE * float(status.pos_horiz_variance), FINEST)

@@ -1,4 +1,4 @@
-"""PX4, as seen in version 1.18 with its simulator SIH."""
+"""PX4, as observed in version 1.18 with its simulator SIH."""
 
 from __future__ import annotations
 
@@ -37,34 +37,34 @@ NAMES = MappingProxyType(
     }
 )  # fmt: skip
 HAS_POSITION = 8 | 16
-"""In the flags of its estimator: a horizontal position, relative or absolute."""
+"""Flags of its estimator: a horizontal position, relative or absolute."""
 MOTORS = 4
 GRIPPER, FIRST_SET, SETS = 430, 301, 6
-"""What an output may be for: the gripper, or one of the six actuator sets."""
+"""Functions of an output: the gripper, or one of the six actuator sets."""
 
 INDOORS = (
     Needed("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
-    Needed("EKF2_EVP_NOISE", 0.01, "believes a position to a centimetre", rule="at_most"),
-    Needed("EKF2_EVV_NOISE", 0.05, "believes a velocity to 5 cm/s", rule="at_most"),
-    Needed("EKF2_EVA_NOISE", 0.03, "believes a heading to 2 degrees", rule="at_most"),
+    Needed("EKF2_EVP_NOISE", 0.01, "trusts a position to a centimetre", rule="at_most"),
+    Needed("EKF2_EVV_NOISE", 0.05, "trusts a velocity to 5 cm/s", rule="at_most"),
+    Needed("EKF2_EVA_NOISE", 0.03, "trusts a heading to 2 degrees", rule="at_most"),
     Needed("EKF2_HGT_REF", 3, "heights are those of kybflow's world", restart=True),
     Needed("EKF2_GPS_CTRL", 0, "no GPS indoors"),
     Needed("EKF2_MAG_TYPE", 5, "no compass among steel and currents", restart=True),
     Needed("EKF2_RNG_CTRL", 0, "a range finder would take the height over, 0.3 m off"),
-    Needed("EKF2_BARO_CTRL", 1, "without vision the barometer must still tell that it landed"),
+    Needed("EKF2_BARO_CTRL", 1, "without vision the barometer must still detect a landing"),
     Needed("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),
     Needed("SYS_HAS_MAG", 0, "it would not arm without one", restart=True),
     Needed("COM_ARM_WO_GPS", 1, "it may be armed without GPS, and warns",
             {2: "it may be armed without GPS, without a warning"}),
-    Needed("COM_OBL_RC_ACT", 4, "it lands when set-points stop",
-            {5: "it holds where it is when set-points stop, and lands when it has no position"}),
+    Needed("COM_OBL_RC_ACT", 4, "it lands when setpoints stop",
+            {5: "it holds where it is when setpoints stop, and lands when it has no position"}),
     Needed("COM_OF_LOSS_T", 0.5, "it notices within half a second that they stopped, and goes on"
             " with the last one no longer", rule="at_most"),
-    Needed("COM_RCL_EXCEPT", 4, "it follows set-points without a transmitter", rule="bits"),
+    Needed("COM_RCL_EXCEPT", 4, "it follows setpoints without a transmitter", rule="bits"),
     Needed("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
             {1: "it holds where it is when a transmitter is lost in another mode"}),
     Needed("COM_LOW_BAT_ACT", 2, "it lands where it is on a critical battery",
-            {0: "it only warns of a critical battery: kybflow lands it, or nobody does"}),
+            {0: "it only warns of a critical battery: only kybflow lands it"}),
     Needed("EKF2_ACC_NOISE", 1.0, "the simulated accelerometer is as noisy", simulator_only=True),
     Needed("EKF2_GYR_NOISE", 0.03, "the simulated gyroscope is noisy too", simulator_only=True),
     Needed("SIH_KDV", 0.25, "a drag as airframes of kybflow's library have it, not four times as "
@@ -79,24 +79,24 @@ INDOORS = (
 
 _CLIMBS, _FALLS = "it would climb and return", "its rotors would stop in the air"
 _GIVEN_UP = {
-    value: f"without set-points it would change to {mode}, and without a transmitter climb and"
+    value: f"without setpoints it would change to {mode}, and without a transmitter climb and"
     " return"
     for value, mode in ((0, "POSITION"), (1, "ALTITUDE"), (2, "STABILIZED"))
 }
-_UNHEARD = "3 (land), or 0 (nothing: lost set-points count)"
+_NO_HEARTBEAT = "3 (land), or 0 (nothing: lost setpoints count)"
 DANGERS = (
     Danger(
         "COM_OBL_RC_ACT",
-        _GIVEN_UP | dict.fromkeys((6, 7), f"without set-points {_FALLS}"),
+        _GIVEN_UP | dict.fromkeys((6, 7), f"without setpoints {_FALLS}"),
         "4 (land)",
     ),
-    Danger("COM_OBL_RC_ACT", {3: f"without set-points {_CLIMBS}"}, "4 (land)", indoors=True),
+    Danger("COM_OBL_RC_ACT", {3: f"without setpoints {_CLIMBS}"}, "4 (land)", indoors=True),
     Danger(
         "COM_OF_LOSS_T", cure="0.5", above=1.0,
-        excess="for so many seconds it would fly on without set-points",
+        excess="for so many seconds it would fly on without setpoints",
     ),
-    Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _UNHEARD),
-    Danger("NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"}, _UNHEARD, indoors=True),
+    Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _NO_HEARTBEAT),
+    Danger("NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"}, _NO_HEARTBEAT, indoors=True),
     Danger(
         "COM_LOW_BAT_ACT", dict.fromkeys((1, 3), f"on a critical battery {_CLIMBS}"), "2 (land)",
         indoors=True,
@@ -113,14 +113,14 @@ def default_address(system: int) -> str:
 
 
 def output(channel: int, simulator: bool) -> Output:
-    """The simulator has main outputs alone, of which motors take four."""
+    """The simulator has main outputs only, four of them for the motors."""
     if simulator:
         return Output(MOTORS + channel, f"PWM_MAIN_FUNC{MOTORS + channel}")
     return Output(channel, f"PWM_AUX_FUNC{channel}", shown=False)
 
 
 def grip(_channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
-    """Its acknowledgement of either is no proof: only the pulses are."""
+    """Its acknowledgement proves nothing; only the pulses do."""
     gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function == GRIPPER:
         return (gripper,)
@@ -130,15 +130,17 @@ def grip(_channel: int, is_open: bool, function: float | None) -> tuple[PayloadC
     return (_actuator(number, is_open),) if 1 <= number <= SETS else ()
 
 
-def ready(heard: ReceivedStatus) -> str | None:
-    if heard.mode is None or NAMES.get(heard.mode) != "OFFBOARD":
-        return "it says whether it can be armed only of the mode in which it is: not OFFBOARD yet"
-    if heard.ready:
+def ready(status: ReceivedStatus) -> str | None:
+    if status.mode is None or NAMES.get(status.mode) != "OFFBOARD":
+        return "it reports its readiness only for its current mode, which is not OFFBOARD yet"
+    if status.ready:
         return None
-    if heard.ekf is not None and not heard.ekf & HAS_POSITION:
-        return f"it has no position yet (ESTIMATOR_STATUS flags {heard.ekf})"
+    if status.ekf is not None and not status.ekf & HAS_POSITION:
+        return f"it has no position yet (ESTIMATOR_STATUS flags {status.ekf})"
     return (
-        "it says that it is not ready to arm" if heard.ready is False else "its health is unheard"
+        "it reports that it is not ready to arm"
+        if status.ready is False
+        else "it has not reported its health"
     )
 
 

@@ -1,16 +1,14 @@
-"""What the preflight asks of an autopilot and of the line it is on, answered in the autopilot's
-own words where it has any.
+"""The preflight's checks of an autopilot and of its serial line, with the autopilot's texts.
 
 An autopilot reports its readiness for its current mode only, so a disarmed vehicle is first put
-into the mode in which it follows setpoints. One that stays unready is asked to run its checks, for
-not every autopilot says unasked what is wrong; the sensors that it reports as unhealthy are named
-beside its texts.
+into the mode in which it follows setpoints. One that stays unready is requested to run its checks,
+because not every autopilot reports unasked what is wrong; unhealthy sensors are named beside its
+texts.
 
 A serial line of B baud carries B / 10 bytes a second each way. The streams of the autopilot get
 half of that: all of them are slowed by the same factor, but not below once a second. The other half
 is for parameters, answers and texts, and for radios that send one way at a time. Setpoints and
-poses are not slowed; where they don't fit, the preflight says so. Other wires count as fast
-enough."""
+poses are not slowed; where they don't fit, the check fails. Other wires count as fast enough."""
 
 from __future__ import annotations
 
@@ -22,6 +20,7 @@ from kybflow.core.signals import NS, Estimate, Time
 from kybflow.drivers.mavlink.control.modes import Modes
 from kybflow.drivers.mavlink.firmware import firmware_by
 from kybflow.drivers.mavlink.preflight.required_parameters import RequiredParameters
+from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE
 from kybflow.drivers.mavlink.transport.address import read_address
@@ -34,13 +33,12 @@ if TYPE_CHECKING:
 ALIVE: Time = 3 * NS
 REPEATED: Time = 35 * NS
 """How long a text about arming counts; it is repeated every 30 s."""
-RUN_PREARM_CHECKS = 401
 UNREADY: Time = 3 * NS
-"""How long it may be unready before it is asked why."""
+"""How long an autopilot may be unready before its checks are requested."""
 AGAIN: Time = 10 * NS
-"""After this long it is asked again."""
+"""Pause between two of these requests."""
 APART = 0.5
-"""The largest distance between its position and ours, metres."""
+"""The largest distance between the autopilot's position and ours, metres."""
 
 
 class PreflightChecks:
@@ -52,30 +50,30 @@ class PreflightChecks:
         self._telemetry, self._requests = autopilot.telemetry, autopilot.requests
         self._is_outside = autopilot.is_outside
         self._required = RequiredParameters(autopilot, params)
-        self._asks: Time | None = None
+        self._checks_at: Time | None = None
 
     def names(self) -> list[str]:
-        """The parameters that are looked at."""
+        """The parameters to read."""
         return self._required.names()
 
-    def checks(self, misses: str, told: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
-        """misses: why it is not in the mode that follows setpoints, empty where it is. told: the
-        last estimate that it was sent, and when."""
+    def checks(self, misses: str, sent: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
+        """misses: why the mode that follows setpoints is not in force, empty where it is. sent: the
+        last estimate that was sent to the autopilot, and when."""
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
-            unknown = "not known: its parameters are asked for once its heartbeat is right"
+            unknown = "not known: its parameters are read once its heartbeat is right"
             return [heartbeat, Check("watchdog", False, unknown)]
         lines = [heartbeat, self._required.watchdog()]
         if self._is_outside:
             lines.append(self._required.set_up())
         misses = misses and misses + self._state.ignored_because
         lines.append(Check("command mode", not misses, misses or self._modes.reported))
-        return [*lines, self._position(told, now), self._autopilot(now)]
+        return [*lines, self._position(sent, now), self._autopilot(now)]
 
     def _heartbeat(self, now: Time) -> Check:
         status, wanted = self._status, self._profile.name
         if status.heartbeat is None:
-            return Check("heartbeat", False, "none was heard")
+            return Check("heartbeat", False, "none was received")
         age = (now - status.heartbeat) / NS
         if now - status.heartbeat > ALIVE:
             return Check("heartbeat", False, f"the last one {age:.1f} s ago")
@@ -86,18 +84,18 @@ class PreflightChecks:
             return Check("heartbeat", False, reason, waits=False)
         return Check("heartbeat", True, f"{maker} in {self._modes.reported}, {age:.1f} s ago")
 
-    def _position(self, told: tuple[Estimate, Time] | None, now: Time) -> Check:
+    def _position(self, sent: tuple[Estimate, Time] | None, now: Time) -> Check:
         own, spread = self._telemetry.odometry, self._telemetry.spread
-        if self._is_outside and (told is None or now - told[1] > NS):
-            return Check("position", False, "it is told none: kybflow has no estimate to send")
+        if self._is_outside and (sent is None or now - sent[1] > NS):
+            return Check("position", False, "kybflow has no estimate to send")
         if spread is None:
             flags = f"it has none (estimator flags {self._status.ekf})"
             return Check("position", False, f"{flags}; {self._required.fed()}")
         if own is None:
-            return Check("position", False, "it tells none yet")
-        if self._is_outside and told is not None:
-            apart = distance(own.position, told[0].position)
-            reason = f"{apart:.2f} m from where it is told to be ({APART:.2f} m allowed)"
+            return Check("position", False, "it reports none yet")
+        if self._is_outside and sent is not None:
+            apart = distance(own.position, sent[0].position)
+            reason = f"{apart:.2f} m from the one that kybflow sends ({APART:.2f} m allowed)"
             return Check("position", apart <= APART, reason)
         return Check("position", True, f"spread {spread:.2f} m")
 
@@ -108,28 +106,31 @@ class PreflightChecks:
             return Check("autopilot", False, reason, waits=False)
         unready = self._profile.ready(status)
         if unready is None:
-            self._asks = None
+            self._checks_at = None
             return Check("autopilot", True, "ready to arm")
-        self._ask(now)
+        self._request_checks(now)
         words = status.words(max(now - REPEATED, 0))
         reason = f"{unready}: {words}" if words else unready
-        return Check("autopilot", False, f"{reason}; {status.ill}" if status.ill else reason)
+        return Check(
+            "autopilot", False, f"{reason}; {status.unhealthy}" if status.unhealthy else reason
+        )
 
-    def _ask(self, now: Time) -> None:
-        """Make the autopilot run its checks, so that it says what is wrong."""
-        if self._asks is None:
-            self._asks = now + UNREADY
-        elif now >= self._asks:
-            self._asks = now + AGAIN
-            self._requests.ask(RUN_PREARM_CHECKS, now=now)
+    def _request_checks(self, now: Time) -> None:
+        """Make the autopilot run its checks, so that it reports what is wrong."""
+        if self._checks_at is None:
+            self._checks_at = now + UNREADY
+        elif now >= self._checks_at:
+            self._checks_at = now + AGAIN
+            self._requests.ask(mavlink.MAV_CMD_RUN_PREARM_CHECKS, now=now)
 
 
 BITS = 10
 HEAD = 12
-"""Bytes of a frame beside its fields, but for its signature."""
+"""Bytes of a frame without its fields and its signature."""
 STREAMS, OURS = 0.5, 0.8
-"""What share of a line streams are given, and how much of it may be what we send."""
+"""The share of a line that streams get, and the largest share of what we send."""
 SLOWEST = 1.0
+"""Hz."""
 
 
 class LineCapacity:

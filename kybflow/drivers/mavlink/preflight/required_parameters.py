@@ -1,8 +1,8 @@
 """The parameters that an autopilot must have before it flies: the preflight's lines about them, and
 their setup with `kybflow mavlink setup`.
 
-Values that make the vehicle dangerous once this program or the link dies turn the line `watchdog`
-red. What flight without GPS needs besides is the line `parameters`: one row for each wrong value,
+Values that make the vehicle dangerous once this program or the link fails turn the line `watchdog`
+red. The line `parameters` has what flight without GPS needs besides: one row for each wrong value,
 and the command that sets them. Each wrong value is shown once."""
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ class RequiredParameters:
         return list(dict.fromkeys((*settings, *dangers, *self._feeds)))
 
     def watchdog(self) -> Check:
-        """Whether the vehicle makes itself safe once this program or the link dies."""
+        """Whether the vehicle makes itself safe once this program or the link fails."""
         names = [danger.name for danger in self._profile.dangers]
         if not self._parameters.is_complete(names):
             return Check("watchdog", False, "its parameters are being read")
         if dangers := self._dangers():
-            said = f"dangerous: {', '.join(map(self._parameters.called, dangers))}"
-            return Check("watchdog", False, detailed(said, dangers.values()), waits=False)
+            summary = f"dangerous: {', '.join(map(self._parameters.called, dangers))}"
+            return Check("watchdog", False, detailed(summary, dangers.values()), waits=False)
         if (reaction := self._profile.reaction) not in self._parameters.values:
-            reason = f"it does not tell {reaction}, what it does once this program is dead"
-            reason += self._autopilot.ignored_because or ": does it hear us?"
+            reason = f"it does not report {reaction}, what it does once this program is dead"
+            reason += self._autopilot.ignored_because or ": does it receive our messages?"
             return Check("watchdog", False, reason, waits=False)
         return Check("watchdog", True, self._reaction() + self._missing(names))
 
@@ -62,13 +62,13 @@ class RequiredParameters:
         wrong = [s for s in settings if self._is_wrong(s)]
         if not wrong:
             return Check("parameters", True, "set for flight without GPS" + self._missing(names))
-        said = f"{len(wrong)} of {len(names)} are not as flight without GPS needs them"
+        summary = f"{len(wrong)} of {len(names)} are not as flight without GPS needs them"
         dangers = self._dangers()
         rest = [setting for setting in wrong if setting.name not in dangers]
         if len(rest) < len(wrong):
-            said += f", {len(wrong) - len(rest)} of these under `watchdog`"
+            summary += f", {len(wrong) - len(rest)} of these under `watchdog`"
         rows = [*self._table(rest), f"to set all of them: `{self._cure()} --write`"]
-        return Check("parameters", False, detailed(said, rows), waits=False)
+        return Check("parameters", False, detailed(summary, rows), waits=False)
 
     def fed(self) -> str:
         """Where the autopilot should get its position from, and what to do where it has none."""
@@ -79,12 +79,12 @@ class RequiredParameters:
             if name in values
         )
         if not self._is_outside:
-            return f"it is to find its own by {known}: are there satellites to be seen?"
+            return f"it finds its own by {known}: does it receive satellites?"
         if any(self._is_wrong(setting) for setting in self._settings()):
-            return "it is not set up to take the one that it is told: see `parameters`"
+            return "it is not set up to use the one that kybflow sends: see `parameters`"
         return (
-            f"it is told one, and set up to take it ({known}): parameters that were just written"
-            " may count only after it has started anew"
+            f"kybflow sends it one, and it is set up to use it ({known}): parameters that were just"
+            " written may count only after a restart"
         )
 
     def _settings(self) -> Iterator[Needed]:
@@ -96,14 +96,13 @@ class RequiredParameters:
                     yield setting
 
     def _dangers(self) -> dict[str, str]:
-        """What is dangerous, by the parameter's name."""
+        """The dangers in words, by the parameter's name."""
         values = self._parameters.values
         found = self._profile.dangers_in(values, self._own, indoors=self._is_outside)
         called = self._parameters.called
         return {name: words.replace(name, called(name), 1) for name, words in found.items()}
 
     def _reaction(self) -> str:
-        """What the vehicle does once this program is dead."""
         name, values = self._profile.reaction, self._parameters.values
         setting = next(s for s in self._profile.indoors if s.name == name)
         if not self._is_wrong(setting):
@@ -125,7 +124,7 @@ class RequiredParameters:
             yield f"{row[0]:{found}}  {row[1]:{wanted}}  {setting.why}"
 
     def _cure(self) -> str:
-        """The command that shows its parameters."""
+        """The command that shows and sets the parameters."""
         params = self._params
         words = f"kybflow mavlink setup --vehicle {self._profile.name} --system {self._system}"
         if params.address is not None:
@@ -165,9 +164,8 @@ class ParameterRow(NamedTuple):
 
 
 class ParameterSetup:
-    """What a kind of autopilot needs. own: our system id. simulator: whether it is the firmware's
-    own simulator, which has a few parameters more. names: all that must be read, those that may be
-    dangerous too."""
+    """The parameters that a firmware needs. own: our system id. simulator: whether it is the
+    firmware's own simulator, which has a few more. names: all to read, dangerous ones included."""
 
     def __init__(self, profile: FirmwareProfile, own: int, *, simulator: bool) -> None:
         self.profile, self._own = profile, own
@@ -176,7 +174,7 @@ class ParameterSetup:
         self.names = tuple(dict.fromkeys((*(s.name for s in self.settings), *dangers)))
 
     def wrong(self, values: Mapping[str, float]) -> dict[str, float]:
-        """What is to be written, by name, of what the autopilot has."""
+        """The values to write, by name. values: those of the autopilot."""
         return {
             s.name: s.wanted(self._own, values[s.name])
             for s in self.settings
@@ -186,15 +184,15 @@ class ParameterSetup:
     def rows(
         self, parameters: AutopilotParameters, written: Mapping[str, float]
     ) -> list[ParameterRow]:
-        """A row a setting. written: what was written, by name."""
+        """A row for each setting. written: the written values, by name."""
         return [
             self._row(setting, parameters, setting.name in written) for setting in self.settings
         ]
 
     def dangers(self, values: Mapping[str, float]) -> list[str]:
-        """What is dangerous and none of the settings mends."""
-        mended = {setting.name for setting in self.settings}
-        rest = {name: value for name, value in values.items() if name not in mended}
+        """The dangers that no setting cures, in words."""
+        cured = {setting.name for setting in self.settings}
+        rest = {name: value for name, value in values.items() if name not in cured}
         return list(self.profile.dangers_in(rest, self._own, indoors=True).values())
 
     def _row(

@@ -14,8 +14,7 @@ ArduPilot takes all three or none; so beside an attitude all three are ignored. 
 ODOMETRY: ArduPilot drops all but frame LOCAL_FRD with child BODY_FRD; PX4 takes these too.
 
 Messages are read by their fields alone. `time` is when a message was true, in the run's time;
-autopilots count from their own boot, which `telemetry.clocks` translates. What a message leaves
-open gives None."""
+`telemetry.clocks` converts the autopilot's. Fields that a message leaves open give None."""
 
 from __future__ import annotations
 
@@ -65,15 +64,15 @@ NO_YAW, NO_YAW_RATE = 1 << 10, 1 << 11
 NO_RATES, NO_ATTITUDE = 0b111, 1 << 7
 """Bits of the type mask of SET_ATTITUDE_TARGET: the fields to ignore."""
 ATTITUDE_SPREAD, VELOCITY_SPREAD = 0.03, 0.05
-"""What an autopilot is told of the standard deviation of an estimate's attitude, rad, and of its
-velocity, m/s, which no estimator gives."""
-WELL = 100
+"""The standard deviations of attitude, rad, and velocity, m/s, that are sent to an autopilot: no
+estimator gives them."""
+QUALITY = 100
 """The quality of a pose, per cent."""
 
 
 class Throttle(NamedTuple):
-    """What thrust is as a share of the throttle: `hover` of it lifts `newtons`, in proportion.
-    raised: whether the autopilot itself raises it where the vehicle leans."""
+    """Converts thrust to throttle, in proportion: the share `hover` lifts `newtons`. raised:
+    whether the autopilot itself raises the thrust with the tilt."""
 
     hover: float
     newtons: float
@@ -90,7 +89,7 @@ def encode(
 ) -> Message:  # fmt: skip
     """The setpoint message of a command. target: system and component. boot_ms: the vehicle's time
     since its start. own_heading: the autopilot's, in its own frame but as ENU; it is held where the
-    command knows none. A command that is not armed asks for no thrust. Raises ValueError where the
+    command has none. A command that is not armed has no thrust. Raises ValueError where the
     setpoint lacks what its kind needs, which is a tracker's mistake."""
     boot_ms &= 0xFFFFFFFF
     if command.kind in (CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST):
@@ -99,15 +98,15 @@ def encode(
 
 
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
-    """ODOMETRY of what kybflow believes, whose world becomes the autopilot's own frame. stamp_us:
-    when it was true, in the vehicle's time. resets: how often the estimate has jumped."""
+    """ODOMETRY of kybflow's estimate, whose world becomes the autopilot's own frame. stamp_us: when
+    it was true, in the vehicle's time. resets: how often the estimate has jumped."""
     body = conjugate(estimate.attitude)
     return ODOMETRY.of(
         stamp_us, *to_ned(estimate.position), *attitude_to_ned(estimate.attitude),
         *to_frd(rotate(body, estimate.velocity)), *to_frd(estimate.angular_velocity),
         *_covariance(estimate.spread), *VELOCITY_COVARIANCE,
         mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, resets & 0xFF,
-        mavlink.MAV_ESTIMATOR_TYPE_VISION, WELL,
+        mavlink.MAV_ESTIMATOR_TYPE_VISION, QUALITY,
     )  # fmt: skip
 
 
@@ -193,13 +192,14 @@ VELOCITY_COVARIANCE = _covariance(VELOCITY_SPREAD)
 MILLI_G, MILLI = 9.80665e-3, 1e-3
 """m/s^2 and rad/s in a unit of RAW_IMU and SCALED_IMU."""
 UNKNOWN = 0xFFFF
-"""An unsigned 16-bit field that says nothing."""
+"""An unsigned 16-bit field without a value."""
 NO_STICK = 0x7FFF
-"""A signed 16-bit field that says nothing."""
-FIX = 3
+"""A signed 16-bit field without a value."""
+FIX = mavlink.GPS_FIX_TYPE_3D_FIX
 """The first kind of GPS fix that has a height."""
 DILUTED = 2.5
-"""Metres that a position of GPS spreads by for each unit of its dilution, where it says no more."""
+"""The standard deviation of a GPS position, metres for each unit of its dilution, where the
+receiver reports no accuracy."""
 SERVO_MIDDLE = 1500
 """Microseconds: shorter pulses open, longer ones close."""
 BUTTONS = 16
@@ -222,13 +222,13 @@ def odometry(
 
 
 def is_finite(*numbers: float) -> bool:
-    """Whether all of them are; a sum is finite only where every part of it is."""
+    """Whether all are; a sum is finite only where every part of it is."""
     total = sum(numbers)
     return total - total == 0.0
 
 
 def is_attitude(message: Message) -> bool:
-    """Whether ATTITUDE_QUATERNION has a rotation and rates that can be true."""
+    """Whether ATTITUDE_QUATERNION has a valid rotation and finite rates."""
     w, x, y, z = message.q1, message.q2, message.q3, message.q4
     turns = 0.9 < w * w + x * x + y * y + z * z < 1.1
     return turns and is_finite(message.rollspeed, message.pitchspeed, message.yawspeed)
@@ -271,7 +271,7 @@ def battery(message: Message, time: Time) -> Battery | None:
 
 def gps(message: Message, time: Time, *, origin: Tangent, anchor: Anchor) -> Position | None:
     """The GPS receiver's position, from GPS_RAW_INT; None without a 3D fix. origin: the zero of the
-    autopilot's own frame, as GPS_GLOBAL_ORIGIN says."""
+    autopilot's own frame, from GPS_GLOBAL_ORIGIN."""
     if message.fix_type < FIX:
         return None
     place = origin.local(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3)
@@ -314,15 +314,12 @@ def payload(servos: tuple[int, ...], channel: int, time: Time) -> Payload | None
 def _transmitter(message: Message, time: Time) -> Sticks | None:
     count = min(message.chancount, 18)
     pulses = [getattr(message, f"chan{n}_raw") for n in range(1, count + 1)]
-    heard = [(pulse - 1500) / 500 for pulse in takewhile(_is_pulse, pulses)]
-    if len(heard) < 4:
+    known = takewhile(lambda pulse: pulse not in (0, UNKNOWN), pulses)
+    axes = [min(max((pulse - 1500) / 500, -1.0), 1.0) for pulse in known]
+    if len(axes) < 4:
         return None
-    roll, pitch, throttle, yaw, *switches = (min(max(axis, -1.0), 1.0) for axis in heard)
+    roll, pitch, throttle, yaw, *switches = axes
     return Sticks(time, roll, -pitch, -yaw, 0.5 + 0.5 * throttle, tuple(switches))
-
-
-def _is_pulse(pulse: int) -> bool:
-    return pulse not in (0, UNKNOWN)
 
 
 def _gps_spread(accuracy: int, dilution: int) -> float | None:

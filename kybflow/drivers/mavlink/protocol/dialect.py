@@ -1,5 +1,5 @@
-"""The messages and constants of MAVLink. This is the only import of pymavlink: whatever needs it
-first, who lacks it is told what to install."""
+"""The messages and constants of MAVLink. Only this module imports pymavlink, and its error says how
+to install it."""
 
 from kybflow.core.errors import DriverError
 

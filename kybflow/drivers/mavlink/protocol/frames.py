@@ -1,4 +1,4 @@
-"""From the frames of autopilots to kybflow's and back. Pure.
+"""Conversions between the frames of autopilots and kybflow's. Pure.
 
 kybflow: world ENU, body FLU, headings counter-clockwise from east. Autopilots: world NED, body FRD,
 headings clockwise from north. Both turns are half turns, world about (1, 1, 0), body about x, so

@@ -4,9 +4,9 @@ Version 2 is sent; version 1 is read too, unless messages are signed. Any float 
 included, which has a meaning in some fields.
 
 pymavlink supplies the message classes with the layout of their fields. Its parser is not used: it
-takes many times as long, loses good frames after a bad byte, and an environment variable can tell
-it to ignore checksums. A message of numbers is read as a tuple of them (`FieldTuple`), which costs
-a tenth of pymavlink's object; one with texts is that object."""
+takes many times as long, loses good frames after a bad byte, and ignores checksums where an
+environment variable is set. A message of numbers is read as a tuple of them (`FieldTuple`), which
+costs a tenth of pymavlink's object; one with texts is that object."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def size_of(data: bytes, at: int, end: int) -> int:
             return -1
         flags = data[at + 2]
         if flags & ~SIGNED:
-            return 0  # what we can't know the meaning of is to be dropped
+            return 0  # frames with unknown flags must be dropped
         size = _SECOND_HEAD + data[at + 1] + _CHECKSUM + (SIGNATURE if flags else 0)
     elif data[at] == FIRST:
         if end - at < 2:
@@ -169,8 +169,8 @@ class MessageLayout:
         return _checksum(frame[1:body] + self.extra) == frame[body] | frame[body + 1] << 8
 
     def message(self, frame: bytes, head: int, body: int, sender: Sender) -> Message | None:
-        """The message in a frame; None where a field has an impossible value, such as a text that
-        is none. head, body: where the payload begins and ends."""
+        """The message in a frame; None where a field has an impossible value, such as an invalid
+        text. head, body: where the payload begins and ends."""
         if body - head < self.size:  # zeros at the end are not sent
             values = self._unpack_from(frame[head:body].ljust(self.size, b"\0"))
         else:
@@ -260,14 +260,14 @@ LAYOUTS: dict[int, MessageLayout] = {
 NUMBERS: dict[str, int] = {layout.made.msgname: number for number, layout in LAYOUTS.items()}
 
 _DROPPED = object()
-"""What `Parser` makes of a good frame that nobody reads."""
+"""The result of `Parser` for a valid frame that is not read."""
 
 
 @dataclass(slots=True)
 class Counts:
-    """What came. bad: stretches of bytes that are no frame, or one with a wrong checksum. refused:
-    frames unsigned, wrongly signed or old; stale: those of them that are rightly signed. signed:
-    frames whose signature nobody checks, for want of a key. unknown: frames of another dialect."""
+    """Counts of received frames. bad: stretches of bytes without a valid frame. refused: frames
+    unsigned, wrongly signed or old; stale: those of them that are correctly signed. signed: frames
+    whose signature is not checked, because there is no key. unknown: frames of another dialect."""
 
     messages: int = 0
     bad: int = 0
@@ -278,8 +278,7 @@ class Counts:
 
 
 class Parser:
-    """Reads the messages of one sender from whole frames or a stream of bytes. Never raises,
-    whatever comes.
+    """Reads the messages of one sender from whole frames or a stream of bytes. Never raises.
 
     wanted: the numbers of the messages to return; empty returns all. Other frames are dropped
     before their fields are read; without a key, those alone in a datagram are dropped even before
@@ -303,8 +302,8 @@ class Parser:
         self._rest = b""
 
     def parse(self, data: bytes) -> list[Message]:
-        """The messages that are complete now, oldest first. After a bad byte the search goes on
-        with the next one: no good frame is lost to a bad one before it."""
+        """The messages that are complete now, oldest first. After a bad byte the search continues
+        with the next one, so no valid frame is lost."""
         if self._signing is None and not self._rest and _is_datagram(data):
             number = int.from_bytes(data[7:10], "little")  # there is nothing to search for
             if self._wanted and number not in self._wanted:
@@ -353,7 +352,7 @@ class Parser:
             return None
         number = number_of(frame)
         layout = LAYOUTS.get(number)
-        if layout is None:  # its checksum can't be told: what follows has to look like a frame
+        if layout is None:  # its checksum is unknown: what follows has to look like a frame
             if after and after[0] not in {FIRST, SECOND}:
                 return None
             self.counts.unknown += 1
@@ -363,7 +362,7 @@ class Parser:
             return None
         head, sender = _head(frame)
         system, component, _ = sender
-        if not self._is_believed(frame, system, component):
+        if not self._is_accepted(frame, system, component):
             self.counts.refused += 1
             return _DROPPED
         if self._wanted and number not in self._wanted:
@@ -371,7 +370,7 @@ class Parser:
             return _DROPPED
         return layout.message(frame, head, body, sender)
 
-    def _is_believed(self, frame: bytes, system: int, component: int) -> bool:
+    def _is_accepted(self, frame: bytes, system: int, component: int) -> bool:
         """Whether the frame's signature is acceptable."""
         if self._signing is None:
             self.counts.signed += is_signed(frame)

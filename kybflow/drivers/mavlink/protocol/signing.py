@@ -1,12 +1,12 @@
-"""Signatures of MAVLink 2 messages: who knows the secret may speak, and each frame counts once.
+"""Signatures of MAVLink 2 messages: only senders with the secret are accepted, and each frame once.
 
 13 bytes after the checksum: link id, time (48 bits, steps of 10 us since 1 January 2015, UTC), and
 the first 6 bytes of SHA-256 over the secret and all bytes before them. A frame is refused unless
 its time is later than the last of its stream (link id, system, component), and, for a new stream,
-no more than a minute before our own. Nothing is exempt, RADIO_STATUS neither.
+no more than a minute before our own. No message is exempt, not even RADIO_STATUS.
 
-This is not left to pymavlink, which believes the time of a frame before it has looked at the
-signature: one forged frame would silence a vehicle.
+pymavlink's own check is not used, because it takes over the time of a frame before it has checked
+the signature: one forged frame would silence a vehicle.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ KEY = 32
 
 
 class Signing:
-    """Signs what is sent and checks what arrives. read: nanoseconds since 1970."""
+    """Signs frames to send and checks received ones. read: returns nanoseconds since 1970."""
 
     def __init__(self, key: bytes, read: Callable[[], int] = time.time_ns) -> None:
         """Raises DriverError unless the key has 32 bytes."""

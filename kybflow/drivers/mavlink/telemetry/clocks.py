@@ -1,16 +1,14 @@
 """The clock of an autopilot and ours.
 
-An autopilot stamps what it says with the time since it booted. `BootClock` brings that to the run's
-time by the least delay (`kybflow.core.clock_offset`): a message is heard at a tick, up to a tick
-late, but of some hundred a second a few come just before one. An offset by TIMESYNC would be half a
-tick wrong, some 2 ms, whatever is averaged: its answers wait for a tick on one of the two ways. So
-stamps come from `BootClock`, and `TimeSync` says how long the way there and back is, which no
-stamp can tell, and answers the autopilot.
+An autopilot stamps its messages with the time since it booted. `BootClock` converts that to the
+run's time by the least delay (`kybflow.core.clock_offset`): messages are received at a tick, up to
+a tick late, but of some hundred a second a few come just before one. An offset by TIMESYNC would be
+half a tick wrong, some 2 ms, whatever is averaged: its answers wait for a tick on one of the two
+ways. So `TimeSync` only measures the round trip, which no stamp shows, and answers the autopilot.
 
-What it answers with is not the run's time but the autopilot's own, as `BootClock` knows it. An
-autopilot that has learned the offset adds it to the stamps that we send; one that has not takes
-them as they are. With answers in its own time the offset is near zero, and stamps in its own time
-are right for both.
+The answers hold the autopilot's own time, as `BootClock` knows it, not the run's. An autopilot that
+has learned the offset adds it to the stamps that we send; another one uses them as they are. With
+answers in its own time the offset is near zero, and stamps in its own time are right for both.
 """
 
 from __future__ import annotations
@@ -24,21 +22,21 @@ from kybflow.drivers.mavlink.protocol.framing import Message
 
 MS: Time = NS // 1000
 BACK: Time = NS
-"""A stamp this far before the newest one is of another boot, or late."""
+"""A stamp this far before the newest one is late, or from another boot."""
 AGREED = 3
-"""So many of them in a row are of another boot."""
+"""So many of them in a row are from another boot."""
 LONGEST_UP = 10 * 365 * 86400 * NS
 """A later stamp counts from 1970 and not from the boot."""
 INTERVAL: Time = NS // 5
 """Between two requests. A link that holds its messages back and then delivers them all at once ends
 with a round trip no longer than this, however long it held them."""
 MOST_AWAITED = 20
-"""How many requests may be answered yet."""
+"""How many requests may be unanswered."""
 
 
 class BootClock:
-    """Brings an autopilot's stamps to the run's time. `reboots`: how often the autopilot has
-    rebooted since it was first heard."""
+    """Converts an autopilot's stamps to the run's time. `reboots`: how often the autopilot has
+    rebooted since its first message."""
 
     def __init__(self) -> None:
         self.reboots = 0
@@ -54,7 +52,8 @@ class BootClock:
             self._back += 1
             if self._back < AGREED:
                 return now
-            self._begin()
+            self.reboots += 1
+            self._offset, self._newest = Offset(), None
         self._back = 0
         offset = self._offset.of(now, boot)
         if self._offset.is_doubted:
@@ -68,15 +67,11 @@ class BootClock:
         return self._newest[1] if boot == self._newest[0] else min(stamp, self._newest[1])
 
     def to_boot(self, time: Time) -> Time | None:
-        """A time of the run as nanoseconds since the boot; None before anything was heard, and for
-        a time before the boot."""
+        """A time of the run as nanoseconds since the boot; None before the first message, and for a
+        time before the boot."""
         if self._known is None or time < self._known:
             return None
         return time - self._known
-
-    def _begin(self) -> None:
-        self.reboots += 1
-        self._offset, self._newest = Offset(), None
 
 
 def boot_time(message: Message) -> Time | None:

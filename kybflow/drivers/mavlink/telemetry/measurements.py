@@ -1,11 +1,15 @@
-"""What one autopilot says, as measurements: its own estimate, what its inertial sensors feel, its
-battery, its GPS, what a person's sticks do. What is not finite, or no rotation, is left out.
+"""The measurements of one autopilot: its own estimate, its IMU, its battery, its GPS and the
+pilot's sticks. Values that are not finite, or no rotation, are left out.
 
-Where its position is its own, the frame in which it has it is laid into the world so that it stands
-at the mission's start, with the mission's heading, when it first has a sound position on the
-ground. An autopilot that starts anew has another frame; where that lies is not known any more of a
-vehicle that has flown.
-"""
+Where the autopilot's position is its own, its frame is anchored in the world when it first has a
+valid position on the ground: the vehicle then stands at the mission's start, with the mission's
+heading. An autopilot that reboots begins another frame, whose anchor is unknown once the vehicle
+has flown.
+
+An autopilot reports a low battery in BATTERY_STATUS (charge_state), in SYS_STATUS (an unhealthy
+battery) and in texts. A state counts while it lasts, a text of an armed vehicle until it is
+disarmed: earlier ones belong to the preflight. It reports this even where its failsafe is set up to
+do nothing; from the state `acts_at` on it would act."""
 
 from __future__ import annotations
 
@@ -39,15 +43,15 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 MOTION = ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED")
-"""The messages of its own estimate."""
+"""The messages of the autopilot's own estimate."""
 INERTIAL = ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU")
 """IMU messages, the best last: once a better one arrived, worse ones are dropped."""
 STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
 """The messages in which autopilots report their estimator; each firmware sends one of them."""
 MOTION_RATE, INERTIAL_RATE = 50.0, 100.0
-"""Hz, where somebody flies by it."""
+"""Hz, where the vehicle is flown by it."""
 IDLE = 25.0
-"""Hz, where nobody does: enough to learn the drift of its frame and the resting bias of its IMU, to
+"""Hz, where it is not: enough to learn the drift of its frame and the resting bias of its IMU, to
 hold still, and to begin a blind descent until more arrive."""
 OLDEST: Time = 2 * NS
 """The largest age of an attitude that is combined with a position."""
@@ -59,7 +63,7 @@ class Telemetry:
     `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
     newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
     no position. spread_of: reads `spread` from its estimator's status. streams: the messages that
-    may be requested from it. battery: what it says of its battery.
+    may be requested from it.
     """
 
     def __init__(
@@ -85,16 +89,16 @@ class Telemetry:
         self._origin: Tangent | None = None
         self._taken: list[Measurement] = []
         self._handlers: dict[str, Callable[[Message, Time], Measurement | None]] = {
-            "ATTITUDE_QUATERNION": self._turned,
-            "LOCAL_POSITION_NED": self._moved,
+            "ATTITUDE_QUATERNION": self._attitude_quaternion,
+            "LOCAL_POSITION_NED": self._local_position,
             **dict.fromkeys(STATUS & streams, self._estimator_status),
             "BATTERY_STATUS": battery.handle,
             "SYS_STATUS": battery.handle,
-            "GPS_GLOBAL_ORIGIN": self._placed,
+            "GPS_GLOBAL_ORIGIN": self._global_origin,
             **({} if is_outside else {"GPS_RAW_INT": self._gps}),
             "RC_CHANNELS": codec.sticks,
             "MANUAL_CONTROL": codec.sticks,
-            **dict.fromkeys(INERTIAL, self._felt),
+            **dict.fromkeys(INERTIAL, self._inertial_sample),
         }
         if context.payload is not None:
             self._taken.append(Payload(0, not context.payload.aboard, context.payload.aboard))
@@ -106,11 +110,11 @@ class Telemetry:
 
     @property
     def reads(self) -> Set[str]:
-        """The messages that it reads."""
+        """The types of the messages that are read."""
         return self._handlers.keys()
 
     def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
-        """The messages that must come steadily, Hz. kinds: what the vehicle is flown by."""
+        """The rates of the streams that are read, Hz. kinds: what the vehicle is flown by."""
         rates = {
             **dict.fromkeys(MOTION, MOTION_RATE if Odometry in kinds else IDLE),
             **dict.fromkeys(INERTIAL, INERTIAL_RATE if Imu in kinds else IDLE),
@@ -119,7 +123,7 @@ class Telemetry:
         return {name: rate for name, rate in rates.items() if name in self._handlers}
 
     def handle(self, message: Message, now: Time) -> None:
-        """Take in one message, after `ReceivedStatus` did."""
+        """Handle one message, after `ReceivedStatus` did."""
         handle = self._handlers.get(message.get_type())
         measurement = None if handle is None else handle(message, now)
         if measurement is not None:
@@ -133,7 +137,7 @@ class Telemetry:
         taken, self._taken = self._taken, []
         return taken
 
-    def _turned(self, message: Message, now: Time) -> None:
+    def _attitude_quaternion(self, message: Message, now: Time) -> None:
         if not codec.is_attitude(message):
             self._attitude = None
             return
@@ -141,9 +145,11 @@ class Telemetry:
         if self._clock.to_boot(now) is None:
             self._time(message, now)
 
-    def _moved(self, message: Message, now: Time) -> Odometry | None:
+    def _local_position(self, message: Message, now: Time) -> Odometry | None:
         if self._clock.reboots != self._reboots:
-            self._begin_anew()
+            self._reboots = self._clock.reboots
+            self._attitude = self._origin = self.odometry = self.spread = None
+            self.anchor = self.anchor if self._is_outside else None
         self._has_flown = self._has_flown or self._status.armed
         attitude = self._attitude
         if attitude is None or now - self._status.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
@@ -166,8 +172,8 @@ class Telemetry:
         return now if boot is None else self._clock.to_run(boot, now)
 
     def _standing(self, message: Message) -> Anchor | None:
-        """The anchor that puts it at the mission's start; None while it does not stand on the
-        ground or has no sound position."""
+        """The anchor that puts the vehicle at the mission's start; None while it does not stand on
+        the ground or has no valid position."""
         heading = self.heading
         if heading is None or self.spread is None or self._status.landed is not LandedState.GROUND:
             return None
@@ -176,18 +182,13 @@ class Telemetry:
         there = from_ned((message.x, message.y, message.z))
         return Anchor.joining(there, heading, self._context.start, self._context.heading)
 
-    def _begin_anew(self) -> None:
-        self._reboots = self._clock.reboots
-        self._attitude = self._origin = self.odometry = self.spread = None
-        self.anchor = self.anchor if self._is_outside else None
-
     def _estimator_status(self, message: Message, now: Time) -> None:
         spread = self._spread_of(message)
         self.spread = spread if spread is not None and codec.is_finite(spread) else None
         if self.spread is None:
             self.odometry = None
 
-    def _felt(self, message: Message, now: Time) -> Imu | None:
+    def _inertial_sample(self, message: Message, now: Time) -> Imu | None:
         m = message
         if not codec.is_finite(m.xacc, m.yacc, m.zacc, m.xgyro, m.ygyro, m.zgyro):
             return None
@@ -197,11 +198,11 @@ class Telemetry:
         if rank > self._inertial:
             self._inertial, self._imu = rank, None
         time = self._time(message, now)
-        felt = codec.imu(message, time, self._imu)
+        sample = codec.imu(message, time, self._imu)
         self._imu = time
-        return felt
+        return sample
 
-    def _placed(self, message: Message, now: Time) -> None:
+    def _global_origin(self, message: Message, now: Time) -> None:
         self._origin = codec.tangent(message)
 
     def _gps(self, message: Message, now: Time) -> Measurement | None:
@@ -212,23 +213,27 @@ class Telemetry:
 
 SILENT: Time = 5 * NS
 """How long BATTERY_STATUS must be silent for SYS_STATUS to count."""
-LOW, CRITICAL, EMERGENCY, FAILED, UNHEALTHY = 2, 3, 4, 5, 6
+LOW = mavlink.MAV_BATTERY_CHARGE_STATE_LOW
+CRITICAL = mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL
+EMERGENCY = mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY
+FAILED = mavlink.MAV_BATTERY_CHARGE_STATE_FAILED
+UNHEALTHY = mavlink.MAV_BATTERY_CHARGE_STATE_UNHEALTHY
 STATES = MappingProxyType(
     {
         LOW: "low", CRITICAL: "critical", EMERGENCY: "nearly empty", FAILED: "failed",
         UNHEALTHY: "not well",
     }
 )  # fmt: skip
-"""MAV_BATTERY_CHARGE_STATE, but for those that are no reason to worry."""
+"""The states that cause a warning, in words."""
 WORDS = MappingProxyType(
     {"emergency": EMERGENCY, "dangerous": EMERGENCY, "critical": CRITICAL, "low": LOW}
 )
-"""What of a text about a battery says which state, the worst first."""
+"""The state that a word in a text about a battery reports, the worst first."""
 MONITOR = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
 
 class BatteryReports:
-    """The reports of one autopilot about its batteries. acts_at: the state from which on its own
+    """The reports of one autopilot about its batteries. acts_at: the charge state from which on its
     failsafe acts where it is set up to."""
 
     def __init__(self, status: ReceivedStatus, acts_at: int) -> None:
@@ -236,15 +241,15 @@ class BatteryReports:
         self._newest: Battery | None = None
         self._states: dict[int, int] = {}
         self._text: ReceivedText | None = None
-        self._said: tuple[int, str] = (0, "")
+        self._worst_text: tuple[int, str] = (0, "")
 
     def handle(self, message: Message, now: Time) -> Battery | None:
-        """The battery after this message, None where it told nothing new or is not known."""
+        """The battery after this message, None where nothing is new or nothing is known."""
         is_general = message.get_type() == "SYS_STATUS"
         if not is_general:
             self._states[message.id] = message.charge_state
-        told = self._status.at.get("BATTERY_STATUS")
-        is_better_known = is_general and told is not None and now - told < SILENT
+        last = self._status.at.get("BATTERY_STATUS")
+        is_better_known = is_general and last is not None and now - last < SILENT
         before = self._newest
         newest = (None if is_better_known else codec.battery(message, now)) or before
         if newest is None:
@@ -253,34 +258,34 @@ class BatteryReports:
         return None if newest == before else newest
 
     def _warning(self) -> BatteryWarning | None:
-        """What it says of a battery that runs low, None while it says nothing."""
+        """The warning about a low battery, None without one."""
         self._read_texts()
-        level, text = self._said
-        said = [f"it says '{text}'"] if text else []
+        level, text = self._worst_text
+        reasons = [f"it says '{text}'"] if text else []
         states = self._states.values()
         worst = max((state for state in states if LOW <= state <= FAILED), default=0)
         sensors = self._status.sensors
-        if not worst and (UNHEALTHY in states or (sensors and sensors.ill & MONITOR)):
+        if not worst and (UNHEALTHY in states or (sensors and sensors.unhealthy & MONITOR)):
             worst = UNHEALTHY
         if worst:
-            said.append(f"it reports its battery as {STATES[worst]}")
-        if not said:
+            reasons.append(f"it reports its battery as {STATES[worst]}")
+        if not reasons:
             return None
         acts = level >= self._acts_at or self._acts_at <= worst <= FAILED
-        return BatteryWarning("; ".join(said), acts)
+        return BatteryWarning("; ".join(reasons), acts)
 
     def _read_texts(self) -> None:
-        """Take note of the newest words about the battery of an armed vehicle."""
+        """Keep the worst text about the battery of an armed vehicle."""
         if not self._status.armed:
-            self._said = (0, "")
+            self._worst_text = (0, "")
         for text in self._status.texts_after(self._text):
             self._text = text
             level = self._level(text.text.lower()) if self._status.armed else 0
-            if level >= max(self._said[0], LOW):
-                self._said = (level, text.text)
+            if level >= max(self._worst_text[0], LOW):
+                self._worst_text = (level, text.text)
 
     def _level(self, words: str) -> int:
-        """The state of the battery that a text tells, 0 where it tells none."""
+        """The charge state that a text reports, 0 where it reports none."""
         if "battery" not in words:
             return 0
         if "failsafe" in words and "clear" not in words:

@@ -1,10 +1,10 @@
 """Reading and writing the parameters of an autopilot, by name, few at a time.
 
 A value is a float32 on the wire. Where whole numbers travel bytewise, the four bytes of the float
-are those of the number; else they are a float as any other. A name that is asked for three times
-and never answered does not exist there, as far as one can know, unless the autopilot says so itself
-(PARAM_ERROR). It is then asked for by the name that it has in other versions, if it has one. What
-was written counts once it is told back.
+are those of the number; else they are plain floats. A parameter counts as missing when three
+requests are not answered, or when the autopilot reports so (PARAM_ERROR). It is then requested by
+its name in other versions of the firmware, if there is one. A written value counts once the
+autopilot sends it back.
 """
 
 from __future__ import annotations
@@ -25,9 +25,18 @@ TRIES = 3
 FIRST_WAIT: Time = NS // 2
 AT_ONCE = 5
 """How many may be unanswered at a time."""
-DOES_NOT_EXIST = 1
-ERRORS = {2: "out of its range", 3: "not permitted", 4: "no such component", 5: "read-only"}
-WHOLE = {1: "<B3x", 2: "<b3x", 3: "<H2x", 4: "<h2x", 5: "<I", 6: "<i"}
+DOES_NOT_EXIST = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+ERRORS = {
+    mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE: "out of its range",
+    mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED: "not permitted",
+    mavlink.MAV_PARAM_ERROR_COMPONENT_NOT_FOUND: "no such component",
+    mavlink.MAV_PARAM_ERROR_READ_ONLY: "read-only",
+}
+WHOLE = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<B3x", mavlink.MAV_PARAM_TYPE_INT8: "<b3x",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<H2x", mavlink.MAV_PARAM_TYPE_INT16: "<h2x",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I", mavlink.MAV_PARAM_TYPE_INT32: "<i",
+}  # fmt: skip
 """How the four bytes hold a whole number of each MAV_PARAM_TYPE."""
 
 
@@ -45,12 +54,12 @@ class _Exchange:
 
 
 class AutopilotParameters:
-    """The parameters of one autopilot, those that were asked for.
+    """The requested parameters of one autopilot.
 
-    bytewise: how whole numbers travel. target: its system and component. renamed: what some are
-    called in other versions of the firmware, by the names used here. values: what it told last.
-    missing: asked for three times and never told. refused: why it did not take what was written, by
-    name; `values` has what it kept.
+    bytewise: whether whole numbers travel as their bytes. target: its system and component.
+    renamed: names in other versions of the firmware, by the names used here. values: the newest
+    ones, by name. missing: the names of those that do not exist. refused: why a written value was
+    not accepted, by name; `values` has the value in force.
     """
 
     def __init__(
@@ -66,7 +75,7 @@ class AutopilotParameters:
         self._changed: list[tuple[str, float, float]] = []
         self._bytewise, self._target = bytewise, target
         self._renamed, self._ours = renamed, {there: ours for ours, there in renamed.items()}
-        self._there: dict[str, str] = {}
+        self._names: dict[str, str] = {}
         self._types: dict[str, int] = {}
         self._exchanges: dict[str, _Exchange] = {}
 
@@ -89,31 +98,31 @@ class AutopilotParameters:
         self._exchanges[name] = _Exchange(rounded(value))
 
     def called(self, name: str) -> str:
-        """What the autopilot calls a parameter."""
-        return self._there.get(name, name)
+        """The autopilot's name of a parameter."""
+        return self._names.get(name, name)
 
     def is_complete(self, names: Iterable[str]) -> bool:
-        """Whether no answer about these is awaited any more."""
+        """Whether no answer about these is awaited."""
         return not any(name in self._exchanges for name in names)
 
     def handle(self, message: Message, now: Time) -> None:
-        """Take in a message; those that are not about parameters are ignored."""
-        sort = message.get_type()
-        if sort == "PARAM_VALUE":
+        """Handle a PARAM_VALUE or PARAM_ERROR; other messages are ignored."""
+        kind = message.get_type()
+        if kind == "PARAM_VALUE":
             self._value(message)
-        elif sort == "PARAM_ERROR":
+        elif kind == "PARAM_ERROR":
             self._error(message)
 
     def take_changed(self) -> list[tuple[str, float, float]]:
-        """Name, value before and value of those that changed since the last call, though nothing
-        was written here."""
+        """Name, old and new value of the parameters that changed since the last call without a
+        write of ours."""
         if not self._changed:
             return []
         changed, self._changed = self._changed, []
         return changed
 
     def due(self, now: Time) -> list[Message]:
-        """The messages to send now. Called every tick: it also gives up what was never answered."""
+        """The messages to send now. Called every tick: it also gives up unanswered requests."""
         if not self._exchanges:
             return []
         for name, exchange in list(self._exchanges.items()):
@@ -159,18 +168,18 @@ class AutopilotParameters:
             self.refused[name] = f"it stays at {self.values[name]:g}"
 
     def _named(self, message: Message) -> str:
-        """What the parameter in a message is called here."""
+        """Our name of the parameter in a message."""
         name = name_in(message)
         return self._ours.get(name, name)
 
     def _forget(self, name: str, exchange: _Exchange) -> None:
-        """It is not there by that name: ask by its other one, if it has one that was not tried."""
-        if name in self._renamed and name not in self._there:
-            self._there[name] = self._renamed[name]
+        """No parameter has that name: request it by its other name, unless that was tried."""
+        if name in self._renamed and name not in self._names:
+            self._names[name] = self._renamed[name]
             exchange.begin_anew()
             self._exchanges[name] = exchange
             return
-        self._there.pop(name, None)
+        self._names.pop(name, None)
         self.missing.add(name)
         self.values.pop(name, None)
         self._types.pop(name, None)

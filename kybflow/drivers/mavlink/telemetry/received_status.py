@@ -1,15 +1,15 @@
 """The newest status that an autopilot reported: its mode, whether it is armed, its sensors' health,
 its texts.
 
-Nothing is requested here. A STATUSTEXT longer than one message arrives in chunks of 50 bytes that
+A STATUSTEXT longer than one message arrives in chunks of 50 bytes that
 share a number; a lost chunk becomes an ellipsis. Only an autopilot's HEARTBEAT counts: a camera or
-a ground station may have the same system id. PX4 sends no text where it is merely not ready; then
-the sensors' health is all that it says."""
+a ground station may have the same system id. PX4 sends no text where it is merely not ready; only
+its sensors' health tells why."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from itertools import takewhile
 from math import isfinite
@@ -28,7 +28,7 @@ NO_AUTOPILOT = mavlink.MAV_AUTOPILOT_INVALID
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 READY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 CHUNK = 50
-CHUNK_PATIENCE: Time = NS // 5
+CHUNK_TIMEOUT: Time = NS // 5
 """How long a text waits for its missing chunks."""
 STREAMS = MappingProxyType(
     {
@@ -36,14 +36,14 @@ STREAMS = MappingProxyType(
         "EKF_STATUS_REPORT": 5.0, "ESTIMATOR_STATUS": 5.0,
     }
 )  # fmt: skip
-"""What must be told, Hz: a pilot's or a failsafe's mode, and a landing, count within 0.2 s."""
+"""Streams that are read, Hz: a pilot's or a failsafe's mode, and a landing, count within 0.2 s."""
 MOST_TEXTS = 100
 MOST_CHUNKS = 20
 LOST = "…"
 
 
 class LandedState(Enum):
-    """Where the vehicle believes to be (MAV_LANDED_STATE)."""
+    """MAV_LANDED_STATE."""
 
     UNKNOWN = 0
     GROUND = 1
@@ -53,8 +53,8 @@ class LandedState(Enum):
 
 
 class ReceivedText(NamedTuple):
-    """A text of the autopilot: when it came, its MAV_SEVERITY (0 the worst, 7 the least), and the
-    words."""
+    """A text of the autopilot: when it came, its MAV_SEVERITY (0 is the worst, 7 the least), and
+    the words."""
 
     time: Time
     severity: int
@@ -90,14 +90,13 @@ class _Chunks:
 
 
 class ReceivedStatus:
-    """What one autopilot has said last.
+    """The newest status of one autopilot; None in a field that was not reported yet.
 
-    heartbeat: when its newest HEARTBEAT came; None before the first, as in all others. autopilot:
-    its MAV_AUTOPILOT. status: its MAV_STATE. mode: custom_mode. ready: whether it says that it can
-    be armed in the mode in which it is. ekf: the flags of its estimator (EKF_STATUS_REPORT or
-    ESTIMATOR_STATUS). servos: the pulses of its main outputs in microseconds, channel 1 first.
-    throttle: what its attitude controller asks for, 0 to 1. at: when each sort of message came
-    last. texts: what it said, the newest last.
+    heartbeat: when its newest HEARTBEAT came. autopilot: its MAV_AUTOPILOT. status: its MAV_STATE.
+    mode: custom_mode. ready: whether it can be armed in its current mode. ekf: the flags of its
+    estimator (EKF_STATUS_REPORT or ESTIMATOR_STATUS). servos: the pulses of its main outputs in
+    microseconds, channel 1 first. throttle: what its attitude controller commands, 0 to 1. at: when
+    each type of message came last. texts: the newest last.
     """
 
     def __init__(self) -> None:
@@ -128,23 +127,23 @@ class ReceivedStatus:
         }
 
     def handle(self, message: Message, now: Time) -> None:
-        """Take in one message, in the order of arrival."""
+        """Handle one message, in the order of arrival."""
         kind = message.get_type()
         handle = self._handlers.get(kind)
         if handle is not None:
             handle(message, now)
         self.at[kind] = now
         if self._chunks:
-            self._give_up(now)
+            self._expire_chunks(now)
 
     @property
-    def ill(self) -> str:
+    def unhealthy(self) -> str:
         """The unhealthy sensors in words; empty where there are none."""
-        ill = "" if self.sensors is None else self.sensors.words
-        return f"it reports as not well: {ill}" if ill else ""
+        sensors = "" if self.sensors is None else self.sensors.words
+        return f"it reports as not well: {sensors}" if sensors else ""
 
     def texts_after(self, text: ReceivedText | None) -> Sequence[ReceivedText]:
-        """The texts after this one, or all, oldest first."""
+        """The texts after this one, oldest first; all where it is None."""
         if not self.texts or self.texts[-1] is text:
             return ()
         return list(takewhile(lambda other: other is not text, reversed(self.texts)))[::-1]
@@ -168,13 +167,13 @@ class ReceivedStatus:
         self.mode = message.custom_mode
 
     def _sys_status(self, message: Message, now: Time) -> None:
-        health = message.onboard_control_sensors_health
+        m = message
         self.sensors = SensorHealth(
-            message.onboard_control_sensors_present,
-            message.onboard_control_sensors_enabled,
-            health,
+            m.onboard_control_sensors_present,
+            m.onboard_control_sensors_enabled,
+            m.onboard_control_sensors_health,
         )
-        self.ready = bool(health & READY)
+        self.ready = bool(m.onboard_control_sensors_health & READY)
 
     def _extended_sys_state(self, message: Message, now: Time) -> None:
         known = {landed.value for landed in LandedState}
@@ -194,7 +193,7 @@ class ReceivedStatus:
     def _statustext(self, message: Message, now: Time) -> None:
         text: str = message.text.split("\0", maxsplit=1)[0]
         if message.id == 0:
-            self._say(now, message.severity, text)
+            self._add(now, message.severity, text)
             return
         key = message.get_srcComponent(), message.id
         if key not in self._chunks:
@@ -208,25 +207,21 @@ class ReceivedStatus:
         if chunks.is_whole:
             self._end(key)
 
-    def _give_up(self, now: Time) -> None:
+    def _expire_chunks(self, now: Time) -> None:
         """Keep what there is of texts that have waited too long for their missing chunks."""
-        waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_PATIENCE]
+        waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_TIMEOUT]
         for key in waited:
             self._end(key)
 
     def _end(self, key: tuple[int, int]) -> None:
         chunks = self._chunks.pop(key)
-        self._say(chunks.since, chunks.severity, chunks.text)
+        self._add(chunks.since, chunks.severity, chunks.text)
 
-    def _say(self, time: Time, severity: int, text: str) -> None:
-        clean = " ".join("".join(_printable(text)).split())
+    def _add(self, time: Time, severity: int, text: str) -> None:
+        printable = (character if character.isprintable() else " " for character in text)
+        clean = " ".join("".join(printable).split())
         if clean:
             self.texts.append(ReceivedText(time, severity, clean))
-
-
-def _printable(text: str) -> Iterator[str]:
-    """The characters of a text; a space for each that a terminal would interpret."""
-    return (character if character.isprintable() else " " for character in text)
 
 
 SENSORS = MappingProxyType(
@@ -247,13 +242,14 @@ SENSORS = MappingProxyType(
         if name
     }
 )  # fmt: skip
-"""MAV_SYS_STATUS_SENSOR. Bit 28 says whether it is ready, bit 31 that there are more bits."""
+"""MAV_SYS_STATUS_SENSOR. Bit 28 is the readiness to arm, bit 31 announces more bits."""
 WAYS_OUT = MappingProxyType(
     {
-        1 << 7: "is it told poses, and set up to take them?",
-        1 << 16: "is the transmitter on?",
-        1 << 24: "is its memory card missing, or full?",
-        1 << 25: "is it charged, and its monitor set up?",
+        mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION: "does it receive poses, and is it set up"
+        " to use them?",
+        mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER: "is the transmitter on?",
+        mavlink.MAV_SYS_STATUS_LOGGING: "is its memory card missing, or full?",
+        mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "is it charged, and its monitor set up?",
     }
 )
 
@@ -266,7 +262,7 @@ class SensorHealth(NamedTuple):
     health: int
 
     @property
-    def ill(self) -> int:
+    def unhealthy(self) -> int:
         """The sensors that are present, enabled and not healthy."""
         return self.present & self.enabled & ~self.health
 
@@ -274,9 +270,8 @@ class SensorHealth(NamedTuple):
     def words(self) -> str:
         """The unhealthy sensors by name, with advice where there is any; empty where all are
         healthy."""
-        return ", ".join(_sensor(bit) for bit in SENSORS if bit & self.ill)
-
-
-def _sensor(bit: int) -> str:
-    way_out = WAYS_OUT.get(bit)
-    return SENSORS[bit] if way_out is None else f"{SENSORS[bit]} ({way_out})"
+        return ", ".join(
+            name + (f" ({WAYS_OUT[bit]})" if bit in WAYS_OUT else "")
+            for bit, name in SENSORS.items()
+            if bit & self.unhealthy
+        )

@@ -1,16 +1,16 @@
 """The ground truth of a firmware's own simulator, in the mission's world, and a parcel that falls.
 
-The simulator has a place on earth of its own. What it first tells of a vehicle that stands on the
-ground is taken for the mission's start and its heading, so from then on its world is the mission's,
-moved and turned. A message is true when it arrives; between two the vehicle goes on as it moved.
-While nothing arrives nobody knows where it is, and there is no truth.
+The simulator reports a place on earth. The first one of a vehicle that stands on the ground is
+taken for the mission's start and heading, which anchors the simulator's world in the mission's. A
+message is true when it arrives; between two messages the motion is extrapolated. While no message
+arrives there is no truth.
 
 A place comes in steps of 1e-7 degrees, 1.1 cm, of which a tracker would make 1 m/s. The velocity is
 finer, so the place is followed by its integral, which is put right by `SHARE` of what it is off,
 and at once by what no rounding explains.
 
-The firmware knows of no parcel. On board it hangs as in kybflow's own simulator, without weight;
-released it is a point that falls, with no drag and no bounce, and rests where it touches the floor.
+The firmware knows of no parcel. On board it hangs without weight, as in kybflow's own simulator;
+released, it falls as a point, with no drag and no bounce, and rests where it touches the floor.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ class GroundTruth:
         self._tangent: Tangent | None = None
         self._anchor = Anchor()
         self._newest: Truth | None = None
-        self._heard: Time = 0
+        self._at: Time = 0
         self._now: tuple[Time, Truth] | None = None  # `_newest` moved on, and until when
         self._parcel = None if context.payload is None else _Fall(context.payload)
 
     def handle(self, message: Message, now: Time, *, on_ground: bool) -> None:
-        """Take in a SIM_STATE or HIL_STATE_QUATERNION; others are ignored. on_ground: whether the
+        """Handle a SIM_STATE or HIL_STATE_QUATERNION; others are ignored. on_ground: whether the
         vehicle reports that it stands; there is no truth before that."""
         kind = message.get_type()
         if kind == "SIM_STATE":
@@ -102,11 +102,11 @@ class GroundTruth:
             self._anchor.attitude_to_world(attitude),
             from_frd(rates),
         )
-        self._heard, self._now = now, None
+        self._at, self._now = now, None
 
     def truth(self, now: Time) -> Truth | None:
-        """The true state of the vehicle and its parcel; None until it was seen on the ground, and
-        where no message came for `LONGEST`."""
+        """The true state of the vehicle and its parcel; None until it was on the ground, and where
+        no message came for `LONGEST`."""
         vehicle = self._vehicle(now)
         if vehicle is None or self._parcel is None:
             return vehicle
@@ -124,7 +124,7 @@ class GroundTruth:
             self._parcel.load()
 
     def _vehicle(self, now: Time) -> Truth | None:
-        gone = max((now - self._heard) / NS, 0.0)
+        gone = max((now - self._at) / NS, 0.0)
         if self._newest is None or gone > LONGEST:
             return None
         if self._now is None or self._now[0] != now:
@@ -133,7 +133,7 @@ class GroundTruth:
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
         """The place without its rounding errors."""
-        last, gone = self._newest, (now - self._heard) / NS
+        last, gone = self._newest, (now - self._at) / NS
         if last is None or gone > LONGEST:
             return place
         mean = scale(add(last.velocity, velocity), 0.5)
@@ -153,39 +153,39 @@ def _moved_on(truth: Truth, seconds: float) -> Truth:
     return Truth(position, velocity, integrate(attitude, turn, seconds), turn, payload)
 
 
-def _corrected(ahead: float, told: float) -> float:
-    off = told - ahead
+def _corrected(ahead: float, reported: float) -> float:
+    off = reported - ahead
     excess = off - max(-STEP, min(off, STEP))
     return ahead + excess + SHARE * (off - excess)
 
 
 class _Fall:
     """A parcel: on board, or falling since its release. One that was never on board lies on the
-    floor where the vehicle was first seen."""
+    floor where the vehicle first was."""
 
     def __init__(self, made: Parcel) -> None:
         self._hangs: Vec3 = (0.0, 0.0, mount(made))
         self._rests = mount(made)
-        self._aboard = made.aboard
-        self._let_go: tuple[Time, Vec3, Vec3] | None = None
+        self._is_on_board = made.aboard
+        self._released: tuple[Time, Vec3, Vec3] | None = None
 
     def load(self) -> None:
-        self._aboard, self._let_go = True, None
+        self._is_on_board, self._released = True, None
 
     def release(self, vehicle: Truth, now: Time) -> None:
-        if not self._aboard:
+        if not self._is_on_board:
             return
         along = rotate(vehicle.attitude, cross(vehicle.angular_velocity, self._hangs))
-        self._aboard = False
-        self._let_go = (now, self._place(vehicle), add(vehicle.velocity, along))
+        self._is_on_board = False
+        self._released = (now, self._place(vehicle), add(vehicle.velocity, along))
 
     def position(self, vehicle: Truth, now: Time) -> Vec3:
         """Its centre."""
-        if self._aboard:
+        if self._is_on_board:
             return self._place(vehicle)
-        if self._let_go is None:
-            self._let_go = (now, self._place(vehicle), ZERO)
-        begun, (x, y, z), (vx, vy, vz) = self._let_go
+        if self._released is None:
+            self._released = (now, self._place(vehicle), ZERO)
+        begun, (x, y, z), (vx, vy, vz) = self._released
         drop = max(z - self._rests, 0.0)
         falls = (vz + sqrt(vz * vz + 2.0 * GRAVITY * drop)) / GRAVITY if drop else 0.0
         gone = max((now - begun) / NS, 0.0)

@@ -1,19 +1,19 @@
 """External vision: the estimate that is sent to an autopilot, and how far its frame drifts.
 
-An autopilot that must know its place on earth before it flies is sent one once; nothing depends on
-it. The reset counter rises when the estimate changes its source or jumps, so that the autopilot
-follows at once and does not take the jump for speed.
+An autopilot that needs a place on earth before it flies is sent an arbitrary one. The reset counter
+rises when the estimate changes its source or jumps, so that the autopilot follows at once and does
+not take the jump for speed.
 
 An autopilot's filter trusts the poses only so far, so its frame wanders by centimetres against the
-world. Setpoints are moved by that drift, which is learnt with the time constant `SLOW`: the vehicle
-then rests where the mission's estimate has it, and what the filter knows better, the fast part of
-the motion, stays its own."""
+world. Setpoints are shifted by that drift, which is learnt with the time constant `SLOW`: the
+vehicle then hovers where the mission's estimate has it, and the fast part of the motion, which the
+filter knows better, stays its own."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kybflow.core.geometry import Vec3, add, distance, norm, scale, sub
+from kybflow.core.geometry import add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Estimate, Odometry, Time
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
@@ -33,11 +33,11 @@ LATITUDE, LONGITUDE, HEIGHT = 473_977_418, 85_455_939, 488_000
 
 
 class ExternalVision:
-    """The poses for one autopilot. rate: poses a second. `told`: the last estimate that was sent,
+    """The poses for one autopilot. rate: poses a second. `newest`: the last estimate that was sent,
     and when."""
 
     def __init__(self, rate: float, target: tuple[int, int]) -> None:
-        self.told: tuple[Estimate, Time] | None = None
+        self.newest: tuple[Estimate, Time] | None = None
         self._period: Time = round(NS / rate)
         self._target = target
         self._due: Time = 0
@@ -60,9 +60,9 @@ class ExternalVision:
         self._due += self._period
         if self._due <= now:
             self._due = now + self._period
-        self.told = estimate, now
-        said = self._origin(now) if is_lost else []
-        return [*said, codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)]
+        self.newest = estimate, now
+        origin = self._origin(now) if is_lost else []
+        return [*origin, codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)]
 
     def _origin(self, now: Time) -> list[Message]:
         if now < self._origin_due:
@@ -88,9 +88,9 @@ def _jumped(last: Estimate, estimate: Estimate) -> bool:
 SLOW = 1.0
 """Time constant of the drift, seconds."""
 FAR = 0.5
-"""A larger distance, metres, is no drift: the preflight or a supervisor reports it."""
+"""A larger distance, metres, is no drift; the preflight or a supervisor reports it."""
 OLDEST_OWN: Time = NS // 2
-"""An older position of its own teaches nothing; after a longer gap no more is learnt at once than
+"""An older position of the autopilot is ignored; after a longer gap no more is learnt at once than
 after this, so that setpoints do not jump."""
 
 
@@ -103,8 +103,8 @@ class FrameDrift:
         self._own: Odometry | None = None
 
     def learn(self, estimate: Estimate, own: Odometry | None, now: Time) -> None:
-        """Take an estimate and its own position into account, once a tick; each own position counts
-        once."""
+        """Learn from our estimate and the autopilot's; each one of the latter counts once. Called
+        once a tick."""
         if own is None or now - own.time > OLDEST_OWN:
             self._learnt = None
             return
@@ -112,13 +112,10 @@ class FrameDrift:
             return
         self._own = own
         last, self._learnt = self._learnt, now
-        off = sub(estimate.position, _at(own, estimate.time))
+        ahead = scale(own.velocity, (estimate.time - own.time) / NS)
+        off = sub(estimate.position, add(own.position, ahead))
         if last is None or norm(off) > FAR:
             return
         share = min(now - last, OLDEST_OWN) / NS / SLOW
         offset = add(self.anchor.offset, scale(sub(off, self.anchor.offset), share))
         self.anchor = Anchor(offset)
-
-
-def _at(own: Odometry, time: Time) -> Vec3:
-    return add(own.position, scale(own.velocity, (time - own.time) / NS))

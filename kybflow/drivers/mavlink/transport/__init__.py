@@ -1,6 +1,6 @@
 """Bytes to and from autopilots: UDP, TCP and serial wires, and the router that gives each
-autopilot its port. Knows MAVLink frames (`protocol`) and nothing of what is flown; the session,
-discovery and the emulator open wires here."""
+autopilot its port. Handles MAVLink frames (`protocol`), not what they mean; the session, discovery
+and the emulator open wires here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kybflow.drivers.mavlink.transport.wire import Wire
 
 def open_wire(address: str | Address) -> Wire:
     """The wire to an address. Raises DriverError where it cannot work: a port in use, an unknown
-    host, no pyserial. What may still appear, such as a device or a simulator, is its `trouble`."""
+    host, no pyserial. A device or simulator that may still appear is reported by `trouble`."""
     place = read_address(address) if isinstance(address, str) else address
     kinds: dict[str, Callable[[Address], Wire]] = {
         "tcp": TcpClient,

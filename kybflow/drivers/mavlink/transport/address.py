@@ -1,8 +1,8 @@
-"""How the address of an autopilot is written.
+"""The address of an autopilot.
 
-`udpin:[HOST:]PORT` waits for datagrams and answers whoever sent them; `udpout:HOST:PORT` sends them
+`udpin:[HOST:]PORT` waits for datagrams and answers their senders; `udpout:HOST:PORT` sends them
 first; `tcp:HOST:PORT` connects; `tcpin:[HOST:]PORT` lets others connect; `serial:DEVICE:BAUD` is a
-cable or a radio. Where we listen, the host is this machine alone unless another is written.
+cable or a radio. Without a host, a listening address is this machine's loopback.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ _FORMS = (
 
 
 _QUESTIONS = {
-    "udpin": "is the autopilot told to send to that port, and does no other program take it?",
+    "udpin": "does the autopilot send to that port, and does no other program take it?",
     "udpout": "does an autopilot listen there?",
-    "tcp": "does an autopilot listen there, and is nobody else connected?",
-    "tcpin": "is the autopilot told to connect there?",
+    "tcp": "does an autopilot listen there, and is no other program connected?",
+    "tcpin": "does the autopilot connect there?",
     "serial": "is it the right device, with the autopilot's baud rate?",
 }
 
 
 class Address(NamedTuple):
     """kind: one of `KINDS`. place: a host or a serial device. number: a port or a baud rate; port
-    0, which nobody can write, is any that is free."""
+    0, which can't be written in a mission, is any free one."""
 
     kind: str
     place: str
@@ -82,5 +82,5 @@ def _serial(text: str, rest: str) -> Address:
 
 
 def to_ask(address: str) -> str:
-    """What to ask oneself where nothing is heard at an address."""
+    """What to check where no autopilot is heard at an address."""
     return _QUESTIONS.get(address.partition(":")[0], "is it switched on?")

@@ -1,11 +1,10 @@
 """The router of a session's wires: each autopilot has a port with its messages and the way back.
 
-Autopilots are told apart by their system id. A port passes on what the autopilot itself says
-(component 1), not its gimbal, its radio, nor a ground station that is overheard. Where datagrams
-come from several places, a vehicle is answered where it was heard; a second vehicle with its id is
-dropped and reported while the first is there. One that signs with an old time is ignored and moves
-nothing: it may have rebooted, or somebody replays an old frame. It is sent one heartbeat, from
-which a rebooted one takes our time.
+A port passes on the messages of one system id, from the autopilot itself (component 1), not from
+its gimbal or radio. Where datagrams come from several addresses, an autopilot is answered at its
+own; a second vehicle with its id is dropped and reported while the first is present. A sender that
+signs with an old time is ignored: it may have rebooted, or somebody replays an old frame. It gets
+one heartbeat, from which a rebooted autopilot takes our time.
 """
 
 from __future__ import annotations
@@ -32,15 +31,16 @@ from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 """The component id of the autopilot itself."""
 GONE: Time = 3 * NS
-"""After this silence a vehicle may be heard from another place."""
+"""After this silence a vehicle may send from another address."""
 AGAIN: Time = NS
-"""Pause between two answers to an old time from one place."""
+"""Pause between two answers to an old time from one address."""
 MOST_SENDERS = 256
 LISTENERS = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
+"""Ground stations and other companion computers."""
 
 
 def heartbeat(kind: int) -> Message:
-    """Our heartbeat. kind: what we are there (MAV_TYPE)."""
+    """Our heartbeat. kind: as what (MAV_TYPE)."""
     invalid, active = mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_STATE_ACTIVE
     return mavlink.MAVLink_heartbeat_message(kind, invalid, 0, 0, active, 3)
 
@@ -51,8 +51,8 @@ HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
 
 class Port:
     """One autopilot's messages. `last_heard`: when its last message came, None before the first.
-    `counts`: what came on its wire, from everyone. Faults set `deaf` (what it says is lost) and
-    `mute` (what is sent to it is lost)."""
+    `counts`: of its wire, all senders together. Faults set `deaf` (received messages are lost) and
+    `mute` (sent ones are)."""
 
     def __init__(self, line: _Line, system: int, packer: Packer) -> None:
         self.system = system
@@ -62,7 +62,7 @@ class Port:
         self._place: Any = None
         self._clash: tuple[Time, Any] | None = None
         self._messages: deque[Message] = deque(maxlen=MOST_HELD)
-        self._overheard: deque[Message] = deque(maxlen=MOST_HELD)
+        self.overheard: deque[Message] = deque(maxlen=MOST_HELD)
 
     @property
     def counts(self) -> Counts:
@@ -70,21 +70,21 @@ class Port:
 
     @property
     def to_ask(self) -> str:
-        """What to ask oneself where the autopilot is not heard."""
+        """What to check where no autopilot is heard."""
         return to_ask(self._line.wire.address)
 
     @property
     def heard_from(self) -> frozenset[int]:
-        """The systems whose autopilots are heard on this wire."""
+        """The systems whose autopilots send on this wire."""
         return frozenset(self._line.autopilots)
 
     def want(self, names: Iterable[str]) -> None:
-        """Parse these messages from now on, besides those that any port of this wire wants."""
+        """Parse these messages too from now on, for every port of this wire."""
         self._line.wanted.update(NUMBERS[name] for name in names if name in NUMBERS)
 
     def unread(self) -> dict[int, int]:
-        """How many messages that nobody wants came from the autopilot since the last call, by their
-        number; none where somebody else listens on this wire too, who may want them."""
+        """How many unwanted messages came from the autopilot since the last call, by their number;
+        none on a shared wire, where others may want them."""
         found = {
             n: count for (system, n), count in self._line.unread.items() if system == self.system
         }
@@ -101,21 +101,17 @@ class Port:
         return messages
 
     def take_overheard(self) -> list[Message]:
-        """What other systems than the autopilots of this wire and ourselves said since the last
+        """The messages of other systems than ours and the autopilots of this wire since the last
         call."""
-        if not self._overheard:
+        if not self.overheard:
             return []
-        messages = list(self._overheard)
-        self._overheard.clear()
+        messages = list(self.overheard)
+        self.overheard.clear()
         return messages
 
-    def overhear(self, message: Message) -> None:
-        """Take in a message of another system; called by the router."""
-        self._overheard.append(message)
-
     def send(self, message: Message, component: int = ONBOARD) -> None:
-        """Send a message as one of our components. Nothing is sent to a place from which nobody was
-        heard. Raises DriverError where a field does not fit into the message."""
+        """Send a message as one of our components. On a wire that only answers, nothing is sent
+        before the first message. Raises DriverError where a field does not fit."""
         if self.mute:
             return
         data = self._packer.pack(message, component)
@@ -124,9 +120,8 @@ class Port:
             wire.send(data, self._place)
 
     def trouble(self) -> str | None:
-        """What is wrong with the way to the autopilot, None where nothing is known. The silence of
-        a vehicle that was heard before is not reported here: its caller knows how often it
-        speaks."""
+        """What is wrong with the connection, None where nothing is known. Silence counts only
+        before the first message."""
         if trouble := self._line.wire.trouble():
             return trouble
         if self._clash is not None and self._line.now - self._clash[0] < GONE:
@@ -138,7 +133,7 @@ class Port:
         return self._line.silence(self.system) if self.last_heard is None else None
 
     def handle(self, message: Message, place: Any, now: Time) -> None:
-        """Take in a message; called by the router."""
+        """Take a message; called by the router."""
         if self.deaf:
             return
         if place != self._place and self._place is not None and self._holds(now):
@@ -148,8 +143,8 @@ class Port:
         self._messages.append(message)
 
     def answer(self, place: Any) -> None:
-        """Send one heartbeat to that address, unless the autopilot is heard from there and gets
-        ours anyway. Called by the router when frames from there are signed with an old time."""
+        """Send one heartbeat to that address, unless it is the autopilot's, which gets ours anyway.
+        Called by the router when frames from there are signed with an old time."""
         if place != self._place:
             self._line.wire.send(self._packer.pack(HEARTBEAT), place)
 
@@ -196,7 +191,7 @@ class Router:
         return port
 
     def poll(self, now: Time) -> None:
-        """Take in what arrived on every wire. Never waits, never raises."""
+        """Read every wire. Never waits, never raises."""
         for line in self._lines.values():
             line.poll(now)
 
@@ -205,13 +200,8 @@ class Router:
             line.wire.close()
 
 
-def _is_listener(message: Message) -> bool:
-    """Whether it is the heartbeat of a ground station or of another companion computer."""
-    return message.get_type() == "HEARTBEAT" and message.type in LISTENERS
-
-
 class _Line:
-    """One wire with its ports. `is_shared`: whether somebody else was heard to listen to it."""
+    """One wire with its ports. `is_shared`: whether another program uses it too."""
 
     def __init__(self, wire: Wire, link: int, own: int, signing: Signing | None) -> None:
         self.wire, self.link, self._own = wire, link % 256, own
@@ -229,36 +219,37 @@ class _Line:
     def poll(self, now: Time) -> None:
         self.now, parsers = now, self._parsers
         for data, place in self.wire.receive(now):
-            parser = parsers.get(place) or self._begun(place)
+            parser = parsers.get(place) or self._new_parser(place)
             messages = parser.parse(data)
             if parser.stale:
                 self._answer(parser.stale, place, now)
             for message in messages:
                 system = message.get_srcSystem()
                 if message.get_srcComponent() != AUTOPILOT:
-                    self.is_shared = self.is_shared or _is_listener(message)
+                    if message.get_type() == "HEARTBEAT" and message.type in LISTENERS:
+                        self.is_shared = True
                     if system != self._own and system not in self.ports:
                         for other in self.ports.values():
-                            other.overhear(message)
+                            other.overheard.append(message)
                     continue
                 self.autopilots.add(system)
                 if (port := self.ports.get(system)) is not None:
                     port.handle(message, place, now)
 
     def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
-        """Send our time to an autopilot at that place. stale: who signed with an old one, by system
-        and component; also one that has no port, since discovery does not know its id yet."""
+        """Send our time to an autopilot at that address. stale: the senders with an old one, by
+        system and component, also those without a port: discovery does not know the ids yet."""
         systems = sorted(system for system, component in stale if component == AUTOPILOT)
         stale.clear()
         if not systems or not self.ports or not self.wire.answers:
-            return  # where everybody hears all that is sent, heartbeats go out anyway
+            return  # elsewhere every receiver gets our heartbeats anyway
         last, at = self._answered
         if place != last or now - at >= AGAIN:
             self._answered = place, now
             self.ports.get(systems[0], next(iter(self.ports.values()))).answer(place)
 
     def silence(self, system: int) -> str:
-        """Why that system may not have been heard."""
+        """Why no message of that system may have come."""
         place, counts = self.wire.address, self.counts
         if counts.stale and not counts.messages:
             return f"what is heard at {place} is signed with an old time, and stays so"
@@ -271,24 +262,18 @@ class _Line:
         if counts.messages:
             return f"no autopilot is heard at {place}, only other devices"
         if counts.bad:
-            return f"what is heard at {place} is no MAVLink{_BAUD if _is_serial(place) else ''}"
+            question = ": is the baud rate right?" if place.startswith("serial:") else ""
+            return f"what is heard at {place} is no MAVLink{question}"
         return f"nothing is heard at {place}"
 
-    def _begun(self, place: Any) -> Parser:
-        """A parser for a sender that was not heard before."""
+    def _new_parser(self, place: Any) -> Parser:
+        """A parser for a new sender."""
         if len(self._parsers) >= MOST_SENDERS:
             self._parsers.pop(next(iter(self._parsers)))
         parser = self._parsers[place] = Parser(
             self._signing, self.counts, self.wanted, self.unread
         )  # fmt: skip
         return parser
-
-
-_BAUD = ": is the baud rate right?"
-
-
-def _is_serial(address: str) -> bool:
-    return address.startswith("serial:")
 
 
 def _words(place: Any) -> str:

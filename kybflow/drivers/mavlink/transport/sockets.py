@@ -17,10 +17,10 @@ from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 MOST_AT_ONCE = 1000
 MOST_BYTES = 1 << 16
-"""What is taken in one poll, in datagrams and in bytes, so that a flood can't hold up a tick."""
+"""The most datagrams and bytes that are read in one poll, so that a flood can't delay a tick."""
 LONGEST = 65536
 ROOM = 1 << 20
-"""Bytes that the system keeps for us while a tick is late."""
+"""Bytes that the system buffers while a tick is late."""
 
 
 def os_error(error: OSError) -> str:
@@ -57,7 +57,7 @@ def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
 
 
 class _Udp(Wire):
-    """One socket for datagrams, and what was last wrong with it."""
+    """One socket for datagrams, and its last error."""
 
     def __init__(self, address: Address, opened: socket.socket) -> None:
         super().__init__(str(address))
@@ -73,8 +73,8 @@ class _Udp(Wire):
 
 
 class UdpIn(_Udp):
-    """Waits for datagrams, and answers whoever sent them; several vehicles may come to one port.
-    `port`: where it listens."""
+    """Waits for datagrams, and answers their senders; several vehicles may use one port. `port`:
+    where it listens."""
 
     answers: ClassVar[bool] = True
 
@@ -100,7 +100,7 @@ class UdpIn(_Udp):
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
-        """To the newest sender where nobody is named; to nobody before one was heard."""
+        """To the newest sender where none is named."""
         if (to := to or self._newest) is None:
             return
         try:
@@ -112,7 +112,7 @@ class UdpIn(_Udp):
 
 
 class UdpOut(_Udp):
-    """Sends datagrams to one place, and hears what comes back from there alone."""
+    """Sends datagrams to one address, and receives from there only."""
 
     def __init__(self, address: Address) -> None:
         """Raises DriverError."""
@@ -129,7 +129,7 @@ class UdpOut(_Udp):
                 left -= len(came[-1][0])
             except BlockingIOError:
                 break
-            except OSError as error:  # that nobody listens there, after something was sent
+            except OSError as error:  # no listener there, as a reply to what was sent
                 self._trouble = f"{self.address}: {os_error(error)}"
             if left <= 0:
                 break
@@ -138,7 +138,7 @@ class UdpOut(_Udp):
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
-        for _ in range(2):  # the first may fail for what was sent before
+        for _ in range(2):  # the first may report the failure of an earlier one
             try:
                 self._socket.send(data)
             except BlockingIOError:
@@ -152,16 +152,16 @@ class UdpOut(_Udp):
 SOON: Time = NS // 4
 LATE: Time = 2 * NS
 """The first and the longest pause between two attempts to open; it doubles each time."""
-PATIENCE: Time = 3 * NS
+OPENING: Time = 3 * NS
 """How long an attempt to open may last."""
 
 
 class Pipe:
-    """Bytes in and out of what does not wait. read(most): b"" where nothing has come; write: how
-    many bytes it took. Both raise OSError when it is lost.
+    """Bytes in and out of a connection that never blocks. read(most): b"" where nothing has come;
+    write: returns how many bytes it took. Both raise OSError when the connection is lost.
 
-    A frame that went out in part is finished first; what is sent meanwhile is lost, since a
-    setpoint that comes late is worse than none.
+    A frame that was sent in part is finished first; what is sent meanwhile is lost, since a late
+    setpoint is worse than none.
     """
 
     def __init__(self, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
@@ -205,7 +205,7 @@ def socket_pipe(opened: socket.socket) -> Pipe:
 
 
 class ReopeningWire(Wire):
-    """A wire to one other end that is opened again when it is lost, with growing pauses."""
+    """A connection that is opened again when it is lost, with growing pauses."""
 
     def __init__(self, address: Address) -> None:
         super().__init__(str(address))
@@ -252,8 +252,8 @@ class ReopeningWire(Wire):
         self._pipe = self._opened()
         if self._pipe is not None:
             self._trouble = None
-        elif now > self._began + PATIENCE:
-            raise TimeoutError("nobody answers")
+        elif now > self._began + OPENING:
+            raise TimeoutError("no answer")
         return self._pipe
 
     def _lost(self, error: OSError) -> None:
@@ -272,7 +272,7 @@ class ReopeningWire(Wire):
 
     @abstractmethod
     def _opened(self) -> Pipe | None:
-        """What was opened, None while opening is under way. Raises OSError."""
+        """The opened connection, None while opening is under way. Raises OSError."""
 
     @abstractmethod
     def _end(self) -> None:
@@ -283,10 +283,10 @@ MOST_CLIENTS = 32
 
 
 class TcpClient(ReopeningWire):
-    """Connects, and connects again when it is lost."""
+    """Connects, and reconnects when the connection is lost."""
 
     def __init__(self, address: Address) -> None:
-        """Raises DriverError where nobody knows the host."""
+        """Raises DriverError for an unknown host."""
         super().__init__(address)
         self._place = resolved(address)
         self._socket: socket.socket | None = None
@@ -350,7 +350,7 @@ class TcpServer(Wire):
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
-        """To every client where nobody is named."""
+        """To every client where none is named."""
         for sender in list(self._clients) if to is None else [to]:
             if sender not in self._clients:
                 continue
@@ -363,7 +363,7 @@ class TcpServer(Wire):
         while len(self._clients) < MOST_CLIENTS:
             try:
                 client, sender = self._listener.accept()
-            except OSError:  # nobody is there, or has gone meanwhile
+            except OSError:  # no client, or it has gone meanwhile
                 return
             self._clients[sender] = (_quick(client), socket_pipe(client))
 
@@ -372,7 +372,7 @@ class TcpServer(Wire):
 
 
 def _quick(opened: socket.socket) -> socket.socket:
-    """Neither waits nor lets a frame wait for the next."""
+    """Neither blocks nor delays a frame until the next."""
     opened.setblocking(False)
     opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return opened
@@ -387,7 +387,7 @@ _WAYS_OUT = {
 
 
 class SerialLine(ReopeningWire):
-    """Opened again when it was unplugged."""
+    """A cable or a telemetry radio; opened again after it was unplugged."""
 
     def __init__(self, address: Address) -> None:
         """Raises DriverError where pyserial is missing."""

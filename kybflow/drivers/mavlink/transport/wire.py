@@ -1,7 +1,5 @@
-"""Wires: bytes to and from autopilots, polled, never waiting.
-
-`Wire` is what the router reads and writes, `MemoryWire` one in this process, and `ReopeningWire`
-what a TCP client and a serial line share: a connection that is opened again after it was lost."""
+"""Wires: bytes to and from autopilots, polled, never waiting. The router reads and writes them;
+`MemoryWire` is one within this process."""
 
 from __future__ import annotations
 
@@ -13,15 +11,14 @@ from typing import Any, ClassVar
 from kybflow.core.signals import Time
 
 MOST_HELD = 10_000
-"""How many messages are kept for a reader that does not come."""
+"""How many messages are kept until they are read."""
 
 Received = Sequence[tuple[bytes, Any]]
 
 
 class Wire(ABC):
-    """One way to reach autopilots. `address`: as written. `answers`: whether only those can be
-    reached that were heard. Faults set `deaf` (what arrives is lost) and `mute` (what is sent is
-    lost)."""
+    """One connection to autopilots. `address`: as written. `answers`: whether it can only answer
+    senders. Faults set `deaf` (what arrives is lost) and `mute` (what is sent is lost)."""
 
     answers: ClassVar[bool] = False
 
@@ -31,14 +28,14 @@ class Wire(ABC):
         self.mute = False
 
     def receive(self, now: Time) -> Received:
-        """What arrived since the last call, oldest first, each with its sender, which `send` takes
-        as `to`. Opens a lost connection again; never waits, never raises."""
+        """The bytes since the last call, oldest first, each with its sender, which `send` takes as
+        `to`. Opens a lost connection again; never waits, never raises."""
         received = self._receive(now)
         return () if self.deaf else received
 
     def send(self, data: bytes, to: Any = None) -> None:
-        """Send one frame, or lose it: what can't be sent at once is not sent later. to: the
-        receiver, None for the only one. Never waits, never raises."""
+        """Send one frame now, or lose it. to: the receiver, None for the only one. Never waits,
+        never raises."""
         if not self.mute:
             self._send(data, to)
 
@@ -50,7 +47,7 @@ class Wire(ABC):
     def close(self) -> None: ...
 
     def is_open(self, sender: Any) -> bool:
-        """Whether that sender may still be there."""
+        """Whether that sender may still be connected."""
         return True
 
     @abstractmethod
@@ -61,9 +58,9 @@ class Wire(ABC):
 
 
 class MemoryWire(Wire):
-    """One end of a pair in this process: what is sent here arrives at the other end, in order, at
-    once. late: nanoseconds by which what is sent to this end arrives later, which a fault sets;
-    what is on its way is lost when that is zero again."""
+    """One end of a pair in this process: bytes arrive at the other end in order, at once. late:
+    nanoseconds by which bytes to this end are delayed, which a fault sets; bytes on their way are
+    lost when that is zero again."""
 
     other: MemoryWire
     late: Time = 0
