@@ -6,9 +6,8 @@ import contextlib
 import re
 from pathlib import Path
 
-from typer.testing import CliRunner
+from toolchain import invoke
 
-from kybflow.cli.app import app
 from kybflow.dsl.diagnostics.codes import codes
 
 PAGE = (Path(__file__).parents[2] / "docs" / "rehearsal.md").read_text(encoding="utf-8")
@@ -19,8 +18,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "rehearsal.md").read_text(encoding=
 def test_its_mission_gets_its_report(tmp_path: Path) -> None:
     (tmp_path / "swap.yaml").write_text(MISSION)
     with contextlib.chdir(tmp_path):
-        valid = CliRunner().invoke(app, ["validate", "swap.yaml"])
-        done = CliRunner().invoke(app, ["rehearse", "swap.yaml"])
+        valid = invoke("validate", "swap.yaml")
+        done = invoke("rehearse", "swap.yaml")
 
     assert valid.output.startswith("swap.yaml: ok (")
     assert (done.exit_code, done.output) == (1, REPORT)

@@ -7,20 +7,17 @@ from pathlib import Path
 
 import pytest
 from plan_endings import ending
+from toolchain import compiled
 
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, MOVING, Flight
-from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 Node = tuple[str, Flight]
 
 
 def plan_of(path: Path):
-    plan = compile_mission(path, catalog=load_catalog()).plan
-    assert plan is not None
-    return plan
+    return compiled(path)
 
 
 def successors(vehicle: VehiclePlan, node: Node, failing: bool) -> set[Node]:

@@ -9,18 +9,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from toolchain import compiled, flight_of
 from witness import Watched, Witness
 
-from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.api.flight import Flown
 from kybflow.core.geometry import Vec3, add
 from kybflow.core.signals import Event, Measurement, Time, Truth
 from kybflow.drivers.mavlink import session
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.wire import Wire
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Link, Stream
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 from kybflow.sensors.simulated_motion_capture import SimulatedMotionCapture
 from kybflow.world.vehicle_context import VehicleContext
@@ -39,18 +38,15 @@ def shown(*words: object) -> None:
 
 
 def plan_of(path: Path, target: str) -> Plan:
-    result = compile_mission(path, catalog=load_catalog(), target=target, sets=())
-    assert result.plan is not None, result.diagnostics
-    return result.plan
+    return compiled(path, target=target)
 
 
-def flown(
+def full_flight(
     plan: Plan, out: Path, *looks: Callable[[Engine], None]
 ) -> tuple[Flown, list[Event], Engine]:
     """Fly a plan to its end. Who looks on must not raise."""
-    told: list[Event] = []
     engines: list[Engine] = []
-    flight = fly(plan, RunRequest(out=out), (told.append,), (engines.append, *looks))
+    flight, told = flight_of(plan, out, engines.append, *looks)
     assert [e.fields for e in told if e.name == "observer_failed"] == []
     return flight, told, engines[-1]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from present import needed
-from real_flights import HERE, MISSIONS, flown, named, plan_of, shown, way
+from real_flights import HERE, MISSIONS, full_flight, named, plan_of, shown, way
 
 from kybflow.api.flight import Flown
 from kybflow.core.signals import Event
@@ -34,14 +34,14 @@ def came_down(told: list[Event], engine: Engine, states: list[str]) -> None:
 
 @pytest.mark.parametrize("name", list(WAYS))
 def test_an_unchanged_mission_flies(name: str, two: str, tmp_path: Path):
-    flight, told, engine = flown(plan_of(MISSIONS / f"{name}.yaml", two), tmp_path)
+    flight, told, engine = full_flight(plan_of(MISSIONS / f"{name}.yaml", two), tmp_path)
     report(flight)
     came_down(told, engine, WAYS[name])
 
 
 def test_two_firmwares_fly_the_eight_together(tmp_path: Path):
     needed({1: "px4", 2: "ardupilot"})
-    flight, told, engine = flown(plan_of(HERE / "two_firmwares.yaml", "both"), tmp_path)
+    flight, told, engine = full_flight(plan_of(HERE / "two_firmwares.yaml", "both"), tmp_path)
     report(flight)
     came_down(told, engine, EIGHT)
 
@@ -51,7 +51,7 @@ def test_a_courier_that_knows_only_tags_brings_its_parcel(tmp_path: Path):
     a failsafe of it. The simulator's battery runs down from flight to flight until it is started
     anew."""
     needed({1: "ardupilot"})
-    flight, told, engine = flown(plan_of(MISSIONS / "courier.yaml", "ardupilot"), tmp_path)
+    flight, told, engine = full_flight(plan_of(MISSIONS / "courier.yaml", "ardupilot"), tmp_path)
     report(flight)
     shown(*(f"{event.name} {event.fields}" for event in named(told, "failsafe_started")))
     assert way(told, "courier")[:5] == ["up", "out", "drop", "back", "down"]

@@ -7,12 +7,11 @@ import dataclasses
 from pathlib import Path
 
 import pytest
+from toolchain import compiled, result_of
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 QUICK = frozenset({"first_flight", "mass_pickup", "sidestep"})
@@ -24,7 +23,7 @@ other take as long as they take (docs/rehearsal.md)."""
 
 
 def rehearsed(path: Path) -> tuple[Plan, Rehearsal]:
-    result = compile_mission(path, catalog=load_catalog())
+    result = result_of(path)
     assert result.plan is not None
     return result.plan, rehearse(result.plan, texts=result.texts)
 
@@ -55,10 +54,8 @@ def test_its_time_is_that_of_the_simulator(path: Path, tmp_path: Path) -> None:
 def test_a_mission_may_name_ideal_vehicles(tmp_path: Path) -> None:
     text = MISSIONS[0].with_name("first_flight.yaml").read_text(encoding="utf-8")
     text = text.replace("library/airframes.yaml", "kybflow/airframes")
-    mission = tmp_path / "mine.yaml"
-    mission.write_text(f"{text}\ntargets:\n  ideal: {{all: {{driver: {{use: kinematic}}}}}}\n")
-    plan = compile_mission(mission, catalog=load_catalog(), target="ideal").plan
-    assert plan is not None
+    text += "\ntargets:\n  ideal: {all: {driver: {use: kinematic}}}\n"
+    plan = compiled(tmp_path / "mine.yaml", text, target="ideal")
 
     summary = fly(plan, RunRequest(out=tmp_path / "run")).summary
 

@@ -14,10 +14,9 @@ import pytest
 from failsafe_parts import alarming
 from plans import part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
-from typer.testing import CliRunner
+from toolchain import invoke
 
 from kybflow.api.flight import inspect
-from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
@@ -395,7 +394,7 @@ def test_the_command_says_red_and_invalid(tmp_path):
         mission + "\ntargets:\n  sim: {all: {driver: {use: sim, battery: 10 %}}}\n", "utf-8"
     )
     bad.write_text(mission.replace("do: hover", "do: hoover"), encoding="utf-8")
-    done = CliRunner().invoke(app, ["preflight", str(red)])
+    done = invoke("preflight", red)
     assert done.exit_code == 1
     assert "RED    nano  supervisors.battery" in done.output
-    assert CliRunner().invoke(app, ["preflight", str(bad)]).exit_code == 2
+    assert invoke("preflight", bad).exit_code == 2

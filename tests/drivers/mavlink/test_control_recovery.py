@@ -38,7 +38,7 @@ def go(bench: Bench, mode: str) -> None:
     """Into a mode by its own name."""
     names = bench.fake.profile.names
     bench.fake.mode = next(number for number, name in names.items() if name == mode)
-    bench.fake._heartbeat()
+    bench.fake.heartbeat()
 
 
 @BOTH

@@ -119,9 +119,9 @@ def unread(bench, seconds):
     SERVO_OUTPUT_RAW, which a vehicle without payload does not read either; what was switched off,
     by number."""
     for tick in range(round(seconds * 50)):
-        bench.fake._send(mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 0.0, 0.0))
+        bench.fake.send(mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 0.0, 0.0))
         if tick % 50 == 0:
-            bench.fake._send(
+            bench.fake.send(
                 mavlink.MAVLink_home_position_message(
                     0, 0, 0, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], *3 * [0.0]
                 )
@@ -356,7 +356,7 @@ def test_the_target_of_a_mode_that_is_not_ours_is_nobody_elses():
         bench.fake.mode = bench.fake.profile.modes[mode]
         for _ in range(4):
             bench.run(0.25, UP)
-            bench.fake._send(away)
+            bench.fake.send(away)
         bench.run(0.02)
         assert len(bench.link.foreign_commands()) == foreign
 

@@ -26,7 +26,7 @@ def taken_by_a_pilot(name="px4") -> Bench:
 
 def deaf_to_positions(bench, monkeypatch) -> None:
     """Its heartbeats go on, its position does not come any more."""
-    send = bench.fake._send
+    send = bench.fake.send
     monkeypatch.setattr(
         bench.fake, "_send", lambda m: None if m.get_type() == "LOCAL_POSITION_NED" else send(m)
     )
@@ -174,8 +174,8 @@ def test_the_mode_that_a_pilot_chose_stays_when_the_run_ends():
 
 def reboot(bench) -> None:
     """Its clock begins anew."""
-    start, stream = bench.now // 1_000_000, bench.fake._stream
-    bench.fake._stream = lambda ms: stream(ms - start)
+    start, stream = bench.now // 1_000_000, bench.fake.stream
+    bench.fake.stream = lambda ms: stream(ms - start)
 
 
 def own_frame() -> Bench:
