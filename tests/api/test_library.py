@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pytest
 from installed_package import package
-from toolchain import compiled, printed
+from toolchain import ROOT, compiled, printed
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.library import libraries, missions
 from kybflow.api.scaffold import SCHEMA, scaffold
 from kybflow.core.errors import KybflowError
 
-REPO = Path(__file__).parents[2]
-SURVEY = str(REPO / "missions" / "survey.yaml")
+SURVEY = str(ROOT / "missions" / "survey.yaml")
 
 
 def test_library_lists_what_is_at_hand() -> None:

@@ -9,13 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from toolchain import invoke
+from toolchain import ROOT, invoke
 
 from kybflow.recording import run_folder
 
-REPO = Path(__file__).parents[2]
-GOOD = str(REPO / "missions" / "figure_eight.yaml")
-FIRST = str(REPO / "missions" / "first_flight.yaml")
+GOOD = str(ROOT / "missions" / "figure_eight.yaml")
+FIRST = str(ROOT / "missions" / "first_flight.yaml")
 
 
 @pytest.fixture
@@ -48,7 +47,7 @@ def test_validate_speaks_json(bad: str) -> None:
 
 
 def test_validate_takes_folders() -> None:
-    result = invoke("validate", str(REPO / "missions"), "--format", "json")
+    result = invoke("validate", str(ROOT / "missions"), "--format", "json")
     paths = {Path(file["path"]).name for file in json.loads(result.output)["files"]}
     assert result.exit_code == 0
     assert {"figure_eight.yaml", "airframes.yaml"} <= paths
@@ -287,7 +286,7 @@ def test_graph_draws_both_ways(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", ["run", "show", "graph", "preflight"])
 def test_a_library_is_told_to_be_no_mission(command: str) -> None:
-    library = REPO / "missions" / "library" / "airframes.yaml"
+    library = ROOT / "missions" / "library" / "airframes.yaml"
     result = invoke(command, str(library))
     assert result.exit_code == 2
     assert f"{library} is a library, no mission" in result.output
@@ -319,7 +318,7 @@ def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments:
     out = f" --out {tmp_path}" if arguments.startswith("test") else ""
     command = f"{sys.executable} -m kybflow {arguments}{out} | head -0; echo ${{PIPESTATUS[0]}}"
     done = subprocess.run(
-        ["bash", "-c", command], cwd=REPO, capture_output=True, text=True, check=False
+        ["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert (done.stdout, done.stderr) == ("0\n", "")
 
@@ -385,13 +384,13 @@ def test_a_disk_that_is_full_before_take_off_is_no_mistake_of_the_mission(
 
 
 def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
-    formation = invoke("show", str(REPO / "missions" / "formation.yaml")).output
+    formation = invoke("show", str(ROOT / "missions" / "formation.yaml")).output
     assert "world\n  fence from [-3, -3, 0] m to [3, 3, 2.5] m\n" in formation
     assert "groups\n  swarm: a, b, c, d\n" in formation
     assert "flow solo (drives what it is given; begins with leave)\n" in formation
     assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
-    steered = invoke("show", str(REPO / "missions" / "joystick.yaml")).output
+    steered = invoke("show", str(ROOT / "missions" / "joystick.yaml")).output
     assert "stick: script (a is take; b is give; y is land; dead man: right_shoulder)" in steered
-    lives = invoke("show", str(REPO / "missions" / "two_lives.yaml")).output
+    lives = invoke("show", str(ROOT / "missions" / "two_lives.yaml")).output
     assert "callbacks\n  sick.fault_injected: log `{vehicle} suffers {fault}" in lives
     assert "faults\n  battery_sag on sick, when behavior == eight and elapsed > 4 s\n" in lives

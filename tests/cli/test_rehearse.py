@@ -8,12 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from toolchain import invoke
+from toolchain import MISSIONS, invoke
 
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink import Mavlink
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 FIRST = str(MISSIONS / "first_flight.yaml")
 WAITS = """\
 kybflow: 1

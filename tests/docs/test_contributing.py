@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT
 
-ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 pytestmark = pytest.mark.thorough
 LITERATE = """# Names

@@ -6,11 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from toolchain import compiled
+from toolchain import ROOT, compiled
 
 from kybflow.drivers.ardrone.control.acts import ACTS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "ardrone.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "ardrone.md").read_text(encoding="utf-8")
 MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(
     r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE
 )

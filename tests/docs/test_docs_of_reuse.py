@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from toolchain import compiled
+from toolchain import ROOT, compiled
 
-PAGE = (Path(__file__).parents[2] / "docs" / "mission-language.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "mission-language.md").read_text(encoding="utf-8")
 LAB = "library: lab\nimport: {std: kybflow/airframes}\nvehicles: {bee: {like: std.nano_plus}}\n"
 VEHICLES = """vehicles:
   a:

@@ -12,14 +12,14 @@ import pytest
 
 cv2 = pytest.importorskip("cv2")
 
-from toolchain import compiled, invoke  # noqa: E402
+from toolchain import ROOT, compiled, invoke  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, ZERO, add  # noqa: E402
 from kybflow.core.signals import Truth  # noqa: E402
 from kybflow.vision.optics import Optics  # noqa: E402
 from kybflow.vision.rendering.drawing import Room  # noqa: E402
 
-PAGE = (Path(__file__).parents[2] / "docs" / "tag-floor.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "tag-floor.md").read_text(encoding="utf-8")
 MISSION, CAMERA, TARGETS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 COMMANDS = re.findall(r"^    kybflow (.+)$", PAGE, re.MULTILINE)
 CALIBRATION = """image_width: 640

@@ -6,9 +6,9 @@ import contextlib
 import re
 from pathlib import Path
 
-from toolchain import invoke
+from toolchain import ROOT, invoke
 
-PAGE = (Path(__file__).parents[2] / "docs" / "formations.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "formations.md").read_text(encoding="utf-8")
 [MISSION] = re.findall(r"```yaml\n(kybflow: 1\n.*?)```", PAGE, re.DOTALL)
 
 

@@ -6,11 +6,11 @@ import contextlib
 import re
 from pathlib import Path
 
-from toolchain import invoke
+from toolchain import ROOT, invoke
 
 from kybflow.dsl.diagnostics.codes import codes
 
-PAGE = (Path(__file__).parents[2] / "docs" / "rehearsal.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")
 [MISSION] = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 [REPORT] = re.findall(r"```text\n\$ kybflow rehearse swap.yaml\n(.*?)```", PAGE, re.DOTALL)
 

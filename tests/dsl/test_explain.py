@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from toolchain import printed
+from toolchain import ROOT, printed
 
 from kybflow.dsl.diagnostics.codes import codes, families, list_codes, page, show_code
 from kybflow.dsl.diagnostics.pages import sections, sections_of
 
-REPO = Path(__file__).parents[2]
-PAGE = REPO / "docs" / "checks.md"
+PAGE = ROOT / "docs" / "checks.md"
 
 
 def test_the_page_of_all_codes_is_current() -> None:

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from toolchain import invoke
+from toolchain import MISSIONS, invoke
 
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.formats import to_annotation, to_sarif
@@ -130,7 +130,7 @@ def test_validate_speaks_both(format: str, begins: str, tmp_path: Path) -> None:
 
 
 def test_a_good_mission_is_a_log_without_results() -> None:
-    mission = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
+    mission = MISSIONS / "first_flight.yaml"
     result = invoke("validate", mission, "--format", "sarif")
     assert result.exit_code == 0
     assert json.loads(result.output)["runs"][0]["results"] == []

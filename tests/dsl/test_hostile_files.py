@@ -13,13 +13,14 @@ import time
 from pathlib import Path
 
 import pytest
+from toolchain import MISSIONS
 
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.parts.catalog import load_catalog
 
-ORDINARY = Path(__file__).parents[2] / "missions" / "formation.yaml"
+ORDINARY = MISSIONS / "formation.yaml"
 MOST = 150
 """How many times the work of the ordinary mission a file may be."""
 HEAD = b"kybflow: 1\nmission: bad\n"

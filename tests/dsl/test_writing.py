@@ -9,7 +9,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
-from toolchain import compiled
+from toolchain import SHIPPED, compiled
 
 from kybflow.core.units import (
     ANGLE,
@@ -24,9 +24,6 @@ from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.text import quantity
 from kybflow.dsl.plan import ExpectationPlan, Place, Plan
 from kybflow.dsl.reading.nodes import Mapping, Scalar, Sequence, to_json
-
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
-
 
 AS_WRITTEN = {
     Plan: {"sources", "resolved", "control", "target_text", "values"},
@@ -58,7 +55,7 @@ def without_places(value: object) -> object:
     return [without_places(v) for v in value] if isinstance(value, list | tuple) else value
 
 
-@pytest.mark.parametrize("path", MISSIONS, ids=[p.stem for p in MISSIONS])
+@pytest.mark.parametrize("path", SHIPPED, ids=[p.stem for p in SHIPPED])
 def test_it_reads_back_as_the_same_plan(path: Path, tmp_path: Path) -> None:
     first = compiled(path)
     copy = tmp_path / "resolved.yaml"
@@ -73,7 +70,7 @@ def test_it_reads_back_as_the_same_plan(path: Path, tmp_path: Path) -> None:
 
 
 def test_each_line_says_where_it_came_from() -> None:
-    plan = compiled(MISSIONS[0])
+    plan = compiled(SHIPPED[0])
     for line in filter(None, plan.resolved.splitlines()):
         origin = line.rsplit("  # ", 1)[1]
         assert origin == "default" or ".yaml:" in origin

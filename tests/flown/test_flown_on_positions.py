@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 from plans import part, vehicle
 from short_flights import down, hold, named, path, up
-from toolchain import compiled, flight_of
+from toolchain import ROOT, compiled, flight_of
 
 from kybflow.dsl.plan import EstimatorPlan
-
-REPO = Path(__file__).parents[2]
 
 
 def test_it_hovers_within_what_the_positions_are_good_for(run):
@@ -47,9 +45,9 @@ def test_it_hovers_within_what_the_positions_are_good_for(run):
 )
 def test_the_mission_of_the_page_flies_as_well_as_it_says(seed: int, tmp_path: Path) -> None:
     """docs/estimators.md, with the simulator's own noise: 30 cm, 50 cm in height."""
-    page = (REPO / "docs" / "estimators.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "estimators.md").read_text(encoding="utf-8")
     [text] = [t for t in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "mission:" in t]
-    shutil.copytree(REPO / "missions" / "library", tmp_path / "library")
+    shutil.copytree(ROOT / "missions" / "library", tmp_path / "library")
     plan = compiled(tmp_path / "outdoors.yaml", text)
     flown, told = flight_of(plan, tmp_path / "run", seed=seed)
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from toolchain import compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.api import flight
 from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.dsl.plan import Plan
 
-FIRST = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
+FIRST = MISSIONS / "first_flight.yaml"
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,10 @@ thorough tests, with one too high."""
 from pathlib import Path
 
 import pytest
-from toolchain import compiled
+from toolchain import SHIPPED, compiled
 
 from kybflow.api.flight import RunRequest, fly
 
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 LONG = frozenset(
     {
         *("courier", "courier_hard", "formation", "swarm_teleoperation", "follow_leader"),
@@ -28,7 +27,7 @@ def variants(path: Path) -> tuple[tuple[str, ...], ...]:
 
 
 def flights():
-    for path in MISSIONS:
+    for path in SHIPPED:
         for number, sets in enumerate(variants(path)):
             for seed in range(20):
                 marks = []
@@ -54,4 +53,4 @@ def test_mission_meets_its_expectations(
 
 def test_there_are_missions():
     known = {"first_flight", "figure_eight", "sidestep", "windy", "mass_pickup"}
-    assert {p.stem for p in MISSIONS} >= known
+    assert {p.stem for p in SHIPPED} >= known

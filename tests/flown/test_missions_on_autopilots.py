@@ -7,9 +7,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from toolchain import compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 TARGETS = ("emulated_px4", "emulated_ardupilot")
 WAYS = {
     "figure_eight": ["up", "steady", "eight", "down", "landed"],

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from toolchain import compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.core.signals import NS, Event
 from kybflow.inputs.rows import InputRow, parse
 from kybflow.recording.earlier_run import read_earlier_run
 from kybflow.runtime.engine import Engine
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 OPERATOR = (MISSIONS / "operators" / "swarm_teleoperation.csv").read_text(encoding="utf-8")
 PHASES = {
     "team": {

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 from mutation_study import with_library
-from toolchain import compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.api.flight import RunRequest, fly
 
-MISSION = Path(__file__).parents[2] / "missions" / "three_ardrones.yaml"
+MISSION = MISSIONS / "three_ardrones.yaml"
 
 
 pytestmark = pytest.mark.thorough

@@ -8,12 +8,12 @@ from statistics import mean
 
 import pytest
 from telekyb import as_in_the_paper
-from toolchain import compiled
+from toolchain import MISSIONS, compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import Plan
 
-EIGHT = Path(__file__).parents[2] / "missions" / "figure_eight.yaml"
+EIGHT = MISSIONS / "figure_eight.yaml"
 LAB = "targets:\n  lab: {all: {driver: {use: sim, calm: false}}}\n"
 PAPER = {"mk": {"mean": 0.034, "max": 0.062}, "nano": {"mean": 0.021, "max": 0.039}}
 """Position errors, metres (Grabe et al., ECMR 2013, sec. VI-A)."""

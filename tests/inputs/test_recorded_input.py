@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from plans import part
-from toolchain import invoke
+from toolchain import MISSIONS, invoke
 
 from kybflow.api.recorded_input import InputUnknown, input_named, record_input
 from kybflow.core.errors import DriverError
@@ -20,7 +20,7 @@ from kybflow.parts import InputLink
 from kybflow.parts.input import SticksOf
 from kybflow.runtime.clock import SimulatedClock
 
-MISSION = Path(__file__).parents[2] / "missions" / "teleoperation.yaml"
+MISSION = MISSIONS / "teleoperation.yaml"
 TEXT = "t,x,buttons,lost\n0,0,,\n1,0.5,a,\n2,,,unplugged\n3,0.25,,\n"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -14,7 +13,7 @@ import pytest
 from failsafe_parts import alarming
 from plans import part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
-from toolchain import invoke
+from toolchain import MISSIONS, invoke
 
 from kybflow.api.flight import inspect
 from kybflow.core.errors import DriverError
@@ -368,9 +367,6 @@ def test_a_second_take_off_asks_where_it_landed(run):
 def kybflow(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "kybflow", "preflight", *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
-
-
-MISSIONS = Path(__file__).parents[2] / "missions"
 
 
 def test_the_command_prints_a_line_for_each_check(tmp_path):

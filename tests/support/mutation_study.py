@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from mission_mutants import Mutant, at_random, mutants
 from plan_endings import End, ending
+from toolchain import ROOT
 
 from kybflow.core.geometry import distance
 from kybflow.dsl.compiler import compile_mission
@@ -19,7 +20,6 @@ from kybflow.dsl.diagnostics.diagnostic import Severity
 from kybflow.dsl.diagnostics.render import render, to_json
 from kybflow.parts.catalog import load_catalog
 
-ROOT = Path(__file__).parents[2]
 MISSIONS = sorted((ROOT / "missions").glob("*.yaml"))
 BROKEN, AIR, MOVED = "broken", "ends in the air", "ends elsewhere"
 

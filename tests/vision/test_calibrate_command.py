@@ -11,7 +11,7 @@ import pytest
 cv2 = pytest.importorskip("cv2")
 
 from tag_floors import room, still  # noqa: E402
-from toolchain import compiled, invoke  # noqa: E402
+from toolchain import MISSIONS, compiled, invoke  # noqa: E402
 from walks import CAMERA, TURN, bodies, pose_at, scene  # noqa: E402
 
 from kybflow.core.errors import FileError  # noqa: E402
@@ -171,7 +171,7 @@ def test_frames_that_tell_nothing_are_told(tmp_path: Path) -> None:
 
 
 def test_a_mission_without_a_camera_or_tags_is_told(tmp_path: Path) -> None:
-    bare = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
+    bare = MISSIONS / "first_flight.yaml"
     result = given(bare, "--frames", tmp_path)
     assert "no vehicle of `first_flight` has a camera" in result.output
     text = written(tmp_path).read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ import pytest
 cv2 = pytest.importorskip("cv2")
 
 import numpy  # noqa: E402 - after the skip
-from toolchain import invoke  # noqa: E402
+from toolchain import MISSIONS, invoke  # noqa: E402
 
 from kybflow.vision.families import FAMILIES, cells, dictionary  # noqa: E402
 from kybflow.vision.sheets import PAPERS, lay_out, pdf, png, raster  # noqa: E402
@@ -156,9 +156,6 @@ def test_a_png_says_its_resolution_and_is_the_page() -> None:
     image = cv2.imdecode(numpy.frombuffer(data, numpy.uint8), cv2.IMREAD_GRAYSCALE)
     assert image.shape == (3508, 2480)
     assert found(image, "36h11").keys() == {5}
-
-
-MISSIONS = Path(__file__).parents[2] / "missions"
 
 
 def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from toolchain import invoke
+from toolchain import ROOT, invoke
 
 from kybflow.cli.printing.parts import page
 from kybflow.core.events import BaseEvent
@@ -21,7 +21,7 @@ from kybflow.parts.catalog import load_catalog, own_catalog
 from kybflow.parts.events import ENGINE_EVENTS
 from kybflow.parts.observables import OBSERVABLES
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = ROOT / "docs"
 LANGUAGE = (DOCS / "mission-language.md").read_text(encoding="utf-8")
 FAILSAFE = (DOCS / "failsafe.md").read_text(encoding="utf-8")
 

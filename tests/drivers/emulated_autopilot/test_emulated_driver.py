@@ -6,14 +6,13 @@ import json
 import random
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from sim_worlds import seat
-from toolchain import compiled
+from toolchain import MISSIONS, compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Odometry, Pose
@@ -22,8 +21,6 @@ from kybflow.drivers.emulated_autopilot import (
     EmulatedAutopilotParams,
 )
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
-
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 
 def mission_flight(mission, target, out, **request):

@@ -12,7 +12,7 @@ from sim_worlds import FRAME, PERIOD, push, seat, thrust, touches
 
 pytest.importorskip("rotorpy", reason="needs the extra `rotorpy`")
 
-from toolchain import invoke
+from toolchain import MISSIONS, invoke
 from typer.testing import Result
 
 from kybflow.core.errors import DriverError
@@ -30,7 +30,6 @@ QUIET = RotorpyParams(
     model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
 )  # fmt: skip
 HOVER = FRAME.mass * 9.81
-MISSIONS = Path(__file__).parents[3] / "missions"
 FIRST, EIGHT = MISSIONS / "first_flight.yaml", MISSIONS / "figure_eight.yaml"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy
 import pytest
 from plans import part, state, vehicle
-from toolchain import compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Estimate, Event, Frame
@@ -151,7 +151,7 @@ def test_nobody_misses_frames_that_nobody_asks_for() -> None:
     assert not Watch(part("estimators", "mocap")).watched.is_asked
 
 
-MISSION = Path(__file__).parents[3] / "missions" / "courier.yaml"
+MISSION = MISSIONS / "courier.yaml"
 
 
 @pytest.mark.slow

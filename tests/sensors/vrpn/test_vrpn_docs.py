@@ -9,12 +9,11 @@ from pathlib import Path
 
 import pytest
 from command_lines import command
-from toolchain import compiled, invoke
+from toolchain import ROOT, compiled, invoke
 
 from kybflow.sensors.vrpn import VrpnParams
 
-REPO = Path(__file__).parents[3]
-PAGE = (REPO / "docs" / "motion-capture.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "motion-capture.md").read_text(encoding="utf-8")
 
 
 def written(folder: Path) -> Path:

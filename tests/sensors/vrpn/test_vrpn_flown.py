@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from toolchain import compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of
 from waiting import free_port
 
 from kybflow.core.signals import NS, Pose
@@ -45,7 +45,7 @@ LOST, BACK = 5.0, 6.0
 
 
 def plan_of(folder: Path, port: int, opening: str) -> Plan:
-    shutil.copytree(Path(__file__).parents[3] / "missions" / "library", folder / "library")
+    shutil.copytree(MISSIONS / "library", folder / "library")
     return compiled(
         folder / "network.yaml", MISSION.format(port=port, opening=opening), target="lab"
     )
@@ -130,7 +130,7 @@ expect:
 @pytest.mark.slow  # the flight takes as long as it takes
 def test_a_ball_that_the_network_sees_is_given_way_to(tmp_path: Path) -> None:
     port = free_port()
-    shutil.copytree(Path(__file__).parents[3] / "missions" / "library", tmp_path / "library")
+    shutil.copytree(MISSIONS / "library", tmp_path / "library")
     plan = compiled(tmp_path / "ball.yaml", BALL.format(port=port), target="lab")
     server = Server(port=port)
     gone = 9 * NS

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from plans import in_still_air
-from toolchain import compiled, invoke
+from toolchain import MISSIONS, compiled, invoke
 from waiting import free_port, until
 
 from kybflow.api.flight import RunRequest, fly
@@ -20,8 +20,6 @@ from kybflow.dsl.plan import Plan
 from kybflow.sensors.vrpn.client import Report, subscribe
 from kybflow.sensors.vrpn.link import ServerAddress
 from kybflow.sensors.vrpn.publishing import PoseNoise, published, still, to
-
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 
 @pytest.fixture(scope="module")
