@@ -47,7 +47,7 @@ faults:
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("seen")
-    plan = compiled(folder / "seen.yaml", MISSION)
+    plan = compiled(folder / "seen.yaml", MISSION, warns=True)
     flown = fly(plan, RunRequest(seed=2, out=folder / "run"))
     assert flown.exit_code == 0, flown.summary["reason"]
     return read_run(flown.folder)

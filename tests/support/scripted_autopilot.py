@@ -9,25 +9,31 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from framing import Framing
+from framing import (
+    ACCEPTED,
+    ARM,
+    SERVO,
+    SET_MODE,
+    TAKEOFF,
+    Framing,
+)
 from pymavlink.dialects.v20 import all as mavlink
 from sim_worlds import FRAME
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind
+from kybflow.drivers.mavlink.control.arming import FORCED
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import MavlinkParams
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
+from kybflow.drivers.mavlink.telemetry.received_status import ARMED, READY
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Seat
 from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 PERIOD = NS // 50
 GROUND, AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
-SET_MODE, ARM, TAKEOFF, SERVO, GRIPPER = 176, 400, 22, 183, 211
-ACCEPTED, REJECTED, UNSUPPORTED, FAILED = 0, 1, 3, 4
-FORCED = 21196
 NO_POSITION = 0b111
 
 
@@ -82,7 +88,7 @@ class Fake:
     def stream(self, ms: int) -> None:
         if self._ticks % 5 == 0:
             self.heartbeat()
-            health = 1 << 28 if self.ready else 0
+            health = READY if self.ready else 0
             self.send(mavlink.MAVLink_extended_sys_state_message(0, self.landed))
             self.send(
                 mavlink.MAVLink_sys_status_message(
@@ -101,7 +107,7 @@ class Fake:
 
     def heartbeat(self) -> None:
         maker = self.profile.mav_autopilot
-        base = 128 if self.armed else 0
+        base = ARMED if self.armed else 0
         self.send(mavlink.MAVLink_heartbeat_message(2, maker, base, self.mode, 3, 3))
 
     def _command(self, message: Any) -> None:

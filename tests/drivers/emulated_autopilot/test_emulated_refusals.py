@@ -18,8 +18,10 @@ from autopilot_bench import (  # noqa: E402
     Bench,
 )
 
+from kybflow.drivers.mavlink.control.arming import FORCED  # noqa: E402
+from kybflow.drivers.mavlink.telemetry.received_status import READY  # noqa: E402
+
 NO_SUCH_MODE = 42
-PREARM = 1 << 28
 
 
 def px4_in_offboard():
@@ -121,12 +123,12 @@ def test_ardupilots_health_depends_on_its_mode():
     ask = (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     assert bench.mode(STABILIZE) == ACCEPTED
     assert bench.command(*ask) == ACCEPTED
-    assert bench.last("SYS_STATUS").onboard_control_sensors_health & PREARM
+    assert bench.last("SYS_STATUS").onboard_control_sensors_health & READY
     assert bench.mode(GUIDED) == ACCEPTED
     assert bench.arm() == FAILED
     assert "Need Position Estimate" in bench.texts()
     assert bench.command(*ask) == ACCEPTED
-    assert not bench.last("SYS_STATUS").onboard_control_sensors_health & PREARM
+    assert not bench.last("SYS_STATUS").onboard_control_sensors_health & READY
 
 
 def test_ardupilot_repeats_why_every_thirty_seconds():
@@ -141,7 +143,7 @@ def test_a_plain_disarming_is_refused_in_the_air_and_a_forced_one_is_not(name):
     bench = Bench(name)
     bench.take_off(1.0)
     assert bench.disarm() == (REJECTED if bench.px4 else FAILED)
-    assert bench.disarm(21196) == ACCEPTED
+    assert bench.disarm(FORCED) == ACCEPTED
     bench.run(1.0)
     assert bench.height < 0.1
 
