@@ -6,8 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mutation_study import with_library
-from toolchain import MISSIONS, compiled, flight_of
+from toolchain import MISSIONS, compiled, flight_of, with_library
 
 from kybflow.api.flight import RunRequest, fly
 

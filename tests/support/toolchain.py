@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,13 @@ from kybflow.parts.catalog import Catalog, load_catalog
 ROOT = Path(__file__).parents[2]
 MISSIONS = ROOT / "missions"
 SHIPPED = sorted(MISSIONS.glob("*.yaml"))
+
+
+def with_library(folder: Path) -> Path:
+    """`folder`, with what the missions import and the files that they name."""
+    for name in ("library", "operators", "scans", "trajectories"):
+        shutil.copytree(MISSIONS / name, folder / name, dirs_exist_ok=True)
+    return folder
 
 
 def result_of(

@@ -9,8 +9,8 @@ import pytest
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
-from autopilot_bench import ACCEPTED, ONBOARD, REJECTED, UNSUPPORTED, Bench  # noqa: E402
-from framing import REQUEST  # noqa: E402
+from autopilot_bench import ONBOARD, Bench  # noqa: E402
+from framing import ACCEPTED, REJECTED, REQUEST, UNSUPPORTED  # noqa: E402
 from sim_worlds import QUIET, seat  # noqa: E402
 
 from kybflow.core.errors import DriverError  # noqa: E402

@@ -6,17 +6,8 @@ import pytest
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
-from autopilot_bench import (  # noqa: E402
-    ACCEPTED,
-    FAILED,
-    GUIDED,
-    PX4_HOLD,
-    PX4_LAND,
-    PX4_OFFBOARD,
-    REJECTED,
-    STABILIZE,
-    Bench,
-)
+from autopilot_bench import GUIDED, PX4_HOLD, PX4_LAND, PX4_OFFBOARD, STABILIZE, Bench  # noqa: E402
+from framing import ACCEPTED, FAILED, REJECTED  # noqa: E402
 
 from kybflow.drivers.mavlink.control.arming import FORCED  # noqa: E402
 from kybflow.drivers.mavlink.telemetry.received_status import READY  # noqa: E402

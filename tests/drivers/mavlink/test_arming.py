@@ -3,18 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import (
-    AIR,
-    ARM,
-    FAILED,
-    GROUND,
-    REJECTED,
-    RESTING,
-    SET_MODE,
-    TAKEOFF,
-    Bench,
-    at,
-)
+from framing import ARM, FAILED, REJECTED, SET_MODE, TAKEOFF
+from scripted_autopilot import AIR, GROUND, RESTING, Bench, at
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO

@@ -6,7 +6,8 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from scripted_autopilot import AIR, REJECTED, SET_MODE, Bench, at
+from framing import REJECTED, SET_MODE
+from scripted_autopilot import AIR, Bench, at
 
 from kybflow.core.errors import Refused
 

@@ -5,25 +5,8 @@ from __future__ import annotations
 import random
 
 import pytest
-from framing import Framing
-from scripted_autopilot import (
-    AIR,
-    ARM,
-    FAILED,
-    GROUND,
-    INTERVAL,
-    LANDING,
-    PERIOD,
-    REJECTED,
-    REQUEST,
-    RESTING,
-    SET_MODE,
-    UNSUPPORTED,
-    Bench,
-    at,
-    estimate,
-    mavlink,
-)
+from framing import ARM, FAILED, INTERVAL, REJECTED, REQUEST, SET_MODE, UNSUPPORTED, Framing
+from scripted_autopilot import AIR, GROUND, LANDING, PERIOD, RESTING, Bench, at, estimate, mavlink
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO

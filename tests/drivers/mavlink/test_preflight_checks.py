@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import ARM, Bench, estimate, mavlink
+from framing import ARM
+from scripted_autopilot import Bench, estimate, mavlink
 
 from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused

@@ -4,7 +4,8 @@ after a new start."""
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import AIR, ARM, GROUND, PERIOD, RESTING, SET_MODE, Bench, at, estimate
+from framing import ARM, SET_MODE
+from scripted_autopilot import AIR, GROUND, PERIOD, RESTING, Bench, at, estimate
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Odometry

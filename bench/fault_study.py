@@ -1,6 +1,6 @@
 """Every fault in every state of a mission: what it does to the vehicle, and to the others.
 
-    python tests/support/fault_study.py [--seeds 20] [--only FAULT] [MISSION ...]
+    python bench/fault_study.py [--seeds 20] [--only FAULT] [MISSION ...]
 
 The faults are those of the catalog, so a new one is in the study by itself, with the parameters of
 `SIZES` or its own defaults; each begins half a second after its state was entered and lasts two
@@ -21,20 +21,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from plans import in_still_air
-from toolchain import compiled
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from kybflow.api.flight import RunRequest, fly
-from kybflow.core.geometry import distance
-from kybflow.core.units import DURATION
-from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read
-from kybflow.dsl.plan import FaultPlan, PartPlan, Plan
-from kybflow.parts.catalog import load_catalog
-from kybflow.runtime import engine as engine_module
-from kybflow.runtime.engine import Engine
+from plans import in_still_air  # noqa: E402
+from toolchain import MISSIONS, compiled  # noqa: E402
 
-TESTS = Path(__file__).parents[1]
-MISSIONS = TESTS.parent / "missions"
+from kybflow.api.flight import RunRequest, fly  # noqa: E402
+from kybflow.core.geometry import distance  # noqa: E402
+from kybflow.core.units import DURATION  # noqa: E402
+from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read  # noqa: E402
+from kybflow.dsl.plan import FaultPlan, PartPlan, Plan  # noqa: E402
+from kybflow.parts.catalog import load_catalog  # noqa: E402
+from kybflow.runtime import engine as engine_module  # noqa: E402
+from kybflow.runtime.engine import Engine  # noqa: E402
+
 STUDIED = ("fallback", "two_lives")
 COURIERS = "two_couriers"
 """The courier beside a neighbour whose camera it may be given: for what takes an estimator away."""
@@ -118,7 +119,7 @@ class Watch:
 
 
 def plan_of(mission: str) -> Plan:
-    folder = TESTS / "flown" if mission == COURIERS else MISSIONS
+    folder = ROOT / "tests" / "flown" if mission == COURIERS else MISSIONS
     plan = compiled(folder / f"{mission}.yaml")
     return in_still_air(plan)
 
