@@ -66,34 +66,31 @@ def test_px4_is_not_armed_in_the_mode_that_lands():
 
 
 @pytest.mark.parametrize(
-    ("broken", "words"),
+    ("ready", "result", "broken", "words"),
     [
-        ({"tilt": 35.0}, "Attitude failure"),
-        ({"battery": 0.05}, "low battery"),
-        ({"refuse": "Preflight Fail: Accel 0 uncalibrated"}, "Accel 0 uncalibrated"),
+        (px4_in_offboard, REJECTED, {"tilt": 35.0}, "Attitude failure"),
+        (px4_in_offboard, REJECTED, {"battery": 0.05}, "low battery"),
+        (
+            px4_in_offboard,
+            REJECTED,
+            {"refuse": "Preflight Fail: Accel 0 uncalibrated"},
+            "Accel 0 uncalibrated",
+        ),
+        (ardupilot_in_guided, FAILED, {"tilt": 35.0}, "Arm: Leaning"),
+        (ardupilot_in_guided, FAILED, {"battery": 0.05}, "PreArm: Battery 1 low voltage failsafe"),
+        (
+            ardupilot_in_guided,
+            FAILED,
+            {"refuse": "PreArm: Compass not calibrated"},
+            "PreArm: Compass not calibrated",
+        ),
     ],
 )
-def test_px4_says_what_is_wrong(broken, words):
-    bench = px4_in_offboard()
+def test_it_says_what_is_wrong(ready, result, broken, words):
+    bench = ready()
     for name, value in broken.items():
         setattr(bench.pilot.failures, name, value)
-    assert bench.arm() == REJECTED
-    assert words in bench.texts()
-
-
-@pytest.mark.parametrize(
-    ("broken", "words"),
-    [
-        ({"tilt": 35.0}, "Arm: Leaning"),
-        ({"battery": 0.05}, "PreArm: Battery 1 low voltage failsafe"),
-        ({"refuse": "PreArm: Compass not calibrated"}, "PreArm: Compass not calibrated"),
-    ],
-)
-def test_ardupilot_says_what_is_wrong(broken, words):
-    bench = ardupilot_in_guided()
-    for name, value in broken.items():
-        setattr(bench.pilot.failures, name, value)
-    assert bench.arm() == FAILED
+    assert bench.arm() == result
     assert words in bench.texts()
 
 

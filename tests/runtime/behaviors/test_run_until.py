@@ -3,10 +3,10 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from part_bench import DT, entry, fly
+from part_bench import DT, entry, fly, worst_mismatch
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO, add, distance, norm, scale, sub
+from kybflow.core.geometry import ZERO, add, distance, norm, scale
 from kybflow.core.signals import Done, Failed, SetpointKind
 from kybflow.runtime.behaviors.run_until import RunUntil, RunUntilParams
 
@@ -33,14 +33,6 @@ def flight_until(start=START, entered=ZERO, body=None, **params):
     return fly(behavior, body), body(None)[0]
 
 
-def worst(samples, of: str, derivative: str) -> float:
-    found = 0.0
-    for a, b, c in zip(samples, samples[1:], samples[2:], strict=False):
-        slope = scale(sub(getattr(c.setpoint, of), getattr(a.setpoint, of)), 0.5 / DT)
-        found = max(found, norm(sub(slope, getattr(b.setpoint, derivative))))
-    return found
-
-
 @settings(max_examples=12)
 @given(st.floats(0.05, 3.0), st.floats(0.1, 0.9), st.floats(0.2, 2.0))
 def test_it_stops_smoothly_after_its_way(at_most: float, speed: float, pull: float) -> None:
@@ -53,7 +45,7 @@ def test_it_stops_smoothly_after_its_way(at_most: float, speed: float, pull: flo
     assert {s.kind for s in setpoints} == {SetpointKind.VELOCITY}
     assert max(norm(s.velocity) for s in setpoints) <= speed + 1e-9
     assert max(norm(s.acceleration) for s in setpoints) <= pull * 1.001
-    assert worst(flown.samples, "velocity", "acceleration") < 0.1 * pull
+    assert worst_mismatch(flown.samples, "velocity", "acceleration") < 0.1 * pull
 
 
 def test_it_flies_the_velocity_that_it_is_asked_for() -> None:
@@ -69,7 +61,7 @@ def test_a_time_ends_it_as_well(time: float) -> None:
     assert isinstance(flown.end, Done)
     assert flown.duration == pytest.approx(time, abs=0.02)
     assert distance(end, START) < 0.4 * time
-    assert worst(flown.samples, "velocity", "acceleration") < 0.05
+    assert worst_mismatch(flown.samples, "velocity", "acceleration") < 0.05
 
 
 def test_its_way_is_that_of_the_vehicle_not_of_the_setpoint() -> None:
@@ -89,7 +81,7 @@ def test_held_back_it_fails() -> None:
 def test_entered_in_motion_it_has_no_step() -> None:
     flown, _ = flight_until(entered=(0.0, 0.5, 0.0), at_most=1.0)
     assert flown.samples[0].setpoint.velocity == pytest.approx((0.0, 0.5, 0.0))
-    assert worst(flown.samples, "velocity", "acceleration") < 0.05
+    assert worst_mismatch(flown.samples, "velocity", "acceleration") < 0.05
     assert isinstance(flown.end, Done)
 
 
