@@ -7,7 +7,6 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from toolchain import compiled, flight_of
 from witness import Watched, Witness
@@ -25,7 +24,6 @@ from kybflow.sensors.simulated_motion_capture import SimulatedMotionCapture
 from kybflow.world.vehicle_context import VehicleContext
 
 HERE = Path(__file__).parent
-MISSIONS = HERE.parent.parent / "missions"
 ASIDE = (1.0, 0.0, 0.0)
 ASKED = tuple(
     name for name in os.environ.get("KYBFLOW_FIRMWARE", "").replace(" ", "").split(",") if name
@@ -38,7 +36,7 @@ def shown(*words: object) -> None:
 
 
 def plan_of(path: Path, target: str) -> Plan:
-    return compiled(path, target=target)
+    return compiled(path, target=target, warns=True)
 
 
 def full_flight(
@@ -49,16 +47,6 @@ def full_flight(
     flight, told = flight_of(plan, out, engines.append, *looks)
     assert [e.fields for e in told if e.name == "observer_failed"] == []
     return flight, told, engines[-1]
-
-
-def way(told: Sequence[Event], vehicle: str) -> list[Any]:
-    """The behaviors that it began."""
-    began = (e for e in told if e.name == "behavior_started" and e.vehicle == vehicle)
-    return [event.fields["behavior"] for event in began]
-
-
-def named(told: Sequence[Event], *names: str) -> list[Event]:
-    return [event for event in told if event.name in names]
 
 
 def first(told: Sequence[Event], name: str, vehicle: str) -> Event | None:

@@ -11,18 +11,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from real_flights import (
-    MISSIONS,
-    Room,
-    Wires,
-    first,
-    full_flight,
-    level_drift,
-    named,
-    plan_of,
-    shown,
-    way,
-)
+from real_flights import Room, Wires, first, full_flight, level_drift, plan_of, shown
+from short_flights import named
+from short_flights import path as way
+from toolchain import MISSIONS
 from witness import Witness
 
 from kybflow.core.geometry import Vec3, norm

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 from present import needed
-from real_flights import HERE, MISSIONS, full_flight, named, plan_of, shown, way
+from real_flights import HERE, full_flight, plan_of, shown
+from short_flights import named
+from short_flights import path as way
+from toolchain import MISSIONS
 
 from kybflow.api.flight import Flown
 from kybflow.core.signals import Event

@@ -8,7 +8,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
-from real_flights import MISSIONS, Room, full_flight, named, plan_of, shown
+from real_flights import Room, full_flight, plan_of, shown
+from short_flights import named
+from toolchain import MISSIONS
 
 from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.drivers.mavlink.discovery import Discovery
