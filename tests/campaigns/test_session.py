@@ -294,7 +294,7 @@ def test_the_command_tells_what_was_not_taken_and_leaves_no_folder_that_holds_no
 
 def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
     path = folder / "good.yaml"
-    mission = compiled(path)
+    mission = compiled(path, warns=True)
     stuck = FlightResult(
         FlightCase(path, 0, folder), "driver_failed", items=tuple(coverage_items(mission))
     )

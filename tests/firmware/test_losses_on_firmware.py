@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from real_flights import Room, Wires, first, full_flight, level_drift, plan_of, shown
 from short_flights import named
-from short_flights import path as way
+from short_flights import path
 from toolchain import MISSIONS
 from witness import Witness
 
@@ -136,7 +136,7 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
     for v in engine.vehicles:
         assert v.link_out.armed is False
         if seconds < 1.0:
-            assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
+            assert path(told, v.name) == ["up", "steady", "eight", "down", "landed"]
 
 
 def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: Beside):
@@ -164,7 +164,7 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
     assert returned is not None
     assert not named(told, "failsafe_started")
     for v in engine.vehicles:
-        assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
+        assert path(told, v.name) == ["up", "steady", "eight", "down", "landed"]
         assert v.link_out.armed is False
 
 

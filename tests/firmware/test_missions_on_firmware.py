@@ -9,7 +9,7 @@ import pytest
 from present import needed
 from real_flights import HERE, full_flight, plan_of, shown
 from short_flights import named
-from short_flights import path as way
+from short_flights import path
 from toolchain import MISSIONS
 
 from kybflow.api.flight import Flown
@@ -30,7 +30,7 @@ def came_down(told: list[Event], engine: Engine, states: list[str]) -> None:
     """Every vehicle went that way and nothing came between; it stands, and is disarmed."""
     assert not named(told, "failsafe_started", "control_taken", "arming_refused")
     for vehicle in engine.vehicles:
-        assert way(told, vehicle.name) == states
+        assert path(told, vehicle.name) == states
         assert vehicle.rests
         assert vehicle.link_out.armed is False
 
@@ -57,7 +57,7 @@ def test_a_courier_that_knows_only_tags_brings_its_parcel(tmp_path: Path):
     flight, told, engine = full_flight(plan_of(MISSIONS / "courier.yaml", "ardupilot"), tmp_path)
     report(flight)
     shown(*(f"{event.name} {event.fields}" for event in named(told, "failsafe_started")))
-    assert way(told, "courier")[:5] == ["up", "out", "drop", "back", "down"]
+    assert path(told, "courier")[:5] == ["up", "out", "drop", "back", "down"]
     assert engine.vehicles[0].link_out.armed is False
     assert len(named(told, "payload_released")) == 1
     held = {line["text"]: line["held"] for line in flight.summary["expectations"]}
