@@ -52,7 +52,7 @@ def square(rows: int, do: str, processors: str, folder: Path) -> Plan:
     for i, name in enumerate(names[1:], start=1):
         x, y = edge + SIDE * (i % rows), edge + SIDE * (i // rows)
         text += f"  {name}: {{like: v0, start: {{at: [{x:.2f}, {y:.2f}, 0]}}}}\n"
-    plan = compiled(folder / "square.yaml", text)
+    plan = compiled(folder / "square.yaml", text, warns=True)
     return dataclasses.replace(plan, control_rate=RATE)
 
 

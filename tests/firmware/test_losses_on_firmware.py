@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 from real_flights import Room, Wires, first, full_flight, level_drift, plan_of, shown
-from short_flights import named
-from short_flights import path
+from short_flights import named, path
 from toolchain import MISSIONS
 from witness import Witness
 

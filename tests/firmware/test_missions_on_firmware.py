@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from present import needed
 from real_flights import HERE, full_flight, plan_of, shown
-from short_flights import named
-from short_flights import path
+from short_flights import named, path
 from toolchain import MISSIONS
 
 from kybflow.api.flight import Flown

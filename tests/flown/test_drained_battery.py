@@ -36,7 +36,7 @@ expect:
     ],
 )
 def test_it_keeps_its_height_at_half_of_its_battery(target: str, tmp_path: Path):
-    plan = compiled(tmp_path / "drained.yaml", MISSION, target=target)
+    plan = compiled(tmp_path / "drained.yaml", MISSION, target=target, warns=True)
     flown = fly(plan, RunRequest(out=tmp_path / "run"))
     assert [e for e in flown.summary["expectations"] if not e["held"]] == []
     assert flown.summary["outcome"] == "succeeded"

@@ -48,6 +48,6 @@ expect:
     "seed", [0, *(pytest.param(s, marks=pytest.mark.thorough) for s in (1, 2, 3))]
 )
 def test_they_take_off_hold_their_places_and_land(seed: int, tmp_path: Path) -> None:
-    plan = compiled(tmp_path / "below.yaml", MISSION, target="lab")
+    plan = compiled(tmp_path / "below.yaml", MISSION, target="lab", warns=True)
     flown = fly(plan, RunRequest(seed=seed, out=tmp_path / "run"))
     assert flown.summary["outcome"] == "succeeded", flown.summary["expectations"]

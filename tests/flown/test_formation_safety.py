@@ -80,7 +80,7 @@ def formation_flight(
     more: str = "",
 ) -> tuple[Seen, list[Event]]:
     text = MISSION.format(faults=faults, shape=shape, more=more)
-    plan = compiled(tmp_path / "mission.yaml", text)
+    plan = compiled(tmp_path / "mission.yaml", text, warns=True)
     seen = Seen()
     _, told = flight_of(plan, tmp_path / "run", seen, emitted=emitted)
     assert "collided" not in {event.name for event in told}

@@ -27,7 +27,7 @@ MARKS = {
 
 
 def mission_flight(name: str, target: str, out: Path):
-    plan = compiled(MISSIONS / f"{name}.yaml", target=target)
+    plan = compiled(MISSIONS / f"{name}.yaml", target=target, warns=True)
     return flight_of(plan, out)
 
 

@@ -51,7 +51,9 @@ def flight_past(tmp_path: Path) -> Callable[..., tuple[Flown, list[Event]]]:
         apart: str = "finally distance(a to b) > 30 cm",
     ) -> tuple[Flown, list[Event]]:
         plan = compiled(
-            tmp_path / "mission.yaml", MISSION.format(goal=goal, over=over, at=at, apart=apart)
+            tmp_path / "mission.yaml",
+            MISSION.format(goal=goal, over=over, at=at, apart=apart),
+            warns=True,
         )
         run, told = flight_of(plan, tmp_path / "run", emitted=emitted)
         assert [event for event in told if event.name == "collided"] == []

@@ -51,7 +51,7 @@ Flies = Callable[..., tuple[Flown, list[Event]]]
 @pytest.fixture
 def guarded(tmp_path: Path) -> Flies:
     def guarded(contact: str = "forbidden") -> tuple[Flown, list[Event]]:
-        plan = compiled(tmp_path / "mission.yaml", MISSION.format(contact=contact))
+        plan = compiled(tmp_path / "mission.yaml", MISSION.format(contact=contact), warns=True)
         return flight_of(plan, tmp_path / "run")
 
     return guarded
@@ -137,7 +137,7 @@ def test_whatever_flies_it_stays_clear_and_says_why(
     path = tmp_path / "mission.yaml"
     path.write_text(IN_A_LAB.format(frame=frame, go=go, then=then), encoding="utf-8")
     (tmp_path / "stick.csv").write_text(STICK, encoding="utf-8")
-    plan = compiled(path, target="lab")
+    plan = compiled(path, target="lab", warns=True)
     through = tuple(
         RecordedCommand((8 + i) * NS, f"track v time={11 + i} position=[{x}, 0.03, 1]", "p", False)
         for i, x in enumerate((0.4, 0.8, 1.2, 1.6, 1.2, 0.8))

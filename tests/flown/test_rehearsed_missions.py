@@ -54,7 +54,7 @@ def test_a_mission_may_name_ideal_vehicles(tmp_path: Path) -> None:
     text = SHIPPED[0].with_name("first_flight.yaml").read_text(encoding="utf-8")
     text = text.replace("library/airframes.yaml", "kybflow/airframes")
     text += "\ntargets:\n  ideal: {all: {driver: {use: kinematic}}}\n"
-    plan = compiled(tmp_path / "mine.yaml", text, target="ideal")
+    plan = compiled(tmp_path / "mine.yaml", text, target="ideal", warns=True)
 
     summary = fly(plan, RunRequest(out=tmp_path / "run")).summary
 

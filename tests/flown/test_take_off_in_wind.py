@@ -35,6 +35,8 @@ expect:
 def test_it_is_not_blown_away(autopilot: str, tmp_path: Path):
     """The wind takes 1.75 m/s^2, more than half of what 20 degrees of tilt can give. An autopilot
     that climbs by itself drops its own integral when it is handed over: the tracker begins anew."""
-    plan = compiled(tmp_path / "windy.yaml", MISSION.format(autopilot=autopilot), target="windy")
+    plan = compiled(
+        tmp_path / "windy.yaml", MISSION.format(autopilot=autopilot), target="windy", warns=True
+    )
     flown = fly(plan, RunRequest(out=tmp_path / "run"))
     assert flown.summary["outcome"] == "succeeded", flown.summary["expectations"]

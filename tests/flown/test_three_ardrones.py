@@ -37,6 +37,7 @@ def test_who_loses_its_wifi_hovers_or_lands_and_the_others_finish(
         with_library(tmp_path) / "cut.yaml",
         MISSION.read_text(encoding="utf-8") + CUT.format(lasts=lasts),
         target="emulated_ardrone",
+        warns=True,
     )
     _, told = flight_of(plan, tmp_path / "run")
     ways: dict[str, list[object]] = {name: [] for name in "abc"}

@@ -65,7 +65,7 @@ def test_it_goes_where_the_flow_and_the_callback_say(mission, target, tmp_path) 
         if one.estimate is not None:
             seen.append(one.estimate.position)
 
-    plan = compiled(mission, target=target)
+    plan = compiled(mission, target=target, warns=True)
     done, told = flight_of(plan, tmp_path / "run", watch)
     assert done.exit_code == 0
     assert not named(told, "switch_refused")
@@ -77,14 +77,14 @@ def test_it_goes_where_the_flow_and_the_callback_say(mission, target, tmp_path) 
 
 
 def test_who_reads_the_mission_sees_the_values(mission) -> None:
-    shown = show_mission(compiled(mission), {})
+    shown = show_mission(compiled(mission, warns=True), {})
     assert "mk: goto with position [1, 0, 0.8], speed 0.9 (mk in hold: second" in shown
     assert "switch mk to goto with position [0, 1, 1.2]" in shown
 
 
 def test_the_resolved_mission_is_the_same(mission, tmp_path) -> None:
-    plan = compiled(mission)
-    again = compiled(tmp_path / "resolved.yaml", plan.resolved)
+    plan = compiled(mission, warns=True)
+    again = compiled(tmp_path / "resolved.yaml", plan.resolved, warns=True)
     runs = [phase.run for phase in plan.flows[0].phases.values()]
     assert runs[1]["mk"].values == (("position", (1.0, 0.0, 0.8)), ("speed", 0.9))
     assert [phase.run for phase in again.flows[0].phases.values()] == runs

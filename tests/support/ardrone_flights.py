@@ -43,7 +43,7 @@ def mission(names, seconds):
 def drone_flight(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
     """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`).
     watch: takes (seconds, truth) of the drone `a`, once a tick."""
-    plan = compiled(out / "drones.yaml", text, target="emulated_ardrone")
+    plan = compiled(out / "drones.yaml", text, target="emulated_ardrone", warns=True)
     sessions = []
 
     class Kept(EmulatedArdrone):

@@ -126,6 +126,7 @@ def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
         tmp_path / "drones.yaml",
         f"{text}targets: {{there: {{all: {{{needs}}}}}}}\n",
         target="there",
+        warns=True,
     )
     assert pace_of(plan, None) == pace_of(plan, 1.0) == 1.0
     with pytest.raises(DriverError, match="fly with `--speed 1` or without `--speed`"):

@@ -24,7 +24,7 @@ from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 
 
 def mission_flight(mission, target, out, **request):
-    plan = compiled(MISSIONS / mission, target=target)
+    plan = compiled(MISSIONS / mission, target=target, warns=True)
     return fly(plan, RunRequest(out=out, **request))
 
 

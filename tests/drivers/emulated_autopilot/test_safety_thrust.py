@@ -48,7 +48,10 @@ BURDENS = {
 def test_it_stays_in_the_air(burden: str, target: str, tmp_path: Path) -> None:
     height, fault = BURDENS[burden]
     plan = compiled(
-        tmp_path / "burdened.yaml", MISSION.format(height=height, fault=fault), target=target
+        tmp_path / "burdened.yaml",
+        MISSION.format(height=height, fault=fault),
+        target=target,
+        warns=True,
     )
     told: list[str] = []
     run = fly(plan, RunRequest(out=tmp_path / "run"), (lambda event: told.append(event.name),))

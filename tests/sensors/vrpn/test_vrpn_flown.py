@@ -47,7 +47,10 @@ LOST, BACK = 5.0, 6.0
 def plan_of(folder: Path, port: int, opening: str) -> Plan:
     shutil.copytree(MISSIONS / "library", folder / "library")
     return compiled(
-        folder / "network.yaml", MISSION.format(port=port, opening=opening), target="lab"
+        folder / "network.yaml",
+        MISSION.format(port=port, opening=opening),
+        target="lab",
+        warns=True,
     )
 
 
@@ -131,7 +134,7 @@ expect:
 def test_a_ball_that_the_network_sees_is_given_way_to(tmp_path: Path) -> None:
     port = free_port()
     shutil.copytree(MISSIONS / "library", tmp_path / "library")
-    plan = compiled(tmp_path / "ball.yaml", BALL.format(port=port), target="lab")
+    plan = compiled(tmp_path / "ball.yaml", BALL.format(port=port), target="lab", warns=True)
     server = Server(port=port)
     gone = 9 * NS
 
