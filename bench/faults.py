@@ -2,7 +2,7 @@
 
     python bench/faults.py FIRST LAST [--jobs 2] [--out faults.jsonl] [--table] [--keep FOLDER]
 
-Each number from FIRST to LAST is one flight (`tests/support/random_faults.py`): a mission, a
+Each number from FIRST to LAST is one flight (`bench/studies/random_faults.py`): a mission, a
 target, a seed and faults. Each line of `--out` is one flight with its findings
 (`tests/support/flight_judge.py`); flights that are there already are not flown again. At the end a
 table says how many flights of each kind of finding there are, and their numbers; those that nothing
@@ -33,8 +33,8 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
 from flight_judge import KINDS, Judgement, judge  # noqa: E402
-from mutation_study import with_library  # noqa: E402
-from random_faults import draw  # noqa: E402
+from studies.random_faults import draw  # noqa: E402
+from toolchain import with_library  # noqa: E402
 
 from kybflow.api.flight import RunRequest, fly  # noqa: E402
 

@@ -29,7 +29,7 @@ from harms.families import OPERATORS, VALID  # noqa: E402
 from harms.mission_text import Mission  # noqa: E402
 from harms.operator import Operator  # noqa: E402
 from harms.study import JUDGES, Told, Verdict, verdicts  # noqa: E402
-from mutation_study import MISSIONS, with_library  # noqa: E402
+from toolchain import SHIPPED, with_library  # noqa: E402
 
 from kybflow.api.flight import RunRequest, fly  # noqa: E402
 from kybflow.core.errors import KybflowError  # noqa: E402
@@ -153,7 +153,7 @@ def main() -> None:
     began = process_time()
     with tempfile.TemporaryDirectory() as name:
         folder = with_library(Path(name))
-        chosen = [p for p in MISSIONS if not options.missions or p.stem in options.missions]
+        chosen = [p for p in SHIPPED if not options.missions or p.stem in options.missions]
         missions = [Mission(path) for path in chosen]
         told = judged(missions, operators, folder)
         print(

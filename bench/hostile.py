@@ -2,7 +2,7 @@
 
     python bench/hostile.py FIRST LAST [--long 5] [--kind KIND] [--show]
 
-Each number from FIRST to LAST is one input (`tests/support/hostile_inputs.py`): noise in the text
+Each number from FIRST to LAST is one input (`bench/studies/hostile_inputs.py`): noise in the text
 of a mission, other values and shapes in it and in a library, other tables and calibrations, odd
 arguments of every command. Each is given to the command line inside of this process, in a folder
 that has the shipped libraries. Printed are those that raise, end with an exit code that no help
@@ -25,8 +25,8 @@ from time import perf_counter
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from hostile_answers import answer  # noqa: E402
-from hostile_inputs import drawn, lay_out  # noqa: E402
+from studies.hostile_answers import answer  # noqa: E402
+from studies.hostile_inputs import drawn, lay_out  # noqa: E402
 
 MEMORY = 6 << 30
 """Bytes that this process may have: what asks for more raises instead of filling the machine."""

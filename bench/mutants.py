@@ -3,11 +3,11 @@ swapped, renamed, given another unit, linked elsewhere.
 
     python bench/mutants.py [--random 2000] [--jobs 2] [--fly 0] [--show 0]
 
-First every mutant by one change of one node (`mission_mutants.py`): of those that break a name, a
-unit, a link or the uniqueness of a key by the way in which they are made, and of those that end in
-the air or elsewhere than the mission when nothing but time passes, how many are refused, at a line
-that the change explains. One that ends elsewhere, inside the fence and clear of everything, is a
-mission of its own, which nothing can refuse; it counts all the same. Then missions changed at
+First every mutant by one change of one node (`studies/mission_mutants.py`): of those that break a
+name, a unit, a link or the uniqueness of a key by the way in which they are made, and of those that
+end in the air or elsewhere than the mission when nothing but time passes, how many are refused, at
+a line that the change explains. One that ends elsewhere, inside the fence and clear of everything,
+is a mission of its own, which nothing can refuse; it counts all the same. Then missions changed at
 random in several places, or with noise in their text: none may give a traceback. `--fly` flies so
 many of the accepted mutants and says how they end.
 """
@@ -27,17 +27,9 @@ from time import perf_counter
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from mission_mutants import KINDS  # noqa: E402
-from mutation_study import (  # noqa: E402
-    AIR,
-    BROKEN,
-    MISSIONS,
-    MOVED,
-    Judged,
-    judged,
-    tracebacks,
-    with_library,
-)
+from studies.mission_mutants import KINDS  # noqa: E402
+from studies.mutation_study import AIR, BROKEN, MOVED, Judged, judged, tracebacks  # noqa: E402
+from toolchain import SHIPPED, with_library  # noqa: E402
 
 from kybflow.dsl.compiler import compile_mission  # noqa: E402
 from kybflow.parts.catalog import load_catalog  # noqa: E402
@@ -47,8 +39,8 @@ GOAL = 95.0
 
 def study(folder: Path, show: int) -> list[Judged]:
     began = perf_counter()
-    found = [one for path in MISSIONS for one in judged(path, folder)]
-    print(f"{len(found)} mutants of {len(MISSIONS)} missions, {perf_counter() - began:.0f} s")
+    found = [one for path in SHIPPED for one in judged(path, folder)]
+    print(f"{len(found)} mutants of {len(SHIPPED)} missions, {perf_counter() - began:.0f} s")
     print(f"{'':10}{'all':>7}{'refused':>9} |{'broken':>8}{'refused':>9}{'at line':>9}", end=" |")
     print(f"{'in the air':>12}{'elsewhere':>11}")
     for kind in (*KINDS, ""):
@@ -75,9 +67,9 @@ def _row(name: str, own: list[Judged]) -> None:
 
 
 def unmutated() -> None:
-    results = [compile_mission(path, catalog=load_catalog()) for path in MISSIONS]
+    results = [compile_mission(path, catalog=load_catalog()) for path in SHIPPED]
     count = sum(len(result.diagnostics) for result in results)
-    print(f"{count} reports on {len(MISSIONS)} missions as they are   goal 0")
+    print(f"{count} reports on {len(SHIPPED)} missions as they are   goal 0")
 
 
 def hammer(count: int, jobs: int) -> None:

@@ -49,7 +49,7 @@ def ran(packages: tuple[Path, ...], *words: str) -> subprocess.CompletedProcess[
 
 
 @pytest.fixture(scope="module")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the compiled wheel."""
     target = tmp_path_factory.mktemp("wheels") / "compiled"
     installed(ROOT, target, HATCH_BUILD_HOOK_ENABLE_MYPYC="true")
@@ -58,30 +58,28 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def plain(compiled: Path) -> Path:
+def plain(wheel: Path) -> Path:
     """The same wheel without what is compiled."""
-    target = compiled.with_name("plain")
-    shutil.copytree(compiled, target, ignore=shutil.ignore_patterns("*.so"))
+    target = wheel.with_name("plain")
+    shutil.copytree(wheel, target, ignore=shutil.ignore_patterns("*.so"))
     assert ran((target,), "-c", SUFFIXES).stdout == "py\n"
     return target
 
 
 @pytest.fixture(scope="module")
-def lab(compiled: Path) -> Path:
+def lab(wheel: Path) -> Path:
     """A folder with a lab's own parts, which stay Python."""
-    return installed(LAB, compiled.with_name("lab"))
+    return installed(LAB, wheel.with_name("lab"))
 
 
 @pytest.mark.parametrize("mission", ["fallback", "courier", "formation"])
-def test_it_records_the_same_bytes(
-    compiled: Path, plain: Path, mission: str, tmp_path: Path
-) -> None:
-    for package in (compiled, plain):
+def test_it_records_the_same_bytes(wheel: Path, plain: Path, mission: str, tmp_path: Path) -> None:
+    for package in (wheel, plain):
         words = ("kybflow", "run", f"kybflow/missions/{mission}.yaml", "--seed", "3", "--no-report")
         flown = ran((package,), "-m", *words, "--out", str(tmp_path / package.name))
         assert flown.returncode == 0, flown.stdout + flown.stderr
     for file in ("log.mcap", "events.jsonl"):
-        recorded, expected = ((tmp_path / p.name / file).read_bytes() for p in (compiled, plain))
+        recorded, expected = ((tmp_path / p.name / file).read_bytes() for p in (wheel, plain))
         assert len(expected) > 1000
         assert recorded == expected, file
 
@@ -94,18 +92,18 @@ def test_it_records_the_same_bytes(
         ("explain", "--check", str(ROOT / "docs" / "checks.md")),
     ],
 )
-def test_what_it_says_of_itself_is_the_same(compiled: Path, words: tuple[str, ...]) -> None:
-    said = ran((compiled,), "-m", "kybflow", *words)
+def test_what_it_says_of_itself_is_the_same(wheel: Path, words: tuple[str, ...]) -> None:
+    said = ran((wheel,), "-m", "kybflow", *words)
     assert said.returncode == 0, said.stderr
 
 
-def test_every_part_keeps_the_contract_a_labs_own_too(compiled: Path, lab: Path) -> None:
+def test_every_part_keeps_the_contract_a_labs_own_too(wheel: Path, lab: Path) -> None:
     contract = str(ROOT / "tests" / "parts" / "test_part_contract.py")
-    judged = ran((compiled, lab), "-m", "pytest", "-q", "-p", "no:cacheprovider", contract)
+    judged = ran((wheel, lab), "-m", "pytest", "-q", "-p", "no:cacheprovider", contract)
     assert judged.returncode == 0, judged.stdout
 
 
-def test_a_labs_own_part_flies_beside_it(compiled: Path, lab: Path, tmp_path: Path) -> None:
+def test_a_labs_own_part_flies_beside_it(wheel: Path, lab: Path, tmp_path: Path) -> None:
     words = ("run", str(LAB / "bob.yaml"), "--no-report", "--out", str(tmp_path))
-    flown = ran((compiled, lab), "-m", "kybflow", *words)
+    flown = ran((wheel, lab), "-m", "kybflow", *words)
     assert flown.returncode == 0, flown.stdout + flown.stderr

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 from budget_flights import per_tick
 from bytecodes import Bytecodes, needs_repeatable_counts
+from toolchain import compiled
 
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -53,11 +52,8 @@ def square(rows: int, do: str, processors: str, folder: Path) -> Plan:
     for i, name in enumerate(names[1:], start=1):
         x, y = edge + SIDE * (i % rows), edge + SIDE * (i // rows)
         text += f"  {name}: {{like: v0, start: {{at: [{x:.2f}, {y:.2f}, 0]}}}}\n"
-    path = folder / "square.yaml"
-    path.write_text(text, encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog())
-    assert result.plan is not None, result.diagnostics
-    return dataclasses.replace(result.plan, control_rate=RATE)
+    plan = compiled(folder / "square.yaml", text, warns=True)
+    return dataclasses.replace(plan, control_rate=RATE)
 
 
 def cost(rows: int, do: str, processors: str, folder: Path) -> Mapping[str, float]:

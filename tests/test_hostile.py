@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hostile_answers import answer
-from hostile_inputs import (
+from studies.hostile_answers import answer
+from studies.hostile_inputs import (
     LASTING,
     STICK,
     TAGS,

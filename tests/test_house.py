@@ -13,8 +13,9 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT
 
-KYBFLOW = Path(__file__).parents[1] / "kybflow"
+KYBFLOW = ROOT / "kybflow"
 MOST = 16
 MAY_HAVE_MORE = {
     "cli/commands", "dsl/checks",

@@ -7,16 +7,15 @@ from pathlib import Path
 
 import pytest
 from short_flights import named
+from toolchain import compiled, flight_of, result_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.api.rehearsal.arrivals import StraightWay, arrival
 from kybflow.api.rehearsal.findings import Arrival
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.cli.printing.mission import show_mission
-from kybflow.core.signals import NS, Event
-from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.core.signals import NS
+from kybflow.dsl.compiler import Result
 from kybflow.dsl.plan import PhasePlan, Request
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """\
 kybflow: 1
@@ -50,14 +49,12 @@ AT_ONCE = "run: {pair: move}"
 IN_TURNS, TOGETHER = f"{AT_ONCE}, arrive: in_turns", f"{AT_ONCE}, arrive: together"
 
 
-def compiled(tmp_path: Path, ways: tuple[str, ...], run: str) -> Result:
-    mission = tmp_path / "pair.yaml"
-    mission.write_text(MISSION % (*ways, run))
-    return compile_mission(mission, catalog=load_catalog())
+def checked(tmp_path: Path, ways: tuple[str, ...], run: str) -> Result:
+    return result_of(tmp_path / "pair.yaml", MISSION % (*ways, run))
 
 
 def rehearsed(tmp_path: Path, ways: tuple[str, ...], run: str) -> Rehearsal:
-    result = compiled(tmp_path, ways, run)
+    result = checked(tmp_path, ways, run)
     assert result.plan is not None, result.diagnostics
     return rehearse(result.plan, texts=result.texts)
 
@@ -112,11 +109,10 @@ def test_together_does_not_help_where_ways_cross_in_their_middle(tmp_path: Path)
 )
 def test_flown(ways: tuple[str, ...], run: str, apart: float, tmp_path: Path) -> None:
     """apart: the seconds between the two arrivals."""
-    told: list[Event] = []
-    plan = compiled(tmp_path, ways, run).plan
+    plan = checked(tmp_path, ways, run).plan
     assert plan is not None
 
-    done = fly(plan, RunRequest(out=tmp_path / "run"), (told.append,))
+    done, told = flight_of(plan, tmp_path / "run")
 
     assert done.exit_code == 0
     over = [e for e in named(told, "behavior_ended") if e.fields["behavior"] == "move"]
@@ -125,13 +121,10 @@ def test_flown(ways: tuple[str, ...], run: str, apart: float, tmp_path: Path) ->
 
 
 def test_who_reads_the_mission_sees_it_and_the_resolved_one_has_it(tmp_path: Path) -> None:
-    plan = compiled(tmp_path, CROSSING, IN_TURNS).plan
+    plan = checked(tmp_path, CROSSING, IN_TURNS).plan
     assert plan is not None
     assert "pair: move; arrive in_turns (all" in show_mission(plan, {})
-    resolved = tmp_path / "resolved.yaml"
-    resolved.write_text(plan.resolved)
-    again = compile_mission(resolved, catalog=load_catalog()).plan
-    assert again is not None
+    again = compiled(tmp_path / "resolved.yaml", plan.resolved)
     arrivals = [phase.arrive for phase in again.flows[0].phases.values()]
     assert arrivals == [None, "in_turns", None]
 

@@ -6,28 +6,18 @@ from pathlib import Path
 
 import pytest
 from installed_package import package
-from typer.testing import CliRunner
+from toolchain import ROOT, compiled, printed
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.library import libraries, missions
 from kybflow.api.scaffold import SCHEMA, scaffold
-from kybflow.cli.app import app
 from kybflow.core.errors import KybflowError
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
-REPO = Path(__file__).parents[2]
-SURVEY = str(REPO / "missions" / "survey.yaml")
-
-
-def run(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(app, list(arguments))
-    assert not isinstance(result.exception, Exception)
-    return result.exit_code, result.output
+SURVEY = str(ROOT / "missions" / "survey.yaml")
 
 
 def test_library_lists_what_is_at_hand() -> None:
-    code, text = run("library")
+    code, text = printed("library")
     assert code == 0
     for name in ("kybflow/airframes", "nano_plus", "indoor_safety", "flight_lab", "figure_eight"):
         assert name in text
@@ -35,16 +25,16 @@ def test_library_lists_what_is_at_hand() -> None:
 
 
 def test_library_shows_a_file_a_mission_and_an_entry() -> None:
-    assert "summary: Rooms to fly in." in run("library", "kybflow/worlds")[1]
-    assert "mission: survey" in run("library", "survey")[1]
-    code, text = run("library", "line")
+    assert "summary: Rooms to fly in." in printed("library", "kybflow/worlds")[1]
+    assert "mission: survey" in printed("library", "survey")[1]
+    code, text = printed("library", "line")
     assert code == 0
     assert text.startswith("# chain of kybflow/chains\nline:\n")
     assert text.rstrip().endswith("wait:  {do: hover, for_time: $hold}")
 
 
 def test_library_of_an_unknown_name_ends_with_2() -> None:
-    code, text = run("library", "flight_lap")
+    code, text = printed("library", "flight_lap")
     assert code == 2
     assert "flight_lab" in text
 
@@ -64,25 +54,22 @@ def test_a_package_without_its_files_is_told(
 ) -> None:
     package(tmp_path, "kybhollow", None)
     monkeypatch.syspath_prepend(tmp_path)
-    assert "kybhollow: installed without its YAML files" in run("library")[1]
+    assert "kybhollow: installed without its YAML files" in printed("library")[1]
 
 
 @pytest.mark.parametrize("origin", [one.name for one in missions()])
 def test_a_new_mission_is_valid_in_an_empty_folder(origin: str, tmp_path: Path) -> None:
     scaffold("mine", origin, tmp_path)
     mission = tmp_path / "mine.yaml"
-    result = compile_mission(mission, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    assert result.plan.mission == "mine"
+    plan = compiled(mission)
+    assert plan.mission == "mine"
     assert (tmp_path / SCHEMA).is_file()
     assert f"$schema={SCHEMA}" in mission.read_text().splitlines()[0]
 
 
 def test_a_new_mission_flies(tmp_path: Path) -> None:
     scaffold("hop", "first_flight", tmp_path)
-    plan = compile_mission(tmp_path / "hop.yaml", catalog=load_catalog()).plan
-    assert plan is not None
+    plan = compiled(tmp_path / "hop.yaml")
     assert fly(plan, RunRequest(out=tmp_path / "run")).summary["outcome"] == "succeeded"
 
 
@@ -99,16 +86,16 @@ def test_a_new_mission_brings_the_files_that_it_names(tmp_path: Path) -> None:
 
 def test_new_overwrites_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("new", "hop") == (
+    assert printed("new", "hop") == (
         0,
         f"wrote hop.yaml\nwrote {SCHEMA}\nfly it: kybflow run hop.yaml\n",
     )
     Path("hop.yaml").write_text("mine")
     Path(SCHEMA).write_text("{}")
-    code, text = run("new", "hop", "--from", "survey")
+    code, text = printed("new", "hop", "--from", "survey")
     assert code == 2
     assert "`hop.yaml` is there already" in text
-    assert run("new", "skip") == (0, "wrote skip.yaml\nfly it: kybflow run skip.yaml\n")
+    assert printed("new", "skip") == (0, "wrote skip.yaml\nfly it: kybflow run skip.yaml\n")
     assert (Path("hop.yaml").read_text(), Path(SCHEMA).read_text()) == ("mine", "{}")
 
 
@@ -128,7 +115,7 @@ def test_new_says_what_is_wrong(name: str, origin: str, said: str, tmp_path: Pat
 
 
 def test_show_tells_what_a_mission_does() -> None:
-    code, text = run("show", SURVEY, "--set", "cruise=50cm/s")
+    code, text = printed("show", SURVEY, "--set", "cruise=50cm/s")
     assert code == 0
     assert "cruise  0.5 m/s" in text
     assert "scout (0.23 kg, 0.19 m across)" in text
@@ -136,7 +123,7 @@ def test_show_tells_what_a_mission_does() -> None:
 
 
 def test_show_resolved_gives_each_line_its_origin() -> None:
-    code, text = run("show", SURVEY, "--resolved")
+    code, text = printed("show", SURVEY, "--resolved")
     assert code == 0
     assert all("  # " in line for line in text.splitlines() if line)
     assert "chains.yaml:13" in next(x for x in text.splitlines() if "lines.there.reach:" in x)
@@ -145,6 +132,6 @@ def test_show_resolved_gives_each_line_its_origin() -> None:
 def test_show_of_a_bad_mission_reports(tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text("kybflow: 1\nmission: m\nvehicels: {}\n")
-    code, text = run("show", str(path))
+    code, text = printed("show", str(path))
     assert code == 2
     assert "KYB101" in text

@@ -6,9 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from kybflow.cli.app import app
+from toolchain import printed
 
 MISSION = """kybflow: 1
 mission: hop
@@ -39,14 +37,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(app, list(arguments))
-    assert not isinstance(result.exception, Exception)
-    return result.exit_code, result.output
-
-
 def test_a_file_tells_what_it_has_and_what_it_imports(folder: Path) -> None:
-    assert run("library", "hop.yaml") == (
+    assert printed("library", "hop.yaml") == (
         0,
         "hop.yaml  Up and down.\n"
         "  vehicles   a\n"
@@ -60,27 +52,27 @@ def test_a_file_tells_what_it_has_and_what_it_imports(folder: Path) -> None:
 
 
 def test_a_library_file_is_told_in_the_same_way(folder: Path) -> None:
-    code, text = run("library", "library/house.yaml")
+    code, text = printed("library", "library/house.yaml")
     assert code == 0
     assert text.startswith("library/house.yaml  What is ours.\n  vehicles   bee\n")
     assert "import std, kybflow/airframes  Airframes and ready vehicles" in text
 
 
 def test_the_name_of_an_import_is_that_of_the_mission_here(folder: Path) -> None:
-    code, text = run("library", "house")
+    code, text = printed("library", "house")
     assert code == 0
     assert text.startswith("# `house` in hop.yaml\nlibrary/house.yaml  What is ours.\n")
-    assert run("library", "house.bee")[1].endswith("bee: {like: std.nano_plus}\n")
+    assert printed("library", "house.bee")[1].endswith("bee: {like: std.nano_plus}\n")
 
 
 def test_the_name_of_an_import_is_else_that_of_the_shipped_missions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, text = run("library", "std")
+    code, text = printed("library", "std")
     assert code == 0
     assert "kybflow/airframes  Airframes and ready vehicles" in text
-    assert run("library", "std.nano_plus")[1].startswith("# airframe of kybflow/airframes\n")
+    assert printed("library", "std.nano_plus")[1].startswith("# airframe of kybflow/airframes\n")
 
 
 def test_a_file_that_cannot_be_read_gets_its_report(folder: Path) -> None:
@@ -89,7 +81,7 @@ def test_a_file_that_cannot_be_read_gets_its_report(folder: Path) -> None:
         "hopp.yaml": "hopp.yaml:1:1 error[KYB001]",
         "open.yaml": "open.yaml:2:11 error[KYB004]: this `{` is never closed",
     }.items():
-        code, text = run("library", name)
+        code, text = printed("library", name)
         assert code == 2
         assert text.startswith(report)
 
@@ -97,7 +89,7 @@ def test_a_file_that_cannot_be_read_gets_its_report(folder: Path) -> None:
 def test_show_tells_what_is_looser_than_its_default(folder: Path) -> None:
     mission = folder / "hop.yaml"
     mission.write_text(MISSION.replace(", gone: library/gone.yaml", ""))
-    code, text = run("show", str(mission))
+    code, text = printed("show", str(mission))
     assert code == 0
     told = [line.strip() for line in text.splitlines() if line.startswith("  loosened ")]
     assert told == [

@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from toolchain import MISSIONS, result_of
 
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.core.errors import EventRefused
 from kybflow.core.geometry import add, scale
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Severity
 from kybflow.dsl.plan import Plan
 from kybflow.flight.motion import IDLE, Motion
 from kybflow.parts import AIR, GROUND, Behavior, Entry
-from kybflow.parts.catalog import load_catalog
 
 HEAD = """\
 kybflow: 1
@@ -54,9 +53,7 @@ class Plunge(Behavior[Any], flight=AIR >> GROUND, emits=SetpointKind.VELOCITY):
 
 
 def planned(text: str, tmp_path: Path, head: str = HEAD) -> tuple[Plan, dict[str, str]]:
-    path = tmp_path / "mission.yaml"
-    path.write_text(head + text)
-    result = compile_mission(path, catalog=load_catalog())
+    result = result_of(tmp_path / "mission.yaml", head + text)
     assert result.plan is not None, result.diagnostics
     return result.plan, result.texts
 
@@ -391,10 +388,8 @@ def test_a_behavior_that_fails_or_takes_too_long(tmp_path: Path) -> None:
 
 
 def test_what_an_input_at_rest_steers_goes_on(tmp_path: Path) -> None:
-    mission = Path(__file__).parents[2] / "missions" / "joystick.yaml"
-    result = compile_mission(mission, catalog=load_catalog(), target="hands")
+    result = result_of(MISSIONS / "joystick.yaml", target="hands")
     assert result.plan is not None
-
     one = rehearse(result.plan, texts=result.texts)
 
     assert found(one) == []

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 from waiting import free_port, until
 
 from kybflow.api.opening import open_devices
 from kybflow.core.signals import NS, Measurement, Pose
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn.server import Server
 
 MISSION = """\
@@ -38,17 +37,13 @@ targets:
 """
 
 
-def compiled(folder: Path, target: str | None, port: int = 3883) -> Plan:
-    path = folder / "mission.yaml"
-    path.write_text(MISSION.format(port=port), encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog(), target=target)
-    assert result.plan is not None, result.diagnostics
-    return result.plan
+def planned(folder: Path, target: str | None, port: int = 3883) -> Plan:
+    return compiled(folder / "mission.yaml", MISSION.format(port=port), target=target)
 
 
 def test_the_vehicles_system_sees_them_by_their_bodies(tmp_path: Path) -> None:
     port = free_port()
-    server, plan = Server(port=port), compiled(tmp_path, "lab", port)
+    server, plan = Server(port=port), planned(tmp_path, "lab", port)
     assert {name: vehicle for name, (vehicle, _) in plan.watching.items()} == {
         "ball": "a", "kite": "a",
     }  # fmt: skip
@@ -77,7 +72,7 @@ def test_the_vehicles_system_sees_them_by_their_bodies(tmp_path: Path) -> None:
 def test_simulated_they_are_seen_as_vehicles_are(
     tmp_path: Path, target: str | None, latency: float
 ) -> None:
-    devices = open_devices(compiled(tmp_path, target), 0)
+    devices = open_devices(planned(tmp_path, target), 0)
     stream = devices.watching["kite"]
     first = next(i for i in range(100) if stream.read(i * NS // 1000))
     assert first / 1000 == pytest.approx(latency, abs=1e-3)

@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import compiled, invoke
 
 from kybflow.api.flight import Flown
 from kybflow.campaigns import cases
@@ -18,7 +18,6 @@ from kybflow.campaigns.cases import FlightCase, FlightResult, fly_case, missions
 from kybflow.campaigns.coverage import StateItem, coverage_items
 from kybflow.campaigns.junit import write_junit
 from kybflow.campaigns.session import Pool, coverage_of, exit_code, run_cases
-from kybflow.cli.app import app
 from kybflow.core.details import detailed
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
@@ -54,7 +53,7 @@ def case(folder: Path, name: str, seed: int = 0) -> FlightCase:
 
 
 def ran(*arguments: str):
-    return CliRunner().invoke(app, ["test", *arguments])
+    return invoke("test", *arguments)
 
 
 def test_a_flight_that_succeeds_leaves_no_folder(folder: Path):
@@ -295,8 +294,7 @@ def test_the_command_tells_what_was_not_taken_and_leaves_no_folder_that_holds_no
 
 def test_what_never_flew_has_nothing_to_tell_of_its_states(folder: Path):
     path = folder / "good.yaml"
-    mission = compile_mission(path, catalog=load_catalog()).plan
-    assert mission is not None
+    mission = compiled(path, warns=True)
     stuck = FlightResult(
         FlightCase(path, 0, folder), "driver_failed", items=tuple(coverage_items(mission))
     )

@@ -9,18 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import ROOT, invoke
 
-from kybflow.cli.app import app
 from kybflow.recording import run_folder
 
-REPO = Path(__file__).parents[2]
-GOOD = str(REPO / "missions" / "figure_eight.yaml")
-FIRST = str(REPO / "missions" / "first_flight.yaml")
-
-
-def run(*arguments: str):
-    return CliRunner().invoke(app, list(arguments))
+GOOD = str(ROOT / "missions" / "figure_eight.yaml")
+FIRST = str(ROOT / "missions" / "first_flight.yaml")
 
 
 @pytest.fixture
@@ -31,19 +25,19 @@ def bad(tmp_path: Path) -> str:
 
 
 def test_validate_says_ok_and_ends_with_0() -> None:
-    result = run("validate", GOOD, "--set", "lap=8s")
+    result = invoke("validate", GOOD, "--set", "lap=8s")
     assert result.exit_code == 0
     assert result.output.startswith(f"{GOOD}: ok (")
 
 
 def test_validate_reports_and_ends_with_2(bad: str) -> None:
-    result = run("validate", GOOD, bad, "--format", "text")
+    result = invoke("validate", GOOD, bad, "--format", "text")
     assert result.exit_code == 2
     assert f"{bad}:3:1 error[KYB101]: `vehicels` is no key of a mission" in result.output
 
 
 def test_validate_speaks_json(bad: str) -> None:
-    result = run("validate", GOOD, bad, "--format", "json")
+    result = invoke("validate", GOOD, bad, "--format", "json")
     report = json.loads(result.output)
     assert (result.exit_code, report["valid"]) == (2, False)
     assert [file["valid"] for file in report["files"]] == [True, False]
@@ -53,22 +47,22 @@ def test_validate_speaks_json(bad: str) -> None:
 
 
 def test_validate_takes_folders() -> None:
-    result = run("validate", str(REPO / "missions"), "--format", "json")
+    result = invoke("validate", str(ROOT / "missions"), "--format", "json")
     paths = {Path(file["path"]).name for file in json.loads(result.output)["files"]}
     assert result.exit_code == 0
     assert {"figure_eight.yaml", "airframes.yaml"} <= paths
 
 
 def test_parts_lists_and_explains() -> None:
-    assert "figure_eight" in run("parts").output
-    text = run("parts", "circle").output
+    assert "figure_eight" in invoke("parts").output
+    text = invoke("parts", "circle").output
     assert "radius" in text
     assert "above 0 m" in text
 
 
 @pytest.mark.parametrize("arguments", [("parts", "circel"), ("validate",), ("fly",), ("run", "-x")])
 def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str, ...]) -> None:
-    result = run(*arguments)
+    result = invoke(*arguments)
     assert result.exit_code == 2
     assert "Traceback" not in result.output
     assert not isinstance(result.exception, Exception)
@@ -76,31 +70,31 @@ def test_a_wrong_command_line_ends_with_2_and_no_traceback(arguments: tuple[str,
 
 @pytest.mark.parametrize("words", [("validate",), ("schema", "--check"), ("run", FIRST, "--out")])
 def test_a_path_at_which_nothing_can_be_is_refused(words: tuple[str, ...]) -> None:
-    result = run(*words, "a" * 300)
+    result = invoke(*words, "a" * 300)
     assert result.exit_code == 2
     assert f"`{'a' * 100}` can't be a path: File name too long" in result.output
 
 
 def test_a_command_that_is_misspelt_gets_the_nearest() -> None:
-    result = run("vaildate", GOOD)
+    result = invoke("vaildate", GOOD)
     assert result.exit_code == 2
     assert "Did you mean 'validate'?" in result.output
 
 
 def test_a_file_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     path = tmp_path / "none" / "schema.json"
-    result = run("schema", "--write", str(path))
+    result = invoke("schema", "--write", str(path))
     assert result.exit_code == 2
     assert "can't be written" in result.output
 
 
 def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
     path = tmp_path / "schema.json"
-    assert json.loads(run("schema").output)["title"] == "mission"
-    assert run("schema", "--write", str(path)).exit_code == 0
-    assert run("schema", "--check", str(path)).exit_code == 0
+    assert json.loads(invoke("schema").output)["title"] == "mission"
+    assert invoke("schema", "--write", str(path)).exit_code == 0
+    assert invoke("schema", "--check", str(path)).exit_code == 0
     path.write_text("{}")
-    result = run("schema", "--check", str(path))
+    result = invoke("schema", "--check", str(path))
     assert result.exit_code == 2
     assert f"kybflow schema --write {path}" in result.output
 
@@ -183,7 +177,7 @@ def test_a_flight_goes_on_when_nobody_can_be_told(tmp_path: Path, outlet: str) -
 
 
 def test_run_shows_values_as_the_report_does(tmp_path: Path) -> None:
-    result = run("run", FIRST, "--out", str(tmp_path), "--set", "height=50cm")
+    result = invoke("run", FIRST, "--out", str(tmp_path), "--set", "height=50cm")
     assert result.exit_code == 0
     assert "held    finished within 30 s  (" in result.output
     assert f"report: {tmp_path / 'report.html'}" in result.output
@@ -191,7 +185,7 @@ def test_run_shows_values_as_the_report_does(tmp_path: Path) -> None:
 
 def test_an_unknown_option_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    result = run("run", FIRST, "--out", str(out), "--option", "nano.processor.fence.margin=1")
+    result = invoke("run", FIRST, "--out", str(out), "--option", "nano.processor.fence.margin=1")
     assert result.exit_code == 2
     assert "did you mean `nano.processors.fence.margin`?" in result.output
     assert not out.exists()
@@ -212,7 +206,7 @@ def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(
     given: str, said: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    result = run("run", FIRST, "--out", str(out), "--emit", given)
+    result = invoke("run", FIRST, "--out", str(out), "--emit", given)
     assert result.exit_code == 2
     assert said in " ".join(result.output.replace("│", " ").split())
     assert not out.exists()
@@ -220,7 +214,7 @@ def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(
 
 def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
     words = ("--emit", "operator.land@6s", "--emit", "operator.pause@ 5.5", "--no-report")
-    result = run("run", FIRST, "--out", str(tmp_path), *words)
+    result = invoke("run", FIRST, "--out", str(tmp_path), *words)
     told = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
     given = [(e["event"], e["t_s"]) for e in told if e["event"].startswith("operator.")]
     assert given == [("operator.pause", 5.5), ("operator.land", 6.0)]
@@ -229,7 +223,7 @@ def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
 
 def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
     words = ("--emit", "operator.land@1s", "--emit", "operator.pause@9000s", "--no-report")
-    result = run("run", FIRST, "--out", str(tmp_path), *words)
+    result = invoke("run", FIRST, "--out", str(tmp_path), *words)
     assert "`operator.pause` at 9000 s was never given: the run ended before" in result.output
     assert "`operator.land` at" not in result.output
 
@@ -254,7 +248,7 @@ def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) ->
         command_given(2.504, command="land", by="anna", heard_s=2.5, accepted=True),
     )
     words = ("--again", str(run_before), "--no-report", "--out", str(tmp_path / "run"))
-    run("run", FIRST, *words)
+    invoke("run", FIRST, *words)
     provenance = json.loads((tmp_path / "run" / "provenance.json").read_text())
     assert (provenance["seed"], provenance["emit"]) == (3, ["operator.pause@2.0s"])
     lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
@@ -277,36 +271,36 @@ def test_what_cannot_be_flown_again_is_refused_before_anything_is_written(
     events: tuple[str, ...], words: tuple[str, ...], said: str, tmp_path: Path
 ) -> None:
     run_before, out = earlier(tmp_path / "before", *events), tmp_path / "run"
-    result = run("run", FIRST, "--again", str(run_before), "--out", str(out), *words)
+    result = invoke("run", FIRST, "--again", str(run_before), "--out", str(out), *words)
     assert result.exit_code == 2
     assert said in " ".join(result.output.replace("│", " ").split())
     assert not out.exists()
 
 
 def test_graph_draws_both_ways(tmp_path: Path) -> None:
-    assert "stateDiagram-v2" in run("graph", FIRST).output
+    assert "stateDiagram-v2" in invoke("graph", FIRST).output
     drawing = tmp_path / "first.svg"
-    assert run("graph", FIRST, "--format", "svg", "--out", str(drawing)).exit_code == 0
+    assert invoke("graph", FIRST, "--format", "svg", "--out", str(drawing)).exit_code == 0
     assert drawing.read_text(encoding="utf-8").startswith("<svg")
 
 
 @pytest.mark.parametrize("command", ["run", "show", "graph", "preflight"])
 def test_a_library_is_told_to_be_no_mission(command: str) -> None:
-    library = REPO / "missions" / "library" / "airframes.yaml"
-    result = run(command, str(library))
+    library = ROOT / "missions" / "library" / "airframes.yaml"
+    result = invoke(command, str(library))
     assert result.exit_code == 2
     assert f"{library} is a library, no mission" in result.output
 
 
 def test_the_version_needs_no_command() -> None:
-    result = run("--version")
+    result = invoke("--version")
     assert result.exit_code == 0
     assert result.output.startswith("kybflow ")
 
 
 @pytest.mark.parametrize("command", ["run", "test", "preflight", "validate"])
 def test_help_gives_each_exit_code_and_example_a_line(command: str) -> None:
-    lines = [line.strip() for line in run(command, "--help").output.splitlines()]
+    lines = [line.strip() for line in invoke(command, "--help").output.splitlines()]
     assert any(line.startswith("0: ") for line in lines)
     assert any(line.startswith("2: ") for line in lines)
     assert sum(line.startswith(f"kybflow {command} ") for line in lines) >= 2
@@ -324,7 +318,7 @@ def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments:
     out = f" --out {tmp_path}" if arguments.startswith("test") else ""
     command = f"{sys.executable} -m kybflow {arguments}{out} | head -0; echo ${{PIPESTATUS[0]}}"
     done = subprocess.run(
-        ["bash", "-c", command], cwd=REPO, capture_output=True, text=True, check=False
+        ["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert (done.stdout, done.stderr) == ("0\n", "")
 
@@ -332,7 +326,7 @@ def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments:
 def test_run_tells_names_as_they_are(tmp_path: Path) -> None:
     mission = tmp_path / "a:100:.yaml"
     mission.write_text(MINE, encoding="utf-8")
-    result = run("run", str(mission), "--out", str(tmp_path / "run"), "--no-report")
+    result = invoke("run", str(mission), "--out", str(tmp_path / "run"), "--no-report")
     assert result.exit_code == 0
     assert f"[{mission}:8]" in result.output
 
@@ -351,9 +345,9 @@ vehicles:
 
 def test_an_earlier_run_is_not_replaced(tmp_path: Path) -> None:
     words = ("run", FIRST, "--out", str(tmp_path), "--no-report")
-    assert run(*words).exit_code == 0
+    assert invoke(*words).exit_code == 0
     summary = (tmp_path / "summary.json").read_bytes()
-    again = run(*words)
+    again = invoke(*words)
     assert again.exit_code == 2
     assert "holds an earlier run; name another folder, or remove it" in again.output
     assert (tmp_path / "summary.json").read_bytes() == summary
@@ -370,7 +364,7 @@ def test_a_disk_that_is_full_at_the_end_is_told(
         write(path, text)
 
     monkeypatch.setattr(run_folder, "write_file", full)
-    result = run("run", FIRST, "--out", str(tmp_path))
+    result = invoke("run", FIRST, "--out", str(tmp_path))
     assert result.exit_code == 1
     assert "first_flight failed: `" in result.output
     assert "can't be written: No space left on device" in result.output
@@ -384,19 +378,19 @@ def test_a_disk_that_is_full_before_take_off_is_no_mistake_of_the_mission(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(run_folder, "write_whole", full)
-    result = run("run", FIRST, "--out", str(tmp_path))
+    result = invoke("run", FIRST, "--out", str(tmp_path))
     assert result.exit_code == 1
     assert result.output.endswith("can't be written: No space left on device\n")
 
 
 def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
-    formation = run("show", str(REPO / "missions" / "formation.yaml")).output
+    formation = invoke("show", str(ROOT / "missions" / "formation.yaml")).output
     assert "world\n  fence from [-3, -3, 0] m to [3, 3, 2.5] m\n" in formation
     assert "groups\n  swarm: a, b, c, d\n" in formation
     assert "flow solo (drives what it is given; begins with leave)\n" in formation
     assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
-    steered = run("show", str(REPO / "missions" / "joystick.yaml")).output
+    steered = invoke("show", str(ROOT / "missions" / "joystick.yaml")).output
     assert "stick: script (a is take; b is give; y is land; dead man: right_shoulder)" in steered
-    lives = run("show", str(REPO / "missions" / "two_lives.yaml")).output
+    lives = invoke("show", str(ROOT / "missions" / "two_lives.yaml")).output
     assert "callbacks\n  sick.fault_injected: log `{vehicle} suffers {fault}" in lives
     assert "faults\n  battery_sag on sick, when behavior == eight and elapsed > 4 s\n" in lives

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import invoke
 from waiting import until
 from waiting_mission import MISSION
 
 from kybflow.api.commands import CommandRefused, connect
-from kybflow.cli.app import app
 from kybflow.cli.commands.command import described
 
 SPEED = "8"
@@ -25,7 +24,7 @@ SPEED = "8"
 
 def told(*words: str) -> tuple[int, str, str]:
     """The exit code of `kybflow command`, its output and what it says of errors."""
-    done = CliRunner().invoke(app, ["command", *words])
+    done = invoke("command", *words)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         return 2, "", str(done.exception)
     return done.exit_code, done.stdout, done.stderr
@@ -97,8 +96,8 @@ def test_a_killed_run_is_told_and_its_socket_removed(flying: subprocess.Popen[st
     flying.wait()
     assert address.exists()
     assert "was killed" in told("run-a", "land")[2]
-    done = CliRunner().invoke(app, ["run", "mission.yaml", "--no-report", "--emit",
-                                    "operator.stop@1s", "--out", "run-b"])  # fmt: skip
+    stopped = ("--emit", "operator.stop@1s")
+    done = invoke("run", "mission.yaml", "--no-report", *stopped, "--out", "run-b")
     assert done.exit_code == 0
     assert not address.exists()
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from typer.testing import CliRunner
-
-from kybflow.cli.app import app
+from toolchain import invoke
 
 
 @pytest.mark.parametrize(
@@ -19,5 +17,5 @@ from kybflow.cli.app import app
     ],
 )
 def test_what_is_wrong_is_said(arguments, code, said):
-    found = CliRunner().invoke(app, ["emulate", "ardrone", *arguments])
+    found = invoke("emulate", "ardrone", *arguments)
     assert (found.exit_code, said in found.output) == (code, True), found.output

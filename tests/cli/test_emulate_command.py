@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from typer.testing import CliRunner
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from kybflow.cli.app import app
+from toolchain import invoke
+
 from kybflow.drivers.emulated_autopilot.state import AutopilotFailures
 from kybflow.drivers.emulation.breaking import read_break
 
@@ -24,7 +24,7 @@ from kybflow.drivers.emulation.breaking import read_break
     ],
 )
 def test_a_wrong_command_line_is_told(arguments, words):
-    found = CliRunner().invoke(app, ["emulate", "autopilot", "--vehicle", "px4", *arguments])
+    found = invoke("emulate", "autopilot", "--vehicle", "px4", *arguments)
     assert found.exit_code in (2, 3)
     assert words in " ".join(found.output.replace("│", " ").split())
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import all as mavlink
+from toolchain import invoke
 
 from kybflow.cli.app import app
 from kybflow.cli.commands.mavlink.listen import listen_to
@@ -278,12 +279,12 @@ def test_where_a_system_was_looked_for_without_an_address_is_told(monkeypatch) -
 
     monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", refused)
     words = ["mavlink", "setup", "--vehicle", "ardupilot", "--system", "7"]
-    assert CliRunner().invoke(app, words).output == (
+    assert invoke(*words).output == (
         "error: tcp:127.0.0.1:5820 refuses; that is the default address of system 7, "
         "see --address\n"
     )
     words += ["--address", "tcp:127.0.0.1:5760"]
-    assert CliRunner().invoke(app, words).output == "error: tcp:127.0.0.1:5760 refuses\n"
+    assert invoke(*words).output == "error: tcp:127.0.0.1:5760 refuses\n"
 
 
 def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewhere(
@@ -299,7 +300,7 @@ def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewher
     monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", opened)
     monkeypatch.setattr("kybflow.cli.commands.mavlink.meeting.ticks", table.ticks)
     words = ["mavlink", "setup", "--vehicle", "px4", "--system", "7"]
-    assert CliRunner().invoke(app, words).output == (
+    assert invoke(*words).output == (
         "error: nothing is heard at udpin:127.0.0.1:14546; that is the default address of"
         " system 7, see --address; at udpin:127.0.0.1:14540 is system 1\n"
     )
@@ -307,6 +308,6 @@ def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewher
 
 def test_a_port_that_cannot_be_had_ends_with_3() -> None:
     words = ["listen", "--address", "udpin:192.0.2.1:14540"]
-    result = CliRunner().invoke(app, ["mavlink", *words])
+    result = invoke("mavlink", *words)
     assert result.exit_code == 3
     assert result.output.startswith("error: ")

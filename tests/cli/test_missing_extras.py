@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from toolchain import MISSIONS
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 WITHOUT = """
 import sys
 sys.modules["pymavlink"] = sys.modules["rotorpy"] = None

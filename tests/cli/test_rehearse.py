@@ -8,13 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from toolchain import MISSIONS, invoke
 
-from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink import Mavlink
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 FIRST = str(MISSIONS / "first_flight.yaml")
 WAITS = """\
 kybflow: 1
@@ -43,12 +41,8 @@ def mission(tmp_path: Path) -> str:
     return str(path)
 
 
-def run(*words: str) -> Result:
-    return CliRunner().invoke(app, list(words))
-
-
 def test_it_tells_its_figures_and_what_it_assumed(mission: str) -> None:
-    done = run("rehearse", mission)
+    done = invoke("rehearse", mission)
 
     assert done.exit_code == 0
     assert "assumed: a person gives `operator.down` at " in done.output
@@ -58,9 +52,9 @@ def test_it_tells_its_figures_and_what_it_assumed(mission: str) -> None:
 
 
 def test_a_finding_ends_with_1_and_a_wrong_command_line_with_2(mission: str) -> None:
-    late = run("rehearse", mission, "--emit", "operator.down@60s")
-    tight = run("rehearse", mission, "--set", "limit=4.7s")
-    wrong = run("rehearse", mission, "--emit", "operator.up@1s")
+    late = invoke("rehearse", mission, "--emit", "operator.down@60s")
+    tight = invoke("rehearse", mission, "--set", "limit=4.7s")
+    wrong = invoke("rehearse", mission, "--emit", "operator.up@1s")
 
     assert (late.exit_code, tight.exit_code, wrong.exit_code) == (1, 1, 2)
     assert "error[KYB477]: the mission is not over after 20 s: `nano` is still in `hold`" in (
@@ -72,7 +66,9 @@ def test_a_finding_ends_with_1_and_a_wrong_command_line_with_2(mission: str) -> 
 
 
 def test_it_speaks_json(mission: str) -> None:
-    report = json.loads(run("rehearse", mission, "--format", "json", "--set", "limit=4.7s").output)
+    report = json.loads(
+        invoke("rehearse", mission, "--format", "json", "--set", "limit=4.7s").output
+    )
 
     assert (report["mission"], report["clean"]) == ("waits", False)
     assert [d["code"] for d in report["diagnostics"]] == ["KYB476"]
@@ -83,7 +79,7 @@ def test_it_speaks_json(mission: str) -> None:
 
 @pytest.mark.parametrize("form", ["sarif", "github"])
 def test_it_speaks_to_reviews(mission: str, form: str) -> None:
-    assert "KYB476" in run("rehearse", mission, "--format", form, "--set", "limit=4.7s").output
+    assert "KYB476" in invoke("rehearse", mission, "--format", form, "--set", "limit=4.7s").output
 
 
 class Opened(Exception):
@@ -103,16 +99,16 @@ def test_hardware_is_not_opened_when_its_rehearsal_goes_wrong(
     words = ["run", mission, "--target", "px4", "--no-report", "--plain"]
     out = [str(tmp_path / name) for name in "abc"]
 
-    stopped = run(*words, "--out", out[0], "--set", "limit=4.7s")
+    stopped = invoke(*words, "--out", out[0], "--set", "limit=4.7s")
     assert (stopped.exit_code, opened) == (2, [])
     assert "error[KYB476]" in stopped.output
     assert not Path(out[0]).exists()
 
-    refused = run(*words, "--out", out[1], "--set", "limit=4.7s", "--no-rehearsal")
+    refused = invoke(*words, "--out", out[1], "--set", "limit=4.7s", "--no-rehearsal")
     assert (refused.exit_code, opened) == (3, [1])
     assert "rehearsal_skipped" in refused.output
 
-    clean = run(*words, "--out", out[2])
+    clean = invoke(*words, "--out", out[2])
     assert (clean.exit_code, opened) == (3, [1, 1])
     assert "waits rehearsed: " in clean.output
     assert "rehearsal_skipped" not in clean.output
@@ -121,14 +117,14 @@ def test_hardware_is_not_opened_when_its_rehearsal_goes_wrong(
 def test_a_simulation_is_rehearsed_when_asked(mission: str, tmp_path: Path) -> None:
     words = ["run", mission, "--no-report", "--plain", "--set", "limit=4.7s"]
 
-    asked = run(*words, "--rehearse", "--out", str(tmp_path / "a"))
+    asked = invoke(*words, "--rehearse", "--out", str(tmp_path / "a"))
 
     assert asked.exit_code == 2
     assert "nothing has armed" in asked.output
 
 
 def test_the_preflight_has_a_line_of_it(mission: str) -> None:
-    good, bad = run("preflight", mission), run("preflight", mission, "--set", "limit=4.7s")
+    good, bad = invoke("preflight", mission), invoke("preflight", mission, "--set", "limit=4.7s")
 
     assert (good.exit_code, bad.exit_code) == (0, 1)
     assert "green  all   rehearsal    " in good.output

@@ -20,6 +20,7 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.records import Footer, Message
 from mcap.stream_reader import StreamReader
+from toolchain import MISSIONS, ROOT
 
 from kybflow.core.signals import NS
 
@@ -210,7 +211,7 @@ def test_killed_it_leaves_all_but_the_last_second(
 
 def read_as_documented(folder: Path, monkeypatch: pytest.MonkeyPatch) -> float:
     """The newest time that the code in `docs/run-folder.md` finds, seconds."""
-    page = (Path(__file__).parents[2] / "docs" / "run-folder.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "run-folder.md").read_text(encoding="utf-8")
     code = page.partition("```python\n")[2].partition("```")[0]
     found: dict[str, Any] = {}
     monkeypatch.chdir(folder)
@@ -260,7 +261,7 @@ main()
 def test_an_interrupt_while_a_command_loads_is_no_traceback(
     tmp_path: Path, module: str, number: int
 ):
-    mission = str(Path(__file__).parents[2] / "missions" / "first_flight.yaml")
+    mission = str(MISSIONS / "first_flight.yaml")
     words = ["run", mission, "--plain", "--out", str(tmp_path)]
     command = [sys.executable, "-c", INTERRUPTED_AT, module, str(int(number)), *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

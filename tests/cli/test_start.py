@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from toolchain import MISSIONS
 
 from kybflow.cli.app import app
 from kybflow.core.errors import KybflowError
 from kybflow.report import page
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 FIRST, EIGHT = str(MISSIONS / "first_flight.yaml"), str(MISSIONS / "figure_eight.yaml")
 NEVER = {
     "asyncio", "glfw", "jinja2", "jsonschema", "plotly", "pydantic", "rich", "scipy",

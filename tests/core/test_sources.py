@@ -24,7 +24,7 @@ class NodParams:
 '''
 
 
-def compiled(folder: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def compiled_module(folder: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """A module as mypyc leaves it: no docstring, and annotations that are plain types."""
     module = ModuleType("nod")
     module.__file__ = str(folder / "nod.cpython-311-x86_64-linux-gnu.so")
@@ -46,7 +46,7 @@ def nod_params() -> type:
 def test_a_compiled_module_has_the_docstring_of_its_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    compiled(tmp_path, monkeypatch)
+    compiled_module(tmp_path, monkeypatch)
     (tmp_path / "nod.py").write_text(SOURCE, encoding="utf-8")
     assert docstring_of("nod") == "Nod politely."
 
@@ -54,7 +54,7 @@ def test_a_compiled_module_has_the_docstring_of_its_source(
 def test_its_parameters_have_the_units_of_its_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    compiled(tmp_path, monkeypatch)
+    compiled_module(tmp_path, monkeypatch)
     (tmp_path / "nod.py").write_text(SOURCE, encoding="utf-8")
     depth, speeds = fields_of(nod_params())
     assert type_of(depth) == "length [m]"
@@ -63,7 +63,7 @@ def test_its_parameters_have_the_units_of_its_source(
 
 
 def test_units_are_inherited_from_a_compiled_class(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    compiled(tmp_path, monkeypatch)
+    compiled_module(tmp_path, monkeypatch)
     (tmp_path / "nod.py").write_text(SOURCE, encoding="utf-8")
 
     @params
@@ -74,7 +74,7 @@ def test_units_are_inherited_from_a_compiled_class(tmp_path: Path, monkeypatch: 
 
 
 def test_without_its_source_it_has_neither(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    compiled(tmp_path, monkeypatch)
+    compiled_module(tmp_path, monkeypatch)
     assert docstring_of("nod") == ""
     with pytest.raises(PartError, match=r"nod\.NodParams\.depth: a parameter can't have the type"):
         fields_of(nod_params())

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT
 
-ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 pytestmark = pytest.mark.thorough
 LITERATE = """# Names
@@ -94,7 +94,7 @@ def test_a_check_is_one_file_and_its_page(tmp_path: Path):
     (tmp_path / check).write_text(block("python", text), encoding="utf-8")
     page = tmp_path / "tests" / "dsl" / "literate" / "names.md"
     page.write_text(LITERATE, encoding="utf-8")
-    run(tmp_path, "tests/dsl/test_literate.py", page.name)
+    python(tmp_path, "tests/dsl/test_literate.py", page.name)
     assert "warning[KYB119]: the vehicle `up` has the name" in page.read_text(encoding="utf-8")
     [command] = re.findall(r"kybflow (explain --write [\w/.]+)", text)
     do(tmp_path, "kybflow", *command.split())
@@ -104,10 +104,10 @@ def test_a_check_is_one_file_and_its_page(tmp_path: Path):
 
 def do(folder: Path, *command: str) -> None:
     """Run a module as the text says, in the copy."""
-    run(folder, "-m", *command)
+    python(folder, "-m", *command)
 
 
-def run(folder: Path, *words: str) -> None:
+def python(folder: Path, *words: str) -> None:
     done = subprocess.run(
         [sys.executable, *words],
         cwd=folder,

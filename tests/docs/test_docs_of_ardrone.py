@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT, compiled
 
 from kybflow.drivers.ardrone.control.acts import ACTS
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
-PAGE = (Path(__file__).parents[2] / "docs" / "ardrone.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "ardrone.md").read_text(encoding="utf-8")
 MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(
     r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE
 )
@@ -26,20 +25,14 @@ PAD = BY_HAND.partition("\n\n")[0]
 @pytest.mark.parametrize("target", ["lab", "emulated_ardrone"])
 @pytest.mark.parametrize("stick", [PAD, RADIO.replace("give: button1", "give: button1, land: x")])
 def test_what_is_written_is_valid(target: str, stick: str, tmp_path: Path) -> None:
-    path = tmp_path / "mine.yaml"
     vehicles = BY_HAND.partition("\n\n")[2].replace(
         "like: std.ardrone\n", "like: std.ardrone\n    start: {at: [0, 0, 0]}\n"
     )
-    path.write_text("\n".join((HEAD, stick, vehicles, TARGETS, ON)), encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog(), target=target, sets=())
-    assert result.diagnostics == ()
+    compiled(tmp_path / "mine.yaml", "\n".join((HEAD, stick, vehicles, TARGETS, ON)), target=target)
 
 
 def test_the_mission_to_begin_with_is_valid(tmp_path: Path) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(MINE, encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog(), target="lab", sets=())
-    assert result.diagnostics == ()
+    compiled(tmp_path / "mine.yaml", MINE, target="lab")
 
 
 def test_every_act_is_named() -> None:

@@ -1,12 +1,11 @@
 """The language page has every fault, with its parameters and its own words."""
 
-from pathlib import Path
-
 import pytest
+from toolchain import ROOT
 
 from kybflow.parts.catalog import load_catalog
 
-PAGE = Path(__file__).parents[2] / "docs" / "mission-language.md"
+PAGE = ROOT / "docs" / "mission-language.md"
 
 
 @pytest.mark.parametrize("name", load_catalog().names("faults"))

@@ -6,11 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT, compiled
 
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
-
-PAGE = (Path(__file__).parents[2] / "docs" / "mission-language.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "mission-language.md").read_text(encoding="utf-8")
 LAB = "library: lab\nimport: {std: kybflow/airframes}\nvehicles: {bee: {like: std.nano_plus}}\n"
 VEHICLES = """vehicles:
   a:
@@ -57,15 +55,11 @@ def test_what_is_seen_and_by_what_is_valid_together(target: str, tmp_path: Path)
     (tmp_path / "lab" / "front.yaml").write_text(CALIBRATION)
     (tmp_path / "lab" / "tags.csv").write_text(TABLE)
     (tmp_path / "standing.avi").write_text("frames")
-    mission = tmp_path / "mission.yaml"
     texts = "".join(map(example, SEEN))
     head = "kybflow: 1\nmission: example\nimport: {std: kybflow/airframes}\n"
     texts = texts.replace("world:\n", f"world:\n  {FENCE}\n", 1)
-    mission.write_text(head + texts + COURIER)
-    result = compile_mission(mission, catalog=load_catalog(), target=target)
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    assert len(result.plan.tags) == 96 + 16 + 1 + 1
+    plan = compiled(tmp_path / "mission.yaml", head + texts + COURIER, target=target)
+    assert len(plan.tags) == 96 + 16 + 1 + 1
 
 
 @pytest.mark.parametrize("title", IMPORTS)
@@ -82,7 +76,4 @@ def test_the_example_is_valid(title: str, tmp_path: Path) -> None:
         text += f"world: {{{FENCE}}}\n"
     (tmp_path / "library").mkdir()
     (tmp_path / "library" / "lab.yaml").write_text(LAB)
-    mission = tmp_path / "mission.yaml"
-    mission.write_text(f"kybflow: 1\nmission: example\n{IMPORTS[title]}{text}")
-    result = compile_mission(mission, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
+    compiled(tmp_path / "mission.yaml", f"kybflow: 1\nmission: example\n{IMPORTS[title]}{text}")

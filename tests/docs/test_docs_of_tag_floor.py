@@ -9,19 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 cv2 = pytest.importorskip("cv2")
 
-from kybflow.cli.app import app  # noqa: E402
+from toolchain import ROOT, compiled, invoke  # noqa: E402
+
 from kybflow.core.geometry import LEVEL, ZERO, add  # noqa: E402
 from kybflow.core.signals import Truth  # noqa: E402
-from kybflow.dsl.compiler import compile_mission  # noqa: E402
-from kybflow.parts.catalog import load_catalog  # noqa: E402
 from kybflow.vision.optics import Optics  # noqa: E402
 from kybflow.vision.rendering.drawing import Room  # noqa: E402
 
-PAGE = (Path(__file__).parents[2] / "docs" / "tag-floor.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "tag-floor.md").read_text(encoding="utf-8")
 MISSION, CAMERA, TARGETS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 COMMANDS = re.findall(r"^    kybflow (.+)$", PAGE, re.MULTILINE)
 CALIBRATION = """image_width: 640
@@ -55,13 +53,7 @@ def calibrated(mission: Path) -> None:
 
 def given(command: str) -> Any:
     assert command in COMMANDS
-    return CliRunner().invoke(app, shlex.split(command))
-
-
-def compiled(mission: Path, target: str = "sim") -> Any:
-    result = compile_mission(mission, catalog=load_catalog(), target=target)
-    assert [d.message for d in result.diagnostics] == []
-    return result.plan
+    return invoke(*shlex.split(command))
 
 
 def recorded(mission: Path, east: float) -> None:
@@ -110,7 +102,7 @@ def test_every_tag_of_the_mission_is_printed(floor: Path) -> None:
 
 def test_a_video_shows_where_the_vehicle_stands(floor: Path) -> None:
     filmed(floor, 0.03)
-    assert len(compiled(floor, "bench").tags) == 36 - 4 + 36
+    assert len(compiled(floor, target="bench").tags) == 36 - 4 + 36
     result = given("preflight floor.yaml --target bench")
     assert "0.03 m from the declared start" in result.output
     assert result.exit_code == 0, result.output

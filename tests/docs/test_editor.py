@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from toolchain import ROOT
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.catalog import load_catalog
 
-REPO = Path(__file__).parents[2]
-MISSIONS = sorted((REPO / "missions").glob("*.yaml"))
+MISSIONS = sorted((ROOT / "missions").glob("*.yaml"))
 SERVER = shutil.which("yaml-language-server")
 pytestmark = pytest.mark.skipif(
     SERVER is None, reason="npm install --global yaml-language-server@1 brings it"
@@ -36,7 +36,7 @@ class Server:
         )
         self._number = 0
         self.reported: dict[str, list[dict[str, Any]]] = {}
-        root = REPO.as_uri()
+        root = ROOT.as_uri()
         self.ask("initialize", {"processId": None, "rootUri": root, "capabilities": {}})
         self.tell("initialized", {})
 
@@ -114,7 +114,7 @@ def opened(server: Server, name: str, behaviors: str) -> tuple[str, list[str]]:
         "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
         "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    behaviors:\n" + behaviors
     )
-    return server.open(REPO / "missions" / f"{name}.yaml", text), text.split("\n")
+    return server.open(ROOT / "missions" / f"{name}.yaml", text), text.split("\n")
 
 
 def labels(answer: Any) -> set[str]:
@@ -150,7 +150,7 @@ def completed(server: Server, kind: str, name: str) -> dict[str, str]:
     schema = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
     indent = 8 if kind == "behaviors" or lead else 6
     text = schema + text.rstrip(" \n") + "\n" + " " * indent + "\n"
-    uri = server.open(REPO / "missions" / f"{kind}_{name}.yaml", text)
+    uri = server.open(ROOT / "missions" / f"{kind}_{name}.yaml", text)
     answer = server.at("textDocument/completion", uri, text.count("\n") - 1, indent)
     items = answer["items"] if isinstance(answer, dict) else answer
     plain = {i["label"]: re.sub(r"\$\{\d+:([^}]*)\}|\$\d+", r"\1", i["insertText"]) for i in items}
@@ -208,7 +208,7 @@ def test_completing_a_key_of_an_airframe_inserts_its_unit(
 ) -> None:
     text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
     text += "kybflow: 1\nmission: draft\nairframes:\n  x:\n    \n"
-    uri = server.open(REPO / "missions" / "airframes.yaml", text)
+    uri = server.open(ROOT / "missions" / "airframes.yaml", text)
     answer = server.at("textDocument/completion", uri, 5, 4)
     items = answer["items"] if isinstance(answer, dict) else answer
     (inserted,) = (item["insertText"] for item in items if item["label"] == key)
@@ -219,7 +219,7 @@ def test_completing_a_key_of_an_airframe_inserts_its_unit(
 def test_it_offers_no_null_for_a_vehicle(server: Server, key: str, expected: set[str]) -> None:
     text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
     text += f"kybflow: 1\nmission: draft\nvehicles:\n  a:\n    {key}: \n"
-    uri = server.open(REPO / "missions" / f"null_{key}.yaml", text)
+    uri = server.open(ROOT / "missions" / f"null_{key}.yaml", text)
     found = labels(server.at("textDocument/completion", uri, 5, len(key) + 6))
     assert "null" not in found
     assert expected <= found
@@ -265,7 +265,7 @@ def test_what_is_wrong_with_a_matrix_is_told_in_words(server: Server, gain: str,
     text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
     text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    tracker:\n"
     text += f"      use: cascade\n      position_gain: {gain}\n"
-    uri = server.open(REPO / "missions" / f"matrix_{len(gain)}.yaml", text)
+    uri = server.open(ROOT / "missions" / f"matrix_{len(gain)}.yaml", text)
     found = [finding["message"] for finding in server.report(uri)]
     assert len(found) == bool(said)
     assert all(message.startswith(said) for message in found)
@@ -275,9 +275,9 @@ def test_a_reaction_is_completed_and_a_wrong_one_told(server: Server) -> None:
     text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
     text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    supervisors:\n"
     text += "      - use: battery\n        reaction: "
-    uri = server.open(REPO / "missions" / "reaction.yaml", text + "\n")
+    uri = server.open(ROOT / "missions" / "reaction.yaml", text + "\n")
     assert {"brake", "land"} <= labels(server.at("textDocument/completion", uri, 7, 18))
-    uri = server.open(REPO / "missions" / "reactions.yaml", text + "lnad\n")
+    uri = server.open(ROOT / "missions" / "reactions.yaml", text + "lnad\n")
     (finding,) = server.report(uri)
     assert finding["message"].startswith("One of `warn`, `brake`, ")
 

@@ -11,10 +11,11 @@ import pytest
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from test_tutorial import FENCE, commands, pattern, ran
+from toolchain import ROOT
 
 from kybflow.drivers.mavlink.firmware import profile_of
 
-PAGE = Path(__file__).parents[2] / "docs" / "first-flight.md"
+PAGE = ROOT / "docs" / "first-flight.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
 

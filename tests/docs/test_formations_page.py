@@ -6,18 +6,16 @@ import contextlib
 import re
 from pathlib import Path
 
-from typer.testing import CliRunner
+from toolchain import ROOT, invoke
 
-from kybflow.cli.app import app
-
-PAGE = (Path(__file__).parents[2] / "docs" / "formations.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "formations.md").read_text(encoding="utf-8")
 [MISSION] = re.findall(r"```yaml\n(kybflow: 1\n.*?)```", PAGE, re.DOTALL)
 
 
 def test_its_mission_is_rehearsed_without_a_finding(tmp_path: Path) -> None:
     (tmp_path / "line.yaml").write_text(MISSION)
     with contextlib.chdir(tmp_path):
-        done = CliRunner().invoke(app, ["rehearse", "line.yaml"])
+        done = invoke("rehearse", "line.yaml")
 
     assert done.exit_code == 0, done.output
     assert re.fullmatch(r"line rehearsed: [^\n]*%\n", done.output)

@@ -11,11 +11,12 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT
 
 pytestmark = pytest.mark.thorough
 
 pytest.importorskip("setuptools", minversion="70.1")
-EXAMPLE = Path(__file__).parents[2] / "examples" / "lab-missions"
+EXAMPLE = ROOT / "examples" / "lab-missions"
 HATCHLING = 'requires = ["hatchling"]\nbuild-backend = "hatchling.build"'
 SHIPPED = {"lab_missions/missions/square.yaml", "lab_missions/missions/library/lab.yaml"}
 

@@ -8,10 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT
 
 pytestmark = pytest.mark.thorough
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")

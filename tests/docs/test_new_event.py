@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from toolchain import ROOT
 
 import kybflow
 
-ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Add an event")[2]
 CLASS, EMISSION = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)[:2]
 MISSION = """\

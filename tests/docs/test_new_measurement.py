@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from toolchain import ROOT
 
 pytestmark = pytest.mark.thorough
 
-ROOT = Path(__file__).parents[2]
 TEXT = (
     (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Add a kind of measurement")
 )

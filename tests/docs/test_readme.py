@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 from command_lines import command as command_of
+from toolchain import ROOT
 
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.render import render
 from kybflow.parts.catalog import load_catalog
 from kybflow.parts.observables import OBSERVABLES
 
-ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 

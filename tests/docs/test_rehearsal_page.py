@@ -6,12 +6,11 @@ import contextlib
 import re
 from pathlib import Path
 
-from typer.testing import CliRunner
+from toolchain import ROOT, invoke
 
 from kybflow.api.findings.codes import codes
-from kybflow.cli.app import app
 
-PAGE = (Path(__file__).parents[2] / "docs" / "rehearsal.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")
 [MISSION] = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 [REPORT] = re.findall(r"```text\n\$ kybflow rehearse swap.yaml\n(.*?)```", PAGE, re.DOTALL)
 
@@ -19,8 +18,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "rehearsal.md").read_text(encoding=
 def test_its_mission_gets_its_report(tmp_path: Path) -> None:
     (tmp_path / "swap.yaml").write_text(MISSION)
     with contextlib.chdir(tmp_path):
-        valid = CliRunner().invoke(app, ["validate", "swap.yaml"])
-        done = CliRunner().invoke(app, ["rehearse", "swap.yaml"])
+        valid = invoke("validate", "swap.yaml")
+        done = invoke("rehearse", "swap.yaml")
 
     assert valid.output.startswith("swap.yaml: ok (")
     assert (done.exit_code, done.output) == (1, REPORT)

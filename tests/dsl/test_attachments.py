@@ -40,7 +40,7 @@ def mission(tmp_path: Path) -> Path:
     return path
 
 
-def compiled(path: Path, way: str = "ways/way.csv") -> Result:
+def checked(path: Path, way: str = "ways/way.csv") -> Result:
     return compile_mission(path, catalog=load_catalog(), sets=(f"way={way}",))
 
 
@@ -49,7 +49,7 @@ def messages(result: Result) -> list[str]:
 
 
 def test_a_file_is_read_beside_the_mission_and_stands_in_its_sources(mission: Path) -> None:
-    plan = compiled(mission).plan
+    plan = checked(mission).plan
     assert plan is not None
     digest = hashlib.sha256(TABLE).hexdigest()
     params = plan.vehicles[0].states["way"].behavior.params
@@ -59,14 +59,14 @@ def test_a_file_is_read_beside_the_mission_and_stands_in_its_sources(mission: Pa
 
 
 def test_what_was_compiled_is_what_flies(mission: Path) -> None:
-    plan = compiled(mission).plan
+    plan = checked(mission).plan
     (mission.parent / "ways/way.csv").unlink()
     assert plan is not None
     assert plan.vehicles[0].states["way"].behavior.params.file.text == TABLE.decode()
 
 
 def test_it_is_no_option(mission: Path) -> None:
-    plan = compiled(mission).plan
+    plan = checked(mission).plan
     assert plan is not None
     with pytest.raises(OptionRefused, match="read-only"):
         check_options(plan, [("a.behaviors.way.file", "other.csv")])
@@ -77,7 +77,7 @@ def test_nothing_outside_of_the_folder_is_read(mission: Path, name: str, tmp_pat
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "way.csv").write_bytes(TABLE)
     (mission.parent / "outside").symlink_to(elsewhere)
-    assert messages(compiled(mission, name)) == [f"`{name}` is outside of the mission's folder"]
+    assert messages(checked(mission, name)) == [f"`{name}` is outside of the mission's folder"]
 
 
 @pytest.mark.parametrize(
@@ -90,10 +90,10 @@ def test_nothing_outside_of_the_folder_is_read(mission: Path, name: str, tmp_pat
 )
 def test_what_is_no_table_is_refused(mission: Path, data: bytes, message: str) -> None:
     (mission.parent / "ways/bad.csv").write_bytes(data)
-    assert messages(compiled(mission, "ways/bad.csv")) == [message]
+    assert messages(checked(mission, "ways/bad.csv")) == [message]
 
 
 @pytest.mark.parametrize("name", ["ways", "'.'", "no/such.csv", "x" * 300])
 def test_what_is_no_file_is_refused(mission: Path, name: str) -> None:
-    (message,) = messages(compiled(mission, name))
+    (message,) = messages(checked(mission, name))
     assert message.endswith("is no file") or "can't be read" in message

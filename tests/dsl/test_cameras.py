@@ -5,14 +5,13 @@ from __future__ import annotations
 from math import pi
 
 import pytest
+from toolchain import compiled
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import rotate
 from kybflow.dsl.calibration_file import read_calibration
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.expanding.vehicles import FACING, pinhole
-from kybflow.parts.catalog import load_catalog
 from kybflow.world.cameras import DOWN, Lens
 
 MISSION = """\
@@ -91,12 +90,8 @@ def test_the_field_of_view_is_from_edge_to_edge() -> None:
 
 
 def camera(tmp_path, text: str):
-    path = tmp_path / "m.yaml"
-    path.write_text(MISSION.replace("CAMERA", text))
-    result = compile_mission(path, catalog=load_catalog())
-    assert not result.diagnostics
-    assert result.plan is not None
-    return result.plan.vehicles[0].cameras["down"]
+    plan = compiled(tmp_path / "m.yaml", MISSION.replace("CAMERA", text))
+    return plan.vehicles[0].cameras["down"]
 
 
 def test_a_trim_turns_it_about_the_bodys_axes(tmp_path) -> None:
@@ -132,12 +127,9 @@ airframes:
 )
 def test_the_lens_that_is_nearer_counts(name: str, lens: Lens, tmp_path) -> None:
     (tmp_path / "cam.yaml").write_text(ROS)
-    path = tmp_path / "m.yaml"
     airframe = "airframe: {like: std.courier_quad, cameras: {down: CAMERA}}"
-    path.write_text(NESTED + MISSION.replace(airframe, f"airframe: {name}"))
-    result = compile_mission(path, catalog=load_catalog())
-    assert result.plan is not None, result.diagnostics
-    assert result.plan.vehicles[0].cameras["down"].lens == lens
+    plan = compiled(tmp_path / "m.yaml", NESTED + MISSION.replace(airframe, f"airframe: {name}"))
+    assert plan.vehicles[0].cameras["down"].lens == lens
 
 
 @pytest.mark.parametrize("text", [ROS, OPENCV])

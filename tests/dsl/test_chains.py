@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kybflow.dsl.compiler import compile_mission
+from toolchain import compiled
+
 from kybflow.dsl.expressions import Always, Compare, Distance, InState, Location, Not
 from kybflow.dsl.graph.drawing import cause_of
 from kybflow.dsl.plan import Plan, StatePlan
-from kybflow.parts.catalog import load_catalog
 from kybflow.world.shapes import Cylinder, Plane
 
 LAB = """
@@ -69,12 +69,7 @@ expect:
 
 def plan_of(folder: Path, *sets: str) -> Plan:
     (folder / "lab.yaml").write_text(LAB)
-    path = folder / "mission.yaml"
-    path.write_text(MISSION)
-    result = compile_mission(path, catalog=load_catalog(), sets=sets)
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    return result.plan
+    return compiled(folder / "mission.yaml", MISSION, sets=sets)
 
 
 def states(plan: Plan) -> dict[str, StatePlan]:
@@ -157,8 +152,7 @@ def test_a_world_may_be_one_of_a_library(tmp_path: Path) -> None:
         "{like: lab.hall, points: {pad: [0, 0.2, 0]}, obstacles: {pillar: null}}", "lab.hall"
     )
     (tmp_path / "mission.yaml").write_text(text)
-    plan = compile_mission(tmp_path / "mission.yaml", catalog=load_catalog()).plan
-    assert plan is not None
+    plan = compiled(tmp_path / "mission.yaml")
     assert plan.obstacles["pillar"] == Cylinder((0.0, 1.0, 0.0), 0.1, 2.0)
 
 
@@ -173,12 +167,8 @@ def test_expressions_know_points_and_chains(tmp_path: Path) -> None:
 
 def test_the_resolved_mission_reads_back_as_the_same_states(tmp_path: Path) -> None:
     plan = plan_of(tmp_path)
-    copy = tmp_path / "resolved.yaml"
-    copy.write_text(plan.resolved)
-    again = compile_mission(copy, catalog=load_catalog())
-    assert [d.message for d in again.diagnostics] == []
-    assert again.plan is not None
-    assert {n: arrows(s) for n, s in states(again.plan).items()} == {
+    again = compiled(tmp_path / "resolved.yaml", plan.resolved)
+    assert {n: arrows(s) for n, s in states(again).items()} == {
         n: arrows(s) for n, s in states(plan).items()
     }
 

@@ -5,19 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import ROOT, printed
 
 from kybflow.api.findings.codes import codes, families, list_codes, page, show_code
 from kybflow.api.findings.pages import sections, sections_of
-from kybflow.cli.app import app
 
-REPO = Path(__file__).parents[2]
-PAGE = REPO / "docs" / "checks.md"
-
-
-def explain(*arguments: str) -> tuple[int, str]:
-    result = CliRunner().invoke(app, ["explain", *arguments])
-    return result.exit_code, result.output
+PAGE = ROOT / "docs" / "checks.md"
 
 
 def test_the_page_of_all_codes_is_current() -> None:
@@ -39,7 +32,7 @@ def test_what_a_page_is_about_is_shown_with_its_report() -> None:
 
 
 def test_a_code_shows_wrong_and_right() -> None:
-    code, text = explain("kyb203")
+    code, text = printed("explain", "kyb203")
     assert code == 0
     assert "Wrong: a behavior can't follow another\n" in text
     assert "error[KYB203]: `rest` can't follow `up`" in text
@@ -47,7 +40,7 @@ def test_a_code_shows_wrong_and_right() -> None:
 
 
 def test_without_a_code_all_are_listed_by_family() -> None:
-    code, text = explain()
+    code, text = printed("explain")
     assert code == 0
     assert text == list_codes() + "\n"
     listed = [member.code for members in families().values() for member in members]
@@ -56,16 +49,16 @@ def test_without_a_code_all_are_listed_by_family() -> None:
 
 
 def test_an_unknown_code_gets_the_nearest() -> None:
-    code, text = explain("KYB2033")
+    code, text = printed("explain", "KYB2033")
     assert code == 2
     assert "KYB203" in text
 
 
 def test_the_page_is_written_and_checked(tmp_path: Path) -> None:
     file = tmp_path / "checks.md"
-    assert explain("--check", str(file))[0] == 2
-    assert explain("--write", str(file))[0] == 0
-    assert explain("--check", str(file)) == (0, "")
+    assert printed("explain", "--check", str(file))[0] == 2
+    assert printed("explain", "--write", str(file))[0] == 0
+    assert printed("explain", "--check", str(file)) == (0, "")
 
 
 def test_a_change_must_fit_once() -> None:

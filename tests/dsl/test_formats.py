@@ -6,10 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import MISSIONS, invoke
 
-from kybflow.api.findings.formats import to_annotation, to_sarif
-from kybflow.cli.app import app
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 
@@ -125,13 +123,13 @@ def test_nothing_in_a_file_can_begin_another_command() -> None:
 def test_validate_speaks_both(format: str, begins: str, tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
     bad.write_text("kybflow: 1\nmission: bad\n", encoding="utf-8")
-    result = CliRunner().invoke(app, ["validate", str(bad), "--format", format])
+    result = invoke("validate", bad, "--format", format)
     assert result.exit_code == 2
     assert result.output.startswith(begins)
 
 
 def test_a_good_mission_is_a_log_without_results() -> None:
-    mission = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
-    result = CliRunner().invoke(app, ["validate", str(mission), "--format", "sarif"])
+    mission = MISSIONS / "first_flight.yaml"
+    result = invoke("validate", mission, "--format", "sarif")
     assert result.exit_code == 0
     assert json.loads(result.output)["runs"][0]["results"] == []

@@ -32,7 +32,7 @@ HOME = TransitionPlan(target="down", when=LOW, hold=0.5)
 IMPLIED = TransitionPlan(target="brake", cause="failed", implied=True)
 
 
-def flown() -> list[StatePlan]:
+def flying_states() -> list[StatePlan]:
     hover = part("behaviors", "hover")
     return [
         state("up", part("behaviors", "take_off", height=1.0), then("go"), IMPLIED),
@@ -54,13 +54,16 @@ def flown() -> list[StatePlan]:
 
 @pytest.fixture
 def twins() -> Plan:
-    return plan(vehicle("a", flown()), vehicle("b", flown()))
+    return plan(vehicle("a", flying_states()), vehicle("b", flying_states()))
 
 
 def test_vehicles_with_one_machine_share_a_drawing(twins: Plan) -> None:
     assert [drawing.title for drawing in drawings(twins)] == ["a, b"]
-    short = [state("up", part("behaviors", "take_off", height=1.0), then("down")), flown()[3]]
-    other = plan(vehicle("a", flown()), vehicle("b", short))
+    short = [
+        state("up", part("behaviors", "take_off", height=1.0), then("down")),
+        flying_states()[3],
+    ]
+    other = plan(vehicle("a", flying_states()), vehicle("b", short))
     assert [drawing.title for drawing in drawings(other)] == ["a", "b"]
 
 
@@ -146,7 +149,7 @@ def test_a_flow_is_a_machine_of_its_own() -> None:
         vehicles=("a", "b", "c"),
         phases={"launch": launch, "land": land},
     )
-    twins = plan(vehicle("a", flown()), vehicle("b", flown()))
+    twins = plan(vehicle("a", flying_states()), vehicle("b", flying_states()))
     drawing = drawings(replace(twins, flows=(team,), groups={"both": ("a", "b")}))[-1]
     assert drawing.title == "flow team"
     assert [box.part for box in drawing.boxes] == [
@@ -175,7 +178,7 @@ def asked_for() -> Plan:
     home = CallbackPlan(
         event="battery_low", vehicles=("a",), actions=(Switch("a", "down"), Switch("a", "fault"))
     )
-    twins = plan(vehicle("a", flown()), vehicle("b", flown()))
+    twins = plan(vehicle("a", flying_states()), vehicle("b", flying_states()))
     return replace(twins, flows=(team,), callbacks=(home,))
 
 

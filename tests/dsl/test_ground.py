@@ -7,20 +7,16 @@ from pathlib import Path
 
 import pytest
 from plan_endings import ending
+from toolchain import SHIPPED, compiled
 
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, MOVING, Flight
-from kybflow.parts.catalog import load_catalog
 
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 Node = tuple[str, Flight]
 
 
 def plan_of(path: Path):
-    plan = compile_mission(path, catalog=load_catalog()).plan
-    assert plan is not None
-    return plan
+    return compiled(path)
 
 
 def successors(vehicle: VehiclePlan, node: Node, failing: bool) -> set[Node]:
@@ -44,7 +40,7 @@ def reached(vehicle: VehiclePlan, node: Node, failing: bool) -> set[Node]:
     return found
 
 
-@pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_every_state_and_every_failure_leads_to_the_ground(path: Path) -> None:
     for vehicle in plan_of(path).vehicles:
         nodes = {(name, leg.start) for name, s in vehicle.states.items() for leg in s.legs}
@@ -55,7 +51,7 @@ def test_every_state_and_every_failure_leads_to_the_ground(path: Path) -> None:
                 assert any(flight is GROUND for _, flight in ways), (vehicle.name, node, failing)
 
 
-@pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_with_nothing_but_time_every_vehicle_ends_on_the_ground(path: Path) -> None:
     plan = plan_of(path)
     ends = ending(plan)

@@ -11,14 +11,14 @@ from harms.families import slips as slips_of_the_keyboard
 from harms.mission_text import Mission
 from harms.operator import Operator
 from harms.study import JUDGES, Verdict, verdicts
-from mutation_study import MISSIONS, with_library
+from toolchain import SHIPPED, with_library
 
 NOT_YAML = {"KYB004", "KYB007"}
 
 
 @pytest.fixture(scope="module")
 def missions() -> list[Mission]:
-    return [Mission(path) for path in MISSIONS]
+    return [Mission(path) for path in SHIPPED]
 
 
 def judged(

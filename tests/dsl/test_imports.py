@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from installed_package import package
+from toolchain import compiled
 
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.resolving.library_files import installed
@@ -30,12 +31,8 @@ vehicles: {quad: {airframe: quad}}
 def test_a_library_of_a_package_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package(tmp_path / "site", "kyblab", LIBRARY)
     monkeypatch.syspath_prepend(tmp_path / "site")
-    mission = tmp_path / "mission.yaml"
-    mission.write_text(MISSION.format(name="kyblab"))
-    result = compile_mission(mission, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    assert result.plan.vehicles[0].airframe.mass == 2.0
+    plan = compiled(tmp_path / "mission.yaml", MISSION.format(name="kyblab"))
+    assert plan.vehicles[0].airframe.mass == 2.0
 
 
 def test_a_package_that_is_gone_is_no_library(

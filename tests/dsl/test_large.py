@@ -6,11 +6,12 @@ import importlib
 from pathlib import Path
 
 import pytest
+from toolchain import ROOT
 
 from kybflow.dsl.compiler import check_mission
 from kybflow.parts.catalog import load_catalog
 
-BENCH = Path(__file__).parents[2] / "bench"
+BENCH = ROOT / "bench"
 
 
 def test_it_has_no_findings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from test_writing import without_places
+from toolchain import compiled, result_of
 
-from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.compiler import Result
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import (
     CallbackPlan,
@@ -19,7 +20,6 @@ from kybflow.dsl.plan import (
     Stop,
     Switch,
 )
-from kybflow.parts.catalog import load_catalog
 
 HEAD = """\
 kybflow: 1
@@ -40,17 +40,12 @@ vehicles:
 """
 
 
-def compiled(folder: Path, on: str, arrows: str = "") -> Result:
-    path = folder / "m.yaml"
-    path.write_text(HEAD.replace(" NEXT", arrows) + on, encoding="utf-8")
-    return compile_mission(path, catalog=load_catalog())
+def checked(folder: Path, on: str, arrows: str = "") -> Result:
+    return result_of(folder / "m.yaml", HEAD.replace(" NEXT", arrows) + on)
 
 
 def meant(folder: Path, on: str) -> tuple[CallbackPlan, ...]:
-    result = compiled(folder, on)
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    return result.plan.callbacks
+    return compiled(folder / "m.yaml", HEAD.replace(" NEXT", "") + on).callbacks
 
 
 @pytest.mark.parametrize(
@@ -123,8 +118,8 @@ def test_a_phase_belongs_to_a_flow(phase: str, tmp_path: Path) -> None:
 def test_a_state_that_only_a_callback_asks_for_is_reached(tmp_path: Path) -> None:
     arrows = "}\n      home: {do: hover, for_time: 1 s, then: down"
     asked = "on: [{event: b.landed, do: [{switch: {both: home}}]}]\n"
-    assert [d.code for d in compiled(tmp_path, "", arrows).diagnostics] == ["KYB204"]
-    assert compiled(tmp_path, asked, arrows).diagnostics == ()
+    assert [d.code for d in checked(tmp_path, "", arrows).diagnostics] == ["KYB204"]
+    assert checked(tmp_path, asked, arrows).diagnostics == ()
 
 
 def test_a_chain_that_is_asked_for_is_entered_by_its_first_state(tmp_path: Path) -> None:
@@ -134,16 +129,16 @@ chains:
   look: {behaviors: {one: {do: hover, for_time: 1 s, then: two}, two: {do: hover, for_time: 1 s}}}
 on: [{event: any.took_off, do: [{switch: {a: tour}}, {switch: {b: tour}}]}]
 """
-    result = compiled(tmp_path, on, arrows)
+    result = checked(tmp_path, on, arrows)
     assert result.diagnostics == ()
     assert result.plan is not None
     assert result.plan.callbacks[0].actions == (Switch("a", "tour.one"), Switch("b", "tour.one"))
 
 
 def test_an_arrow_does_not_hear_a_group(tmp_path: Path) -> None:
-    [found] = compiled(tmp_path, "", ", next: [{event: both.landed, go: brake}]").diagnostics
+    [found] = checked(tmp_path, "", ", next: [{event: both.landed, go: brake}]").diagnostics
     assert (found.code, found.help) == ("KYB208", "did you mean `b.landed`?")
-    assert compiled(tmp_path, "", ", next: [{event: any.landed, go: brake}]").diagnostics == ()
+    assert checked(tmp_path, "", ", next: [{event: any.landed, go: brake}]").diagnostics == ()
 
 
 def test_they_are_written_so_that_they_read_back_the_same(tmp_path: Path) -> None:
@@ -154,10 +149,7 @@ on:
   - {event: a.took_off, do: [{set: {both.tracker.tilt: 10 deg}}]}
   - {event: a.took_off, do: [{disable: a.processors.limit_speed}]}
 """
-    first = compiled(tmp_path, on).plan
+    first = checked(tmp_path, on).plan
     assert first is not None
-    copy = tmp_path / "resolved.yaml"
-    copy.write_text(first.resolved, encoding="utf-8")
-    second = compile_mission(copy, catalog=load_catalog())
-    assert [d.message for d in second.diagnostics] == []
-    assert without_places(second.plan) == without_places(first)
+    again = compiled(tmp_path / "resolved.yaml", first.resolved)
+    assert without_places(again) == without_places(first)

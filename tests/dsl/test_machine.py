@@ -355,7 +355,7 @@ def test_a_state_that_is_asked_for_begins_its_chain_anew() -> None:
     assert owner.ask(9.9) == "chain.b"
 
 
-def flown(*phases: PhasePlan) -> tuple[FlowMachine, list[str]]:
+def flow_machine(*phases: PhasePlan) -> tuple[FlowMachine, list[str]]:
     """The machine of a flow, and what it tells."""
     told: list[str] = []
     tell: Callable[[str], None] = told.append
@@ -378,7 +378,7 @@ def phase(name: str, *leaving: TransitionPlan) -> PhasePlan:
 
 
 def test_a_flow_goes_through_its_phases_and_may_begin_again() -> None:
-    machine, told = flown(phase("up", transition("next", "end", event="go")), phase("down"))
+    machine, told = flow_machine(phase("up", transition("next", "end", event="go")), phase("down"))
     machine.begin()
     machine.step(0.0, {"go"}, "running", 0.1)
     assert told == ["enter up", "exit: next", "enter end"]
@@ -389,7 +389,7 @@ def test_a_flow_goes_through_its_phases_and_may_begin_again() -> None:
 
 
 def test_a_flow_that_is_over_can_not_end() -> None:
-    machine, told = flown(phase("up"))
+    machine, told = flow_machine(phase("up"))
     with pytest.raises(ValueError, match="no transition `end` leaves `end`"):
         machine.end("done")
     assert not told

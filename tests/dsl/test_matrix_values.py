@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
+from toolchain import compiled
 
 from kybflow.cli.printing.mission import show_mission
 from kybflow.cli.printing.parts import show_part
 from kybflow.core.params import Field, Numbers
 from kybflow.core.units import ANGLE
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.published import Editor
 from kybflow.dsl.language.schema import Schemas
@@ -40,11 +40,8 @@ GAIN = next(f for f in load_catalog().get("trackers", "cascade").fields if f.sha
 TURN = Field("How far.", name="turn", type=Numbers("matrix", False, ANGLE, (2, 3)), key="turn")
 
 
-def compiled(place: Path, gain: str) -> Plan:
-    place.write_text(MISSION.format(gain=gain), encoding="utf-8")
-    found = compile_mission(str(place), catalog=load_catalog())
-    assert found.plan is not None, found.diagnostics
-    return found.plan
+def with_gain(place: Path, gain: str) -> Plan:
+    return compiled(place, MISSION.format(gain=gain), warns=True)
 
 
 def gain_of(plan: Plan) -> Any:
@@ -52,18 +49,15 @@ def gain_of(plan: Plan) -> Any:
 
 
 def test_rows_become_tuples_and_a_parameter_may_be_one_of_the_numbers(tmp_path: Path) -> None:
-    assert gain_of(compiled(tmp_path / "m.yaml", OWN)) == VALUE
+    assert gain_of(with_gain(tmp_path / "m.yaml", OWN)) == VALUE
 
 
 @pytest.mark.parametrize(
     "gain", [OWN, "[[4.1, 0.01, 0], [0.01, 5.3, 0], [0, 0, 7.123456789012345]]"]
 )
 def test_the_resolved_mission_reads_back_to_the_last_digit(tmp_path: Path, gain: str) -> None:
-    first = compiled(tmp_path / "m.yaml", gain)
-    again = tmp_path / "again.yaml"
-    again.write_text(first.resolved, encoding="utf-8")
-    second = compile_mission(str(again), catalog=load_catalog()).plan
-    assert second is not None
+    first = with_gain(tmp_path / "m.yaml", gain)
+    second = compiled(tmp_path / "again.yaml", first.resolved, warns=True)
     assert gain_of(second) == gain_of(first)
 
 
@@ -79,7 +73,7 @@ def test_the_resolved_mission_reads_back_to_the_last_digit(tmp_path: Path, gain:
 def test_show_says_how_stiff_it_is_and_when_margins_are_estimated(
     tmp_path: Path, gain: str, gains: str, is_estimated: bool
 ) -> None:
-    shown = show_mission(compiled(tmp_path / "m.yaml", gain), {})
+    shown = show_mission(with_gain(tmp_path / "m.yaml", gain), {})
     assert gains in shown
     assert (", estimated: the height is coupled with x and y" in shown) is is_estimated
 

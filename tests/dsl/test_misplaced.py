@@ -6,9 +6,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toolchain import result_of
 
-from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.parts.catalog import load_catalog
+from kybflow.dsl.compiler import Result
 from kybflow.world.shapes import Sphere
 
 MISSION = """\
@@ -31,15 +31,13 @@ vehicles:
 FLOW = "flows: {team: {phases: {one: {run: {a: up}, next: [{after: 9 s, go: two}]}, two: {}}}}\n"
 
 
-def compiled(folder: Path, text: str) -> Result:
-    path = folder / "m.yaml"
-    path.write_text(text, encoding="utf-8")
-    return compile_mission(path, catalog=load_catalog())
+def checked(folder: Path, text: str) -> Result:
+    return result_of(folder / "m.yaml", text)
 
 
 def found(folder: Path, text: str) -> list[tuple[str, str]]:
     """(code, message) of each error."""
-    return [(d.code, d.message) for d in compiled(folder, text).diagnostics]
+    return [(d.code, d.message) for d in checked(folder, text).diagnostics]
 
 
 def test_without_them_nothing_is_found(tmp_path: Path) -> None:
@@ -109,13 +107,13 @@ def test_a_point_that_is_null_is_unknown(tmp_path: Path) -> None:
 def test_a_solid_that_is_null_makes_room_for_another_one(tmp_path: Path) -> None:
     pole = "{box: null, sphere: {at: [2, 2, 1], radius: 10 cm}}"
     text = MISSION.replace("  points:", f"  obstacles: {{pole: {pole}}}\n  points:")
-    plan = compiled(tmp_path, text).plan
+    plan = checked(tmp_path, text).plan
     assert plan is not None
     assert plan.obstacles == {"pole": Sphere((2.0, 2.0, 1.0), 0.1)}
 
 
 def test_a_flow_begins_in_the_first_phase_that_is_there(tmp_path: Path) -> None:
-    plan = compiled(tmp_path, MISSION + FLOW.replace("{one:", "{none: null, one:")).plan
+    plan = checked(tmp_path, MISSION + FLOW.replace("{one:", "{none: null, one:")).plan
     assert plan is not None
     assert (plan.flows[0].begin, [*plan.flows[0].phases]) == ("one", ["one", "two"])
 

@@ -6,12 +6,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mutation_study import AIR, BROKEN, MISSIONS, MOVED, judged, tracebacks, with_library
+from studies.mutation_study import AIR, BROKEN, MOVED, judged, tracebacks
+from toolchain import SHIPPED, with_library
 
 
 def share_found(folder: Path, every: int) -> float:
     """The share of the mutants that are wrong and found."""
-    every_one = [one for path in MISSIONS for one in judged(path, with_library(folder), every)]
+    every_one = [one for path in SHIPPED for one in judged(path, with_library(folder), every)]
     assert {one.why for one in every_one} <= {"", BROKEN, AIR, MOVED}
     wrong = [one for one in every_one if one.why]
     return sum(one.is_found for one in wrong) / len(wrong)

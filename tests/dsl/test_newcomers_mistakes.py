@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from toolchain import result_of
 
 from kybflow.api.rehearsal.rehearse import rehearse
-from kybflow.dsl.compiler import check_mission, compile_mission
+from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.parts.catalog import load_catalog
 
@@ -259,8 +260,8 @@ def test_a_mistake_in_time_is_told_by_the_rehearsal(mistake: Mistake, tmp_path: 
     found, lines = told(mistake, tmp_path)
     assert found == []
 
-    compiled = compile_mission(tmp_path / "mission.yaml", catalog=load_catalog())
-    assert compiled.plan is not None
-    rehearsal = rehearse(compiled.plan, texts=compiled.texts)
+    result = result_of(tmp_path / "mission.yaml")
+    assert result.plan is not None
+    rehearsal = rehearse(result.plan, texts=result.texts)
     assert {d.span.line for d in rehearsal.diagnostics} == lines
     assert all(d.help and d.notes for d in rehearsal.diagnostics)

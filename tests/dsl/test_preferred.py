@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from toolchain import compiled
+
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 
@@ -39,16 +41,11 @@ EXPECTED = {
 
 def test_who_comes_first_in_which_state(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
-    path.write_text(MISSION)
-    result = compile_mission(path, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    states = result.plan.vehicles[0].states
+    plan = compiled(path, MISSION)
+    states = plan.vehicles[0].states
     own = {name: state.estimators for name, state in states.items() if not state.built_in}
     assert own == EXPECTED
-    path.write_text(result.plan.resolved)
-    again = compile_mission(path, catalog=load_catalog()).plan
-    assert again is not None
+    again = compiled(path, plan.resolved)
     assert {n: again.vehicles[0].states[n].estimators for n in EXPECTED} == EXPECTED
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toolchain import compiled, result_of
 
-from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.compiler import Result
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts.catalog import load_catalog
@@ -24,16 +25,14 @@ vehicles:
 """
 
 
-def compiled(folder: Path, text: str, *sets: str, **files: str) -> Result:
+def checked(folder: Path, text: str, *sets: str, **files: str) -> Result:
     for name, body in files.items():
         (folder / f"{name}.yaml").write_text(body)
-    path = folder / "mission.yaml"
-    path.write_text(text)
-    return compile_mission(path, catalog=load_catalog(), sets=sets)
+    return result_of(folder / "mission.yaml", text, sets=sets)
 
 
 def plan_of(folder: Path, text: str, *sets: str, **files: str) -> Plan:
-    result = compiled(folder, text, *sets, **files)
+    result = checked(folder, text, *sets, **files)
     assert [d.message for d in result.diagnostics] == []
     assert result.plan is not None
     return result.plan
@@ -69,7 +68,7 @@ def test_the_default_counts_until_a_setting_does(tmp_path: Path) -> None:
 def test_a_wrong_setting_is_shown_where_it_was_given(
     tmp_path: Path, setting: str, code: str
 ) -> None:
-    (finding,) = compiled(tmp_path, MISSION, setting).diagnostics
+    (finding,) = checked(tmp_path, MISSION, setting).diagnostics
     assert (finding.code, finding.span.file) == (code, "--set")
 
 
@@ -144,7 +143,7 @@ def test_parameters_stand_inside_of_conditions_and_expectations(tmp_path: Path) 
 
 def test_an_alias_is_a_value_in_one_place_and_an_expression_in_another(tmp_path: Path) -> None:
     text = MISSION.replace("mission: m", "mission: m\nsummary: &s a $height")
-    (finding,) = compiled(tmp_path, text + "expect: [*s]\n").diagnostics
+    (finding,) = checked(tmp_path, text + "expect: [*s]\n").diagnostics
     assert (finding.code, finding.message) == (
         "KYB210",
         "found `1 m` where a comparison such as `<` should be",
@@ -185,12 +184,9 @@ targets:
   calm: {all: {driver: {use: sim, model_error: 0 %}}}
 """
     )
-    path = tmp_path / "mission.yaml"
-    path.write_text(text)
-    result = compile_mission(path, catalog=load_catalog(), target="calm")
-    assert result.plan is not None
-    assert result.plan.vehicles[0].driver.params.model_error == 0.0
-    assert result.plan.simulated
+    plan = compiled(tmp_path / "mission.yaml", text, target="calm")
+    assert plan.vehicles[0].driver.params.model_error == 0.0
+    assert plan.simulated
 
 
 def test_within_goes_to_failed(tmp_path: Path) -> None:

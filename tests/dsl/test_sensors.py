@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hardware_catalog import HardwareCatalog
+from toolchain import compiled, result_of
 
 from kybflow.core.signals import Frame
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 
 MISSION = """\
@@ -39,10 +38,9 @@ class Bench(Sim):
     brings = ()
 
 
-def compiled(folder: Path, target: str, name: str = "sim") -> tuple[Plan | None, list[str]]:
-    path = folder / "m.yaml"
-    path.write_text(f"{MISSION}  {name}: {target}\n")
-    result = compile_mission(path, catalog=HardwareCatalog(Bench), target=name)
+def checked(folder: Path, target: str, name: str = "sim") -> tuple[Plan | None, list[str]]:
+    text = f"{MISSION}  {name}: {target}\n"
+    result = result_of(folder / "m.yaml", text, catalog=HardwareCatalog(Bench), target=name)
     return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
 
 
@@ -56,7 +54,7 @@ def sensors(plan: Plan | None) -> dict[str, list[tuple[str, tuple[str, ...], str
 
 
 def test_the_simulator_brings_a_camera_where_an_estimator_needs_one(tmp_path: Path) -> None:
-    plan, found = compiled(tmp_path, "{}")
+    plan, found = checked(tmp_path, "{}")
     assert found == []
     brought = ("simulated_camera", (), "sensors.simulated_camera")
     assert sensors(plan) == {"a": [brought], "b": []}
@@ -66,7 +64,7 @@ def test_the_simulator_brings_a_camera_where_an_estimator_needs_one(tmp_path: Pa
 
 def test_a_named_one_comes_in_place_of_it(tmp_path: Path) -> None:
     own = "{a: {sensors: {tag_camera: {use: simulated_camera, latency: 0.1 s}}}}"
-    plan, found = compiled(tmp_path, own)
+    plan, found = checked(tmp_path, own)
     assert found == []
     assert sensors(plan)["a"] == [("simulated_camera", ("tag_camera",), "sensors.tag_camera")]
     assert plan is not None
@@ -75,7 +73,7 @@ def test_a_named_one_comes_in_place_of_it(tmp_path: Path) -> None:
 
 def test_all_holds_for_those_who_have_the_estimator(tmp_path: Path) -> None:
     both = f"{{all: {{sensors: {{tag_camera: {SIMULATED}, mocap: {{use: vrpn, host: mocap}}}}}}}}"
-    plan, _ = compiled(tmp_path, both)
+    plan, _ = checked(tmp_path, both)
     names = {vehicle: [use[0] for use in of] for vehicle, of in sensors(plan).items()}
     assert names == {"a": ["simulated_camera", "vrpn"], "b": ["vrpn"]}
 
@@ -83,7 +81,7 @@ def test_all_holds_for_those_who_have_the_estimator(tmp_path: Path) -> None:
 def test_the_vehicles_own_entry_comes_before_that_of_all(tmp_path: Path) -> None:
     late = "{use: simulated_camera, latency: 0.2 s}"
     both = f"{{all: {{sensors: {{spare: {SIMULATED}}}}}, a: {{sensors: {{spare: {late}}}}}}}"
-    plan, found = compiled(tmp_path, both)
+    plan, found = checked(tmp_path, both)
     assert found == []
     assert plan is not None
     (sensor,) = plan.vehicles[0].sensors
@@ -92,7 +90,7 @@ def test_the_vehicles_own_entry_comes_before_that_of_all(tmp_path: Path) -> None
 
 def test_one_that_two_estimators_share_is_opened_once(tmp_path: Path) -> None:
     both = f"{{a: {{sensors: {{tag_camera: {SIMULATED}, spare: {SIMULATED}}}}}}}"
-    plan, found = compiled(tmp_path, both)
+    plan, found = checked(tmp_path, both)
     assert found == []
     shared = ("simulated_camera", ("tag_camera", "spare"), "sensors.tag_camera")
     assert sensors(plan)["a"] == [shared]
@@ -107,9 +105,8 @@ def two_videos(folder: Path, target: str) -> tuple[Plan | None, list[str]]:
         (folder / name).write_text("frames")
     like = "    like: std.courier_quad\n"
     carried = f"    airframe: {{like: std.courier_quad, cameras: {FRONT}}}\n"
-    path = folder / "m.yaml"
-    path.write_text(MISSION.replace(like, like + carried, 1) + f"  sim: {target}\n")
-    result = compile_mission(path, catalog=HardwareCatalog(Bench))
+    text = MISSION.replace(like, like + carried, 1) + f"  sim: {target}\n"
+    result = result_of(folder / "m.yaml", text, catalog=HardwareCatalog(Bench))
     return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
 
 
@@ -145,9 +142,7 @@ def test_the_resolved_mission_finds_its_videos_from_anywhere(tmp_path: Path) -> 
     assert first is not None
     copy = tmp_path / "run" / "resolved.yaml"
     copy.parent.mkdir()
-    copy.write_text(first.resolved)
-    second = compile_mission(copy, catalog=HardwareCatalog(Bench)).plan
-    assert second is not None
+    second = compiled(copy, first.resolved, catalog=HardwareCatalog(Bench))
     assert [s.part.params for s in second.vehicles[0].sensors] == [
         s.part.params for s in first.vehicles[0].sensors
     ]
@@ -155,28 +150,26 @@ def test_the_resolved_mission_finds_its_videos_from_anywhere(tmp_path: Path) -> 
 
 
 def test_a_video_of_another_target_may_be_missing(tmp_path: Path) -> None:
-    path = tmp_path / "m.yaml"
     lab = "{a: {driver: sim, sensors: {tag_camera: {use: camera, video: none.avi}}}}"
-    path.write_text(f"{MISSION}  lab: {lab}\n")
-    result = compile_mission(path, catalog=HardwareCatalog(Bench))
+    text = f"{MISSION}  lab: {lab}\n"
+    result = result_of(tmp_path / "m.yaml", text, catalog=HardwareCatalog(Bench))
     assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB370", "warning")]
     assert result.plan is not None
 
 
 def test_hardware_brings_nothing_and_takes_no_simulated_sensor(tmp_path: Path) -> None:
-    plan, found = compiled(tmp_path, "{all: {driver: bench}}", "lab")
+    plan, found = checked(tmp_path, "{all: {driver: bench}}", "lab")
     assert plan is None
     assert found == ["KYB302 `tag_camera` needs frame measurements"] * 2
     given = f"{{all: {{driver: bench}}, a: {{sensors: {{tag_camera: {SIMULATED}}}}}}}"
-    plan, found = compiled(tmp_path, given, "lab")
+    plan, found = checked(tmp_path, given, "lab")
     assert plan is None
     assert found == ["KYB392 `simulated_camera` observes only simulated vehicles"]
 
 
 def test_a_sensor_of_another_target_that_is_not_installed_is_a_warning(tmp_path: Path) -> None:
-    path = tmp_path / "m.yaml"
-    path.write_text(f"{MISSION}  lab: {{all: {{driver: sim, sensors: {{mocap: lidar}}}}}}\n")
-    result = compile_mission(path, catalog=HardwareCatalog(Bench))
+    text = f"{MISSION}  lab: {{all: {{driver: sim, sensors: {{mocap: lidar}}}}}}\n"
+    result = result_of(tmp_path / "m.yaml", text, catalog=HardwareCatalog(Bench))
     assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB140", "warning")]
     assert result.plan is not None
 
@@ -188,7 +181,7 @@ def test_a_sensor_that_knows_its_own_lens_changes_that_of_the_vehicle(tmp_path: 
         "distortion_coefficients: {data: [0.1, 0, 0, 0]}\n"
     )
     own = "{a: {sensors: {tag_camera: {use: camera, calibration: cam.yaml}}}}"
-    plan, found = compiled(tmp_path, own)
+    plan, found = checked(tmp_path, own)
     assert found == []
     assert plan is not None
     camera = plan.vehicles[0].cameras["down"]
@@ -198,11 +191,9 @@ def test_a_sensor_that_knows_its_own_lens_changes_that_of_the_vehicle(tmp_path: 
 
 @pytest.mark.parametrize("target", ["{}", f"{{a: {{sensors: {{spare: {SIMULATED}}}}}}}"])
 def test_the_resolved_mission_has_the_same_sensors(tmp_path: Path, target: str) -> None:
-    first, _ = compiled(tmp_path, target)
+    first, _ = checked(tmp_path, target)
     assert first is not None
-    copy = tmp_path / "resolved.yaml"
-    copy.write_text(first.resolved)
-    second: Any = compile_mission(copy, catalog=HardwareCatalog(Bench)).plan
+    second = compiled(tmp_path / "resolved.yaml", first.resolved, catalog=HardwareCatalog(Bench))
     assert sensors(second) == sensors(first)
     assert second.tags == first.tags
     assert [v.cameras for v in second.vehicles] == [v.cameras for v in first.vehicles]

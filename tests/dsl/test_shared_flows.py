@@ -7,10 +7,9 @@ import re
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import compiled, invoke
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import FlowPlan, Plan, Request
 from kybflow.dsl.resolving.resolve import MAX_AFTER_LIKE
@@ -56,12 +55,7 @@ flows:
 def plan_of(folder: Path, flows: str, lab: str = "lab.yaml") -> Plan:
     (folder / "lab.yaml").write_text(LAB)
     (folder / "basis.yaml").write_text(BASIS)
-    path = folder / "mission.yaml"
-    path.write_text(MISSION.replace("LAB", lab) + flows)
-    result = compile_mission(path, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    return result.plan
+    return compiled(folder / "mission.yaml", MISSION.replace("LAB", lab) + flows)
 
 
 def arrows(flow: FlowPlan, phase: str) -> list[tuple[str, str, float | None]]:
@@ -138,7 +132,7 @@ def test_too_much_through_like_is_refused(tmp_path: Path) -> None:
 
 
 def test_show_resolved_says_where_each_phase_came_from() -> None:
-    result = CliRunner().invoke(app, ["show", str(SHARED), "--resolved"])
+    result = invoke("show", SHARED, "--resolved")
     line = r"^ +(\w+): \{(?:run|give|set|next).*# .*?(\w+\.yaml):\d+(, within from \S+)?$"
     found = re.findall(line, result.output, re.M)
     lines = {phase: file for phase, file, _ in found}
@@ -148,12 +142,8 @@ def test_show_resolved_says_where_each_phase_came_from() -> None:
 
 
 def test_what_is_shown_reads_back_as_the_same_flows(tmp_path: Path) -> None:
-    plan = compile_mission(SHARED, catalog=load_catalog()).plan
-    assert plan is not None
-    path = tmp_path / "mission.yaml"
-    path.write_text(plan.resolved)
-    again = compile_mission(path, catalog=load_catalog()).plan
-    assert again is not None
+    plan = compiled(SHARED)
+    again = compiled(tmp_path / "mission.yaml", plan.resolved)
     assert [summary(f) for f in again.flows] == [summary(f) for f in plan.flows]
 
 
@@ -163,20 +153,16 @@ def summary(flow: FlowPlan) -> object:
 
 
 def test_kybflow_library_lists_and_shows_flows() -> None:
-    runner = CliRunner()
-    assert re.search(r"^  flows +hold_formation$", runner.invoke(app, ["library"]).output, re.M)
-    text = runner.invoke(app, ["library", "hold_formation"]).output
+    assert re.search(r"^  flows +hold_formation$", invoke("library").output, re.M)
+    text = invoke("library", "hold_formation").output
     assert text.startswith("# flow of kybflow/flows\nhold_formation:")
     assert text.rstrip().endswith("land:   {run: {swarm: down}}")
 
 
 def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:
     (text,) = (t for t in re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.S | re.M) if "shared." in t)
-    path = tmp_path / "mission.yaml"
     room = "world: {fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}}\n"
-    path.write_text(f"kybflow: 1\nmission: example\n{room}{text}")
-    result = compile_mission(path, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
+    compiled(tmp_path / "mission.yaml", f"kybflow: 1\nmission: example\n{room}{text}")
 
 
 @pytest.mark.parametrize(
@@ -184,9 +170,8 @@ def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:
     [("12 s", ["launch", "gather", "hold", "land"]), ("1 s", ["launch", "gather", "land"])],
 )
 def test_the_flow_of_the_library_flies(late: str, phases: list[str], tmp_path: Path) -> None:
-    result = compile_mission(SHARED, catalog=load_catalog(), sets=[f"meet={late}"])
-    assert result.plan is not None
-    summary = fly(result.plan, RunRequest(out=tmp_path / "run")).summary
+    plan = compiled(SHARED, sets=[f"meet={late}"])
+    summary = fly(plan, RunRequest(out=tmp_path / "run")).summary
     assert summary["outcome"] == "succeeded"
     assert [visit["name"] for visit in summary["flows"]["team"]["phases"]] == phases
 

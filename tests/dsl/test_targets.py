@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from toolchain import compiled, result_of
 
 from kybflow.core.errors import PartError
 from kybflow.core.signals import CommandKind
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.compiler import Result, compile_mission
+from kybflow.dsl.compiler import Result
 from kybflow.dsl.expanding.targets import implied_targets
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
@@ -67,14 +68,13 @@ def tuple_of(spec: PartSpec) -> tuple[Any, ...]:
     return (spec.params, spec.fields, spec.doc)
 
 
-def compiled(folder: Path, target: str | None, targets: str = "") -> Result:
-    path = folder / "m.yaml"
-    path.write_text(MISSION + (f"targets: {targets}\n" if targets else ""))
-    return compile_mission(path, catalog=Yards(), target=target)
+def checked(folder: Path, target: str | None, targets: str = "") -> Result:
+    text = MISSION + (f"targets: {targets}\n" if targets else "")
+    return result_of(folder / "m.yaml", text, catalog=Yards(), target=target)
 
 
-def flown(folder: Path, target: str | None, targets: str = "") -> dict[str, VehiclePlan]:
-    result = compiled(folder, target, targets)
+def vehicles_of(folder: Path, target: str | None, targets: str = "") -> dict[str, VehiclePlan]:
+    result = checked(folder, target, targets)
     assert result.diagnostics == ()
     assert result.plan is not None
     return {vehicle.name: vehicle for vehicle in result.plan.vehicles}
@@ -88,7 +88,7 @@ def test_drivers_declare_targets_and_one_that_cannot_be_loaded_none() -> None:
 
 
 def test_every_mission_has_them(tmp_path: Path) -> None:
-    vehicles = flown(tmp_path, "yard")
+    vehicles = vehicles_of(tmp_path, "yard")
     assert [v.driver.name for v in vehicles.values()] == ["yard", "yard"]
     assert not vehicles["a"].driver.params.watchdog
 
@@ -97,7 +97,7 @@ def test_every_mission_has_them(tmp_path: Path) -> None:
 def test_a_firmwares_simulator_is_watched_by_what_the_driver_brings(
     tmp_path: Path, target: str
 ) -> None:
-    vehicles = flown(tmp_path, target)
+    vehicles = vehicles_of(tmp_path, target)
     for vehicle in vehicles.values():
         assert vehicle.driver.params.autopilot == target
         assert [s.part.name for s in vehicle.sensors] == ["simulated_motion_capture"]
@@ -105,32 +105,32 @@ def test_a_firmwares_simulator_is_watched_by_what_the_driver_brings(
 
 
 def test_hardware_is_brought_nothing_that_is_simulated(tmp_path: Path) -> None:
-    result = compiled(tmp_path, "lab", "{lab: {all: {driver: {use: mavlink, autopilot: px4}}}}")
+    result = checked(tmp_path, "lab", "{lab: {all: {driver: {use: mavlink, autopilot: px4}}}}")
     assert {d.code for d in result.diagnostics} == {"KYB302"}
 
 
 def test_one_that_the_mission_writes_wins(tmp_path: Path) -> None:
-    vehicles = flown(tmp_path, "yard", "{yard: {all: {driver: sim}}}")
+    vehicles = vehicles_of(tmp_path, "yard", "{yard: {all: {driver: sim}}}")
     assert [v.driver.name for v in vehicles.values()] == ["sim", "sim"]
 
 
 def test_a_vehicle_without_a_driver_there_has_the_implied_one(tmp_path: Path) -> None:
-    vehicles = flown(tmp_path, "yard", "{yard: {a: {driver: sim}}}")
+    vehicles = vehicles_of(tmp_path, "yard", "{yard: {a: {driver: sim}}}")
     assert [v.driver.name for v in vehicles.values()] == ["sim", "yard"]
 
 
 def test_the_trackers_of_a_target(tmp_path: Path) -> None:
     """Its own entry, else that of `all`, else the driver's, else the mission's."""
     trackers = "{a: {tracker: {use: on_board, by: velocity}}, all: {tracker: cascade}}"
-    vehicles = flown(tmp_path, "yard", f"{{yard: {trackers}}}")
+    vehicles = vehicles_of(tmp_path, "yard", f"{{yard: {trackers}}}")
     assert vehicles["a"].tracker.params.by == "velocity"
     assert vehicles["b"].tracker.name == "cascade"
-    asked = flown(tmp_path, "yard")
+    asked = vehicles_of(tmp_path, "yard")
     assert [v.tracker.name for v in asked.values()] == ["on_board", "on_board"]
     assert asked["a"].tracker.params.by == "velocity"
-    own = flown(tmp_path, "yard", "{yard: {all: {driver: {use: yard, live: true}}}}")
+    own = vehicles_of(tmp_path, "yard", "{yard: {all: {driver: {use: yard, live: true}}}}")
     assert own["a"].tracker.params.proportional == 12
-    assert own["b"].tracker.name == flown(tmp_path, "sim")["b"].tracker.name
+    assert own["b"].tracker.name == vehicles_of(tmp_path, "sim")["b"].tracker.name
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_the_trackers_of_a_target(tmp_path: Path) -> None:
 def test_the_control_rate_that_nobody_wrote_falls_on_the_steps_of_every_vehicle(
     tmp_path: Path, driver: str, rate: int
 ) -> None:
-    result = compiled(tmp_path, "dry_run", f"{{dry_run: {{all: {{driver: {driver}}}}}}}")
+    result = checked(tmp_path, "dry_run", f"{{dry_run: {{all: {{driver: {driver}}}}}}}")
     assert result.diagnostics == ()
     assert result.plan is not None
     assert result.plan.control_rate == rate
@@ -153,7 +153,7 @@ def test_the_control_rate_that_nobody_wrote_falls_on_the_steps_of_every_vehicle(
 
 def test_steps_on_which_no_usual_control_rate_falls_are_an_error(tmp_path: Path) -> None:
     driver = "{use: emulated_autopilot, physics: 330 Hz}"
-    result = compiled(tmp_path, "dry_run", f"{{dry_run: {{all: {{driver: {driver}}}}}}}")
+    result = checked(tmp_path, "dry_run", f"{{dry_run: {{all: {{driver: {driver}}}}}}}")
     assert [(d.code, d.message) for d in result.diagnostics][:1] == [
         ("KYB303", "control at 100 Hz does not divide `emulated_autopilot` at 330 Hz")
     ]
@@ -169,13 +169,10 @@ def test_steps_on_which_no_usual_control_rate_falls_are_an_error(tmp_path: Path)
     ],
 )
 def test_the_resolved_mission_is_the_same(tmp_path: Path, targets: str) -> None:
-    first = compiled(tmp_path, "yard", targets).plan
+    first = checked(tmp_path, "yard", targets).plan
     assert first is not None
-    copy = tmp_path / "resolved.yaml"
-    copy.write_text(first.resolved)
-    again = compile_mission(copy, catalog=Yards(), target="yard")
-    assert again.plan is not None
-    for one, other in zip(first.vehicles, again.plan.vehicles, strict=True):
+    again = compiled(tmp_path / "resolved.yaml", first.resolved, catalog=Yards(), target="yard")
+    for one, other in zip(first.vehicles, again.vehicles, strict=True):
         assert (one.driver.name, one.driver.params) == (other.driver.name, other.driver.params)
         assert (one.tracker.name, one.tracker.params) == (other.tracker.name, other.tracker.params)
         assert [s.part.params for s in one.sensors] == [s.part.params for s in other.sensors]
@@ -183,9 +180,9 @@ def test_the_resolved_mission_is_the_same(tmp_path: Path, targets: str) -> None:
 
 
 def test_what_is_wrong_with_the_tracker_of_another_target_is_told(tmp_path: Path) -> None:
-    result = compiled(tmp_path, None, "{lab: {all: {driver: sim, tracker: {use: cascade, x: 1}}}}")
+    result = checked(tmp_path, None, "{lab: {all: {driver: sim, tracker: {use: cascade, x: 1}}}}")
     assert [d.code for d in result.diagnostics] == ["KYB107"]
-    result = compiled(tmp_path, None, "{lab: {all: {driver: sim, tracker: none_such}}}")
+    result = checked(tmp_path, None, "{lab: {all: {driver: sim, tracker: none_such}}}")
     assert [(d.code, d.severity.value) for d in result.diagnostics] == [("KYB140", "warning")]
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 
-from kybflow.dsl.compiler import check_mission, compile_mission
+from kybflow.dsl.compiler import check_mission
 from kybflow.parts.catalog import load_catalog
 
 MISSION = """kybflow: 1
@@ -73,10 +74,9 @@ def test_what_a_library_names_of_the_mission_is_used(tmp_path: Path) -> None:
 
 def test_the_resolved_mission_has_no_more_of_them(tmp_path: Path) -> None:
     unused(tmp_path, MISSION)
-    path = tmp_path / "mission.yaml"
     sets = ("goal=world.points.pad",)
-    plan = compile_mission(path, catalog=load_catalog(), sets=sets).plan
-    assert plan is not None
+    path = tmp_path / "mission.yaml"
+    plan = compiled(path, sets=sets, warns=True)
     path.write_text(plan.resolved)
     assert [d.message for d in check_mission(path, catalog=load_catalog()).diagnostics] == [
         "nothing uses the group `pair`"

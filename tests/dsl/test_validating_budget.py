@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import gc
 from collections import Counter
-from pathlib import Path
 
 import pytest
 from bytecodes import Bytecodes, needs_repeatable_counts, off_budget
+from toolchain import MISSIONS
 
 from kybflow.api.validation import validate_paths
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 PASSES = (
     ("dsl/reading/composer", "read"),
     ("dsl/language/judge", "judge"),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from toolchain import SHIPPED, compiled
 
 from kybflow.core.units import (
     ANGLE,
@@ -19,15 +20,10 @@ from kybflow.core.units import (
     Dimension,
     parse_quantity,
 )
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.text import quantity
 from kybflow.dsl.plan import ExpectationPlan, Place, Plan
 from kybflow.dsl.reading.nodes import Mapping, Scalar, Sequence, to_json
-from kybflow.parts.catalog import load_catalog
-
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
-
 
 AS_WRITTEN = {
     Plan: {"sources", "resolved", "control", "target_text", "values"},
@@ -59,10 +55,9 @@ def without_places(value: object) -> object:
     return [without_places(v) for v in value] if isinstance(value, list | tuple) else value
 
 
-@pytest.mark.parametrize("path", MISSIONS, ids=[p.stem for p in MISSIONS])
+@pytest.mark.parametrize("path", SHIPPED, ids=[p.stem for p in SHIPPED])
 def test_it_reads_back_as_the_same_plan(path: Path, tmp_path: Path) -> None:
-    first = compile_mission(path, catalog=load_catalog()).plan
-    assert isinstance(first, Plan)
+    first = compiled(path)
     copy = tmp_path / "resolved.yaml"
     copy.write_text(first.resolved)
     shutil.copytree(path.parent / "trajectories", tmp_path / "trajectories")
@@ -70,14 +65,12 @@ def test_it_reads_back_as_the_same_plan(path: Path, tmp_path: Path) -> None:
         beside = tmp_path / source.relative_to(path.parent)
         beside.parent.mkdir(exist_ok=True)
         beside.write_bytes(source.read_bytes())
-    result = compile_mission(copy, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
-    assert without_places(result.plan) == without_places(first)
+    plan = compiled(copy)
+    assert without_places(plan) == without_places(first)
 
 
 def test_each_line_says_where_it_came_from() -> None:
-    plan = compile_mission(MISSIONS[0], catalog=load_catalog()).plan
-    assert plan is not None
+    plan = compiled(SHIPPED[0])
     for line in filter(None, plan.resolved.splitlines()):
         origin = line.rsplit("  # ", 1)[1]
         assert origin == "default" or ".yaml:" in origin
@@ -112,8 +105,7 @@ def lines_of(place: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[st
     (place / "lab.yaml").write_text(LAB)
     (place / "bee.yaml").write_text(BEE)
     monkeypatch.chdir(place)
-    plan = compile_mission("bee.yaml", catalog=load_catalog(), sets=["wait=9s"]).plan
-    assert plan is not None
+    plan = compiled("bee.yaml", sets=["wait=9s"])
     pairs = [line.rsplit("  # ", 1) for line in plan.resolved.splitlines() if line]
     return {text.strip().partition(",")[0]: (text.strip(), origin) for text, origin in pairs}
 

@@ -7,26 +7,23 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
+from toolchain import compiled, flight_of
 from witness import Watched, Witness
 
-from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.api.flight import Flown
 from kybflow.core.geometry import Vec3, add
 from kybflow.core.signals import Event, Measurement, Time, Truth
 from kybflow.drivers.mavlink import session
 from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.wire import Wire
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Link, Stream
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 from kybflow.sensors.simulated_motion_capture import SimulatedMotionCapture
 from kybflow.world.vehicle_context import VehicleContext
 
 HERE = Path(__file__).parent
-MISSIONS = HERE.parent.parent / "missions"
 ASIDE = (1.0, 0.0, 0.0)
 ASKED = tuple(
     name for name in os.environ.get("KYBFLOW_FIRMWARE", "").replace(" ", "").split(",") if name
@@ -39,30 +36,17 @@ def shown(*words: object) -> None:
 
 
 def plan_of(path: Path, target: str) -> Plan:
-    result = compile_mission(path, catalog=load_catalog(), target=target, sets=())
-    assert result.plan is not None, result.diagnostics
-    return result.plan
+    return compiled(path, target=target, warns=True)
 
 
-def flown(
+def full_flight(
     plan: Plan, out: Path, *looks: Callable[[Engine], None]
 ) -> tuple[Flown, list[Event], Engine]:
     """Fly a plan to its end. Who looks on must not raise."""
-    told: list[Event] = []
     engines: list[Engine] = []
-    flight = fly(plan, RunRequest(out=out), (told.append,), (engines.append, *looks))
+    flight, told = flight_of(plan, out, engines.append, *looks)
     assert [e.fields for e in told if e.name == "observer_failed"] == []
     return flight, told, engines[-1]
-
-
-def way(told: Sequence[Event], vehicle: str) -> list[Any]:
-    """The behaviors that it began."""
-    began = (e for e in told if e.name == "behavior_started" and e.vehicle == vehicle)
-    return [event.fields["behavior"] for event in began]
-
-
-def named(told: Sequence[Event], *names: str) -> list[Event]:
-    return [event for event in told if event.name in names]
 
 
 def first(told: Sequence[Event], name: str, vehicle: str) -> Event | None:

@@ -11,18 +11,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from real_flights import (
-    MISSIONS,
-    Room,
-    Wires,
-    first,
-    flown,
-    level_drift,
-    named,
-    plan_of,
-    shown,
-    way,
-)
+from real_flights import Room, Wires, first, full_flight, level_drift, plan_of, shown
+from short_flights import named, path
+from toolchain import MISSIONS
 from witness import Witness
 
 from kybflow.core.geometry import Vec3, norm
@@ -67,7 +58,7 @@ def test_motion_capture_lost_for_good(two: str, tmp_path: Path):
                 down[v.name] = (v.now, v.truth.position, v.truth.velocity)
 
     plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
-    _, told, engine = flown(plan, tmp_path, look)
+    _, told, engine = full_flight(plan, tmp_path, look)
     for v in engine.vehicles:
         began, last = first(told, "failsafe_started", v.name), room.last[v.name]
         assert began is not None
@@ -93,7 +84,7 @@ def test_an_estimate_that_jumps_by_a_metre(two: str, tmp_path: Path):
                 down[v.name] = level_drift(v.truth.position, at[v.name])
 
     plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
-    _, told, engine = flown(plan, tmp_path, look)
+    _, told, engine = full_flight(plan, tmp_path, look)
     for v in engine.vehicles:
         began = first(told, "failsafe_started", v.name)
         assert began is not None
@@ -112,7 +103,7 @@ def test_set_points_that_stall(two: str, tmp_path: Path, beside: Beside):
             witness.wait(lambda: False, 2.0)
 
     plan = plan_of(MISSIONS / "figure_eight.yaml", two)
-    flight, told, engine = flown(plan, tmp_path, look)
+    flight, told, engine = full_flight(plan, tmp_path, look)
     for event in told:
         if hung and event.time >= hung[0] * NS:
             shown(f"{event.time / NS - hung[0]:.2f} {event.vehicle} {event.name} {event.fields}")
@@ -134,7 +125,7 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
         wires.cut(bool(cut) and engine.clock.now - cut[0] < seconds * NS)
 
     plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
-    flight, told, engine = flown(plan, tmp_path, look)
+    flight, told, engine = full_flight(plan, tmp_path, look)
     for event in told:
         if cut and event.time >= cut[0]:
             shown(f"{(event.time - cut[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
@@ -144,7 +135,7 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
     for v in engine.vehicles:
         assert v.link_out.armed is False
         if seconds < 1.0:
-            assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
+            assert path(told, v.name) == ["up", "steady", "eight", "down", "landed"]
 
 
 def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: Beside):
@@ -162,7 +153,7 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
             engine.vehicles[0].requests.resume("operator")
 
     plan = plan_of(MISSIONS / "figure_eight.yaml", two)
-    flight, told, engine = flown(plan, tmp_path, look)
+    flight, told, engine = full_flight(plan, tmp_path, look)
     for event in told:
         if taken and event.time >= taken[0]:
             shown(f"{(event.time - taken[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
@@ -172,7 +163,7 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
     assert returned is not None
     assert not named(told, "failsafe_started")
     for v in engine.vehicles:
-        assert way(told, v.name) == ["up", "steady", "eight", "down", "landed"]
+        assert path(told, v.name) == ["up", "steady", "eight", "down", "landed"]
         assert v.link_out.armed is False
 
 

@@ -8,7 +8,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
-from real_flights import MISSIONS, Room, flown, named, plan_of, shown
+from real_flights import Room, full_flight, plan_of, shown
+from short_flights import named
+from toolchain import MISSIONS
 
 from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.drivers.mavlink.discovery import Discovery
@@ -68,7 +70,7 @@ def failures(told) -> dict[tuple[str, str], str]:
 
 def test_without_a_position_it_does_not_fly_and_says_why(two: str, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(AutopilotLink, "tell_position", lambda link, estimate, now: None)
-    flight, told, _ = flown(plan_of(SIDESTEP, two), tmp_path)
+    flight, told, _ = full_flight(plan_of(SIDESTEP, two), tmp_path)
     found = failures(told)
     assert flight.summary["outcome"] == "failed"
     for vehicle in ("mk", "nano"):
@@ -79,7 +81,7 @@ def test_without_a_position_it_does_not_fly_and_says_why(two: str, tmp_path: Pat
 def test_without_motion_capture_it_does_not_fly(two: str, tmp_path: Path):
     room = Room()
     room.silent.update(("mk", "nano"))
-    flight, told, _ = flown(room.into(plan_of(SIDESTEP, two)), tmp_path)
+    flight, told, _ = full_flight(room.into(plan_of(SIDESTEP, two)), tmp_path)
     found = failures(told)
     assert flight.summary["outcome"] == "failed"
     assert {("mk", "estimate"), ("nano", "estimate"), ("mk", "position")} <= set(found)
@@ -89,7 +91,7 @@ def test_parameters_that_are_not_prepared_are_named_with_what_mends_them(two: st
     values = UNPREPARED[two]
     (harmless, dangerous) = values
     with parameters_of(two, 2, values):
-        flight, told, _ = flown(plan_of(SIDESTEP, two), tmp_path)
+        flight, told, _ = full_flight(plan_of(SIDESTEP, two), tmp_path)
     found = failures(told)
     assert flight.summary["outcome"] == "failed"
     assert f"{harmless} is {values[harmless]:g}" in found["nano", "parameters"]
@@ -104,7 +106,7 @@ def test_what_it_says_to_arming_is_what_the_run_says(two: str, tmp_path: Path, m
     the position. (By acceleration PX4 needs none, and flies the whole mission.)"""
     monkeypatch.setattr(AutopilotLink, "tell_position", lambda link, estimate, now: None)
     monkeypatch.setattr(AutopilotLink, "checks", lambda link, now: ())
-    flight, told, engine = flown(by_position(plan_of(SIDESTEP, two)), tmp_path)
+    flight, told, engine = full_flight(by_position(plan_of(SIDESTEP, two)), tmp_path)
     refused = named(told, "arming_refused")
     for event in refused:
         shown(event.vehicle, event.at, event.fields)

@@ -43,7 +43,7 @@ FELT: tuple[tuple[Vec3, Vec3], ...] = tuple(
 )
 
 
-def flown(state: Nominal) -> Nominal:
+def after_manoeuvre(state: Nominal) -> Nominal:
     """After 20 ms of a manoeuvre."""
     for i, (force, turn) in enumerate(FELT, 1):
         state = state.moved(force, turn, START.time + i * 4_000_000)
@@ -70,17 +70,22 @@ def unit(i: int, size: float) -> Matrix:
 @pytest.mark.parametrize("i", range(SIZE))
 def test_an_error_grows_as_the_covariance_says(i: int) -> None:
     size = 1e-5
-    grown = numpy.array(between(flown(START), flown(START.corrected(unit(i, size))))) / size
+    grown = (
+        numpy.array(
+            between(after_manoeuvre(START), after_manoeuvre(START.corrected(unit(i, size))))
+        )
+        / size
+    )
 
     error = unit(i, 1.0)
-    after = predicted(numpy.outer(error, error), START, flown(START), SILENCE)
+    after = predicted(numpy.outer(error, error), START, after_manoeuvre(START), SILENCE)
 
     assert after == pytest.approx(numpy.outer(grown, grown), abs=5e-5)
 
 
 def test_noise_grows_with_the_square_root_of_time() -> None:
     noise = ImuNoise(0.02, 0.03, 0.004, 0.005)
-    after = predicted(numpy.zeros((SIZE, SIZE)), START, flown(START), noise.variances())
+    after = predicted(numpy.zeros((SIZE, SIZE)), START, after_manoeuvre(START), noise.variances())
 
     deviations = numpy.sqrt(after.diagonal() / 0.02)
 

@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("cv2")
 
+from toolchain import compiled
+
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -43,11 +43,8 @@ REFUSED = {"position_refused", "estimator_lost", "estimate_lost", "camera_jumped
 def test_it_brings_its_parcel_and_comes_back_and_refuses_no_frame(
     seed: int, tmp_path: Path
 ) -> None:
-    mission = tmp_path / "courier.yaml"
-    mission.write_text(MISSION, encoding="utf-8")
-    compiled = compile_mission(mission, catalog=load_catalog())
-    assert compiled.plan is not None, compiled.diagnostics
-    flown = fly(compiled.plan, RunRequest(seed=seed, out=tmp_path / "run"))
+    plan = compiled(tmp_path / "courier.yaml", MISSION)
+    flown = fly(plan, RunRequest(seed=seed, out=tmp_path / "run"))
     assert flown.summary["outcome"] == "succeeded", flown.summary["expectations"]
     lines = (tmp_path / "run" / "events.jsonl").read_text(encoding="utf-8").splitlines()
     assert not REFUSED & {json.loads(line)["event"] for line in lines}

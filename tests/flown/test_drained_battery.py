@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -37,10 +36,7 @@ expect:
     ],
 )
 def test_it_keeps_its_height_at_half_of_its_battery(target: str, tmp_path: Path):
-    mission = tmp_path / "drained.yaml"
-    mission.write_text(MISSION, encoding="utf-8")
-    compiled = compile_mission(mission, catalog=load_catalog(), target=target, sets=())
-    assert compiled.plan is not None, compiled.diagnostics
-    flown = fly(compiled.plan, RunRequest(out=tmp_path / "run"))
+    plan = compiled(tmp_path / "drained.yaml", MISSION, target=target, warns=True)
+    flown = fly(plan, RunRequest(out=tmp_path / "run"))
     assert [e for e in flown.summary["expectations"] if not e["held"]] == []
     assert flown.summary["outcome"] == "succeeded"

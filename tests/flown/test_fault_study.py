@@ -9,7 +9,17 @@ from __future__ import annotations
 import functools
 
 import pytest
-from fault_study import BLINDING, COURIERS, STUDIED, Case, Seen, cases, flown, plan_of, study
+from fault_study import (
+    BLINDING,
+    COURIERS,
+    STUDIED,
+    Case,
+    Seen,
+    cases,
+    faulty_flight,
+    plan_of,
+    study,
+)
 
 from kybflow.parts.catalog import load_catalog
 
@@ -21,7 +31,7 @@ TOUCHES_BOTH = frozenset({"mocap_swap", "camera_swapped"})
 
 @functools.cache
 def undisturbed(mission: str, vehicle: str) -> Seen:
-    return flown(plan_of(mission), vehicle, 0)[0]
+    return faulty_flight(plan_of(mission), vehicle, 0)[0]
 
 
 def held(case: Case, seen: Seen) -> list[str]:

@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -49,9 +48,6 @@ expect:
     "seed", [0, *(pytest.param(s, marks=pytest.mark.thorough) for s in (1, 2, 3))]
 )
 def test_they_take_off_hold_their_places_and_land(seed: int, tmp_path: Path) -> None:
-    mission = tmp_path / "below.yaml"
-    mission.write_text(MISSION, encoding="utf-8")
-    compiled = compile_mission(mission, catalog=load_catalog(), target="lab", sets=())
-    assert compiled.plan is not None, compiled.diagnostics
-    flown = fly(compiled.plan, RunRequest(seed=seed, out=tmp_path / "run"))
+    plan = compiled(tmp_path / "below.yaml", MISSION, target="lab", warns=True)
+    flown = fly(plan, RunRequest(seed=seed, out=tmp_path / "run"))
     assert flown.summary["outcome"] == "succeeded", flown.summary["expectations"]

@@ -9,14 +9,9 @@ from pathlib import Path
 import pytest
 from plans import part, vehicle
 from short_flights import down, hold, named, path, up
+from toolchain import ROOT, compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
-from kybflow.core.signals import Event
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import EstimatorPlan
-from kybflow.parts.catalog import load_catalog
-
-REPO = Path(__file__).parents[2]
 
 
 def test_it_hovers_within_what_the_positions_are_good_for(run):
@@ -50,16 +45,11 @@ def test_it_hovers_within_what_the_positions_are_good_for(run):
 )
 def test_the_mission_of_the_page_flies_as_well_as_it_says(seed: int, tmp_path: Path) -> None:
     """docs/estimators.md, with the simulator's own noise: 30 cm, 50 cm in height."""
-    page = (REPO / "docs" / "estimators.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "estimators.md").read_text(encoding="utf-8")
     [text] = [t for t in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "mission:" in t]
-    shutil.copytree(REPO / "missions" / "library", tmp_path / "library")
-    mission = tmp_path / "outdoors.yaml"
-    mission.write_text(text, encoding="utf-8")
-    compiled = compile_mission(mission, catalog=load_catalog())
-    assert not compiled.diagnostics
-    assert compiled.plan is not None
-    told: list[Event] = []
-    flown = fly(compiled.plan, RunRequest(seed=seed, out=tmp_path / "run"), (told.append,))
+    shutil.copytree(ROOT / "missions" / "library", tmp_path / "library")
+    plan = compiled(tmp_path / "outdoors.yaml", text)
+    flown, told = flight_of(plan, tmp_path / "run", seed=seed)
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     assert path(told, "nano") == ["up", "away", "hold", "down", "landed"]
     assert not named(told, "failsafe_started")

@@ -8,12 +8,10 @@ from math import inf
 from pathlib import Path
 
 import pytest
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import Event
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 
 MISSION = """
@@ -74,21 +72,17 @@ class Seen:
         self.landed = {v.name: v.truth.position for v in engine.vehicles if v.truth is not None}
 
 
-def flown(
+def formation_flight(
     tmp_path: Path,
     faults: str = "[]",
     emitted: tuple[tuple[float, str], ...] = (),
     shape: str = "shape: line, side: 1.2 m",
     more: str = "",
 ) -> tuple[Seen, list[Event]]:
-    path = tmp_path / "mission.yaml"
     text = MISSION.format(faults=faults, shape=shape, more=more)
-    path.write_text(text, encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog())
-    assert result.plan is not None, result.diagnostics
-    seen, told = Seen(), list[Event]()
-    request = RunRequest(out=tmp_path / "run", emitted=emitted)
-    fly(result.plan, request, (told.append,), observers=(seen,))
+    plan = compiled(tmp_path / "mission.yaml", text, warns=True)
+    seen = Seen()
+    _, told = flight_of(plan, tmp_path / "run", seen, emitted=emitted)
     assert "collided" not in {event.name for event in told}
     return seen, told
 
@@ -99,7 +93,7 @@ def who(told: list[Event], name: str, **fields: str) -> set[str]:
 
 @pytest.mark.thorough
 def test_the_others_slow_for_one_that_publishes_nothing_and_all_land(tmp_path: Path) -> None:
-    seen, told = flown(tmp_path, f"[{{at: {FROM} s, on: b, inject: neighbours_lost}}]")
+    seen, told = formation_flight(tmp_path, f"[{{at: {FROM} s, on: b, inject: neighbours_lost}}]")
     assert who(told, "neighbour_lost", neighbour="b") == {"a", "c", "d"}
     assert max(seen.speed[name] for name in "acd") < 0.1
     assert seen.apart > 0.6
@@ -115,7 +109,7 @@ def test_the_others_do_not_jump_with_one_whose_estimate_does_and_all_land(
     tmp_path: Path, estimators: str, told_of_it: str
 ) -> None:
     fault = f"{{at: {FROM} s, on: b, inject: mocap_jump, offset: [0, 1, 0]}}"
-    seen, told = flown(tmp_path, f"[{fault}]", more=estimators)
+    seen, told = formation_flight(tmp_path, f"[{fault}]", more=estimators)
     assert who(told, told_of_it) == {"b"}
     assert max(seen.step[name] for name in "acd") < HARD
     assert seen.apart > 0.6
@@ -124,7 +118,7 @@ def test_the_others_do_not_jump_with_one_whose_estimate_does_and_all_land(
 
 @pytest.mark.thorough
 def test_two_that_brake_each_other_in_formation_land_where_they_are(tmp_path: Path) -> None:
-    seen, told = flown(
+    seen, told = formation_flight(
         tmp_path,
         emitted=((FROM + 4.0, "operator.all_down"),),
         shape="points: [[0, 1.8, 0], [0, 0.4, 0], [0, -0.4, 0], [0, -1.8, 0]]",

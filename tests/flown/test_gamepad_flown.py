@@ -115,7 +115,7 @@ def leaves(pad: VirtualPad, person: Person) -> None:
     pad.unplug()
 
 
-def flown(acts: Any, out: Any) -> Person:
+def flight_of_a_person(acts: Any, out: Any) -> Person:
     person = Person(acts)
     person.start()
     Watch.turned = []
@@ -133,20 +133,20 @@ def late(done: list[float], seen: list[float]) -> float:
 
 @pytest.mark.thorough
 def test_a_button_is_an_event_within_fifty_milliseconds(tmp_path: Any) -> None:
-    person = flown(presses, tmp_path)
+    person = flight_of_a_person(presses, tmp_path)
     assert late(person.done, person.heard["stick.a"]) < MOST
 
 
 @pytest.mark.thorough
 def test_a_stick_moves_the_setpoint_within_fifty_milliseconds(tmp_path: Any) -> None:
-    person = flown(moves, tmp_path)
+    person = flight_of_a_person(moves, tmp_path)
     turned = [t for t in Watch.turned if t > person.done[0]][: len(person.done)]
     assert late(person.done, turned) < MOST
 
 
 @pytest.mark.thorough
 def test_a_gamepad_that_is_plugged_out_brakes_and_takes_the_way_out(tmp_path: Any) -> None:
-    person = flown(leaves, tmp_path)
+    person = flight_of_a_person(leaves, tmp_path)
     assert person.heard["input_lost"][0] - person.done[0] < 0.2
     [lost] = named(person.told, "input_lost")
     assert "is unplugged" in str(lost.fields["reason"])

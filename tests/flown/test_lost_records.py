@@ -8,21 +8,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.api import flight
 from kybflow.api.flight import Flown, RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 
-FIRST = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
+FIRST = MISSIONS / "first_flight.yaml"
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    plan = compile_mission(FIRST, catalog=load_catalog()).plan
-    assert plan is not None
-    return plan
+    return compiled(FIRST)
 
 
 def removed(path: Path) -> None:
@@ -52,14 +49,13 @@ def moved(path: Path) -> None:
 def test_a_run_whose_record_is_lost_in_flight_has_not_succeeded(
     plan: Plan, tmp_path: Path, file: str, lose: Callable[[Path], None]
 ) -> None:
-    told = []
     waiting = [tmp_path / "run" / file]
 
     def loses(engine: object) -> None:
         if engine.flying and engine.seconds() > 2.0 and waiting:  # type: ignore[attr-defined]
             lose(waiting.pop())
 
-    flown = fly(plan, RunRequest(out=tmp_path / "run"), (told.append,), (loses,))
+    flown, told = flight_of(plan, tmp_path / "run", loses)
     [stopped] = [event for event in told if event.name == "recording_stopped"]
     assert stopped.time / 1e9 == pytest.approx(2.5, abs=0.6)
     assert flown.summary["outcome"] == "failed"

@@ -8,13 +8,11 @@ from statistics import mean
 import pytest
 from plans import in_still_air, part, plan, vehicle
 from short_flights import down, hold, named, up
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import Vec3, sub
 from kybflow.core.signals import NS
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import FaultPlan
-from kybflow.parts.catalog import load_catalog
 
 PUSH, PUSHED = 0.4, 8.0
 """m/s^2 along x and y, and from which second on."""
@@ -25,7 +23,7 @@ def diagonal(x: float, y: float, z: float) -> Rows:
     return ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
 
 
-def flown_off(run, **gains) -> list[tuple[float, Vec3]]:
+def errors(run, **gains) -> list[tuple[float, Vec3]]:
     """(seconds, metres from its place) of a vehicle that hovers and is pushed."""
     seen = []
 
@@ -62,13 +60,13 @@ def given_way(seen: list[tuple[float, Vec3]]) -> tuple[float, float]:
 )
 def test_it_gives_way_until_the_gains_pull_against_the_push(run, gain: Rows, x_over_y) -> None:
     """The push is along the diagonal of x and y: where the gain times the way is, too."""
-    x, y = given_way(flown_off(run, position_gain=gain))
+    x, y = given_way(errors(run, position_gain=gain))
     assert x / y == pytest.approx(x_over_y, rel=0.05)
     assert y > 0.02
 
 
 def test_the_scalars_own_diagonal_flies_the_same(run) -> None:
-    assert flown_off(run, position_gain=diagonal(9.0, 9.0, 9.0)) == flown_off(run)
+    assert errors(run, position_gain=diagonal(9.0, 9.0, 9.0)) == errors(run)
 
 
 SOFTENED = """
@@ -92,16 +90,14 @@ on:
 
 
 def test_a_callback_sets_it_in_flight(tmp_path: Path) -> None:
-    mission, told, gains = tmp_path / "softened.yaml", [], set()
-    mission.write_text(SOFTENED, encoding="utf-8")
-    found = compile_mission(str(mission), catalog=load_catalog())
-    assert found.plan is not None, found.diagnostics
+    mission, gains = tmp_path / "softened.yaml", set()
+    plan = compiled(mission, SOFTENED)
 
     def look(engine):
         [flying] = engine.vehicles
         gains.add(flying.parameters()["tracker"].position_gain)
 
-    flown = fly(found.plan, RunRequest(out=tmp_path / "run"), (told.append,), (look,), ())
+    flown, told = flight_of(plan, tmp_path / "run", look)
     assert flown.summary["outcome"] == "succeeded", flown.summary
     assert gains == {None, ((4.0, 1.0, 0.0), (1.0, 9.0, 0.0), (0.0, 0.0, 9.0))}
     [changed] = named(told, "option_changed")

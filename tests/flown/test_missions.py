@@ -6,12 +6,10 @@ thorough tests, with one too high."""
 from pathlib import Path
 
 import pytest
+from toolchain import SHIPPED, compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 LONG = frozenset(
     {
         *("courier", "courier_hard", "formation", "swarm_teleoperation", "follow_leader"),
@@ -29,7 +27,7 @@ def variants(path: Path) -> tuple[tuple[str, ...], ...]:
 
 
 def flights():
-    for path in MISSIONS:
+    for path in SHIPPED:
         for number, sets in enumerate(variants(path)):
             for seed in range(20):
                 marks = []
@@ -45,10 +43,8 @@ def flights():
 def test_mission_meets_its_expectations(
     path: Path, sets: tuple[str, ...], seed: int, tmp_path: Path
 ):
-    result = compile_mission(path, catalog=load_catalog(), sets=sets)
-    assert result.diagnostics == ()
-    assert result.plan is not None
-    flown = fly(result.plan, RunRequest(seed=seed, out=tmp_path))
+    plan = compiled(path, sets=sets)
+    flown = fly(plan, RunRequest(seed=seed, out=tmp_path))
     broken = [e for e in flown.summary["expectations"] if not e["held"]]
     assert broken == []
     assert flown.summary["outcome"] == "succeeded"
@@ -57,4 +53,4 @@ def test_mission_meets_its_expectations(
 
 def test_there_are_missions():
     known = {"first_flight", "figure_eight", "sidestep", "windy", "mass_pickup"}
-    assert {p.stem for p in MISSIONS} >= known
+    assert {p.stem for p in SHIPPED} >= known

@@ -7,13 +7,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toolchain import MISSIONS, compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
-from kybflow.core.signals import Event
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
-
-MISSIONS = Path(__file__).parents[2] / "missions"
 TARGETS = ("emulated_px4", "emulated_ardupilot")
 WAYS = {
     "figure_eight": ["up", "steady", "eight", "down", "landed"],
@@ -31,13 +26,9 @@ MARKS = {
 """The tier of each flight; those that aren't named are slow."""
 
 
-def flown(name: str, target: str, out: Path):
-    result = compile_mission(
-        MISSIONS / f"{name}.yaml", catalog=load_catalog(), target=target, sets=()
-    )
-    assert result.plan is not None, result.diagnostics
-    told: list[Event] = []
-    return fly(result.plan, RunRequest(out=out), (told.append,)), told
+def mission_flight(name: str, target: str, out: Path):
+    plan = compiled(MISSIONS / f"{name}.yaml", target=target, warns=True)
+    return flight_of(plan, out)
 
 
 def flights():
@@ -49,7 +40,7 @@ def flights():
 
 @pytest.mark.parametrize(("name", "target"), list(flights()))
 def test_an_unchanged_mission_flies_on_an_autopilot(name: str, target: str, tmp_path: Path):
-    flight, told = flown(name, target, tmp_path)
+    flight, told = mission_flight(name, target, tmp_path)
     for vehicle, record in flight.summary["vehicles"].items():
         way = [
             event.fields["behavior"]

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.api.flight import Flown
 from kybflow.core.signals import Event
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -43,24 +42,24 @@ ABOVE, BESIDE = [0.0, 0.0, 0.95], [0.2, 0.0, 0.6]
 
 
 @pytest.fixture
-def flown(tmp_path: Path) -> Callable[..., tuple[Flown, list[Event]]]:
-    def flown(
+def flight_past(tmp_path: Path) -> Callable[..., tuple[Flown, list[Event]]]:
+    def flight_past(
         goal: list[float],
         *emitted: tuple[float, str],
         over: float = 0.1,
         at: str = "",
         apart: str = "finally distance(a to b) > 30 cm",
     ) -> tuple[Flown, list[Event]]:
-        path = tmp_path / "mission.yaml"
-        path.write_text(MISSION.format(goal=goal, over=over, at=at, apart=apart), encoding="utf-8")
-        plan = compile_mission(path, catalog=load_catalog()).plan
-        assert plan is not None
-        told: list[Event] = []
-        run = fly(plan, RunRequest(out=tmp_path / "run", emitted=emitted), (told.append,))
+        plan = compiled(
+            tmp_path / "mission.yaml",
+            MISSION.format(goal=goal, over=over, at=at, apart=apart),
+            warns=True,
+        )
+        run, told = flight_of(plan, tmp_path / "run", emitted=emitted)
         assert [event for event in told if event.name == "collided"] == []
         return run, told
 
-    return flown
+    return flight_past
 
 
 def times(told: list[Event], name: str) -> dict[str, float]:
@@ -68,16 +67,16 @@ def times(told: list[Event], name: str) -> dict[str, float]:
     return {e.vehicle: e.time / 1e9 for e in reversed(told) if e.name == name}
 
 
-def test_it_does_not_land_on_one_that_hovers_below_but_beside(flown) -> None:
-    run, told = flown(ABOVE)
+def test_it_does_not_land_on_one_that_hovers_below_but_beside(flight_past) -> None:
+    run, told = flight_past(ABOVE)
     [waits] = [event for event in told if event.name == "behavior_waits"]
     assert (waits.vehicle, waits.fields["reason"]) == ("b", "`a` is below")
     assert times(told, "landed")["b"] < times(told, "landed")["a"] - 5.0
     assert run.summary["outcome"] == "succeeded"
 
 
-def test_two_that_brake_each_other_land_side_by_side_and_say_why(flown) -> None:
-    run, told = flown(BESIDE, apart="finally distance(a to b) > 20 cm")
+def test_two_that_brake_each_other_land_side_by_side_and_say_why(flight_past) -> None:
+    run, told = flight_past(BESIDE, apart="finally distance(a to b) > 20 cm")
     assert set(times(told, "too_close")) == {"a", "b"}
     assert run.summary["outcome"] == "failed"
     assert "b: `go` failed: held for 5 s: 0.2" in run.summary["reason"]
@@ -94,15 +93,17 @@ def test_two_that_brake_each_other_land_side_by_side_and_say_why(flown) -> None:
         pytest.param(BESIDE, "operator.land", marks=pytest.mark.thorough),
     ],
 )
-def test_two_neighbours_land_when_they_are_asked_to(flown, order: str, goal: list[float]) -> None:
-    run, told = flown(goal, (9.0, order), over=30.0, apart="finally distance(a to b) > 20 cm")
+def test_two_neighbours_land_when_they_are_asked_to(
+    flight_past, order: str, goal: list[float]
+) -> None:
+    run, told = flight_past(goal, (9.0, order), over=30.0, apart="finally distance(a to b) > 20 cm")
     assert (set(times(told, "too_close")) == {"a", "b"}) is (goal is BESIDE)
     assert max(times(told, "landed").values()) < 17.0
     assert run.summary["outcome"] == "succeeded"
 
 
-def test_over_a_point_where_another_stands_it_waits_and_then_lands_beside(flown) -> None:
-    _, told = flown(ABOVE, at=", position: [0, 0, 0], patience: 2 s")
+def test_over_a_point_where_another_stands_it_waits_and_then_lands_beside(flight_past) -> None:
+    _, told = flight_past(ABOVE, at=", position: [0, 0, 0], patience: 2 s")
     [failed] = [event for event in told if event.name == "behavior_failed"]
     assert failed.fields["reason"] == "`a` is below for 2 s"
     assert times(told, "landed")["b"] < times(told, "landed")["a"]

@@ -7,11 +7,10 @@ from math import inf
 from pathlib import Path
 
 import pytest
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import Flown, RunRequest, fly
+from kybflow.api.flight import Flown
 from kybflow.core.signals import NS, Event
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 from kybflow.runtime.engine import Engine
 
@@ -50,28 +49,24 @@ Flies = Callable[..., tuple[Flown, list[Event]]]
 
 
 @pytest.fixture
-def flown(tmp_path: Path) -> Flies:
-    def flown(contact: str = "forbidden") -> tuple[Flown, list[Event]]:
-        path = tmp_path / "mission.yaml"
-        path.write_text(MISSION.format(contact=contact), encoding="utf-8")
-        plan = compile_mission(path, catalog=load_catalog()).plan
-        assert plan is not None
-        told: list[Event] = []
-        return fly(plan, RunRequest(out=tmp_path / "run"), (told.append,)), told
+def guarded(tmp_path: Path) -> Flies:
+    def guarded(contact: str = "forbidden") -> tuple[Flown, list[Event]]:
+        plan = compiled(tmp_path / "mission.yaml", MISSION.format(contact=contact), warns=True)
+        return flight_of(plan, tmp_path / "run")
 
-    return flown
+    return guarded
 
 
-def test_run_until_into_a_pillar_stops_before_it_and_says_so(flown: Flies) -> None:
-    run, told = flown()
+def test_run_until_into_a_pillar_stops_before_it_and_says_so(guarded: Flies) -> None:
+    run, told = guarded()
     assert run.summary["outcome"] == "succeeded", run.summary["reason"]
     [clamp] = [event for event in told if event.name == "clamp_started"]
     assert clamp.fields["processor"] == "obstacle_guard"
     assert "behavior_failed" in [event.name for event in told]
 
 
-def test_what_is_there_to_be_touched_is_touched_and_no_collision(flown: Flies) -> None:
-    run, told = flown(contact="allowed")
+def test_what_is_there_to_be_touched_is_touched_and_no_collision(guarded: Flies) -> None:
+    run, told = guarded(contact="allowed")
     assert "42 cm" in run.summary["reason"]
     assert "ran into" not in run.summary["reason"]
     assert [event for event in told if event.name in ("clamp_started", "collided")] == []
@@ -142,16 +137,14 @@ def test_whatever_flies_it_stays_clear_and_says_why(
     path = tmp_path / "mission.yaml"
     path.write_text(IN_A_LAB.format(frame=frame, go=go, then=then), encoding="utf-8")
     (tmp_path / "stick.csv").write_text(STICK, encoding="utf-8")
-    plan = compile_mission(path, catalog=load_catalog(), target="lab").plan
-    assert plan is not None
+    plan = compiled(path, target="lab", warns=True)
     through = tuple(
         RecordedCommand((8 + i) * NS, f"track v time={11 + i} position=[{x}, 0.03, 1]", "p", False)
         for i, x in enumerate((0.4, 0.8, 1.2, 1.6, 1.2, 0.8))
         if behavior == "trajectory_input"
     )
-    nearest, told = Nearest(), []
-    request = RunRequest(out=tmp_path / "run", seed=1, again=through)
-    flown = fly(plan, request, (told.append,), (nearest,))
+    nearest = Nearest()
+    flown, told = flight_of(plan, tmp_path / "run", nearest, seed=1, again=through)
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     assert 0.05 < nearest.room < 0.11
     names = [event.name for event in told]

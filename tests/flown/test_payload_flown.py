@@ -8,14 +8,12 @@ from pathlib import Path
 import pytest
 from plans import part, state, then, vehicle, wrapped
 from short_flights import down, hold, named, path, up
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.signals import NS, Payload
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.parts import Link
-from kybflow.parts.catalog import load_catalog
 from kybflow.world.vehicle_context import Parcel
 
 PARCEL = Parcel(mass=0.046, size=0.06)
@@ -97,14 +95,10 @@ def drop(name: str, *arrows: TransitionPlan):
 
 
 def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
-    mission = tmp_path / "m.yaml"
-    mission.write_text(MISSION)
-    compiled = compile_mission(mission, catalog=load_catalog())
-    assert compiled.plan is not None, compiled.diagnostics
-    told = []
-    flown = fly(compiled.plan, RunRequest(out=tmp_path / "run"), (told.append,))
+    plan = compiled(tmp_path / "m.yaml", MISSION)
+    flown, told = flight_of(plan, tmp_path / "run")
     assert [(line["text"], line["held"]) for line in flown.summary["expectations"]] == [
-        (text.text, True) for text in compiled.plan.expectations
+        (text.text, True) for text in plan.expectations
     ]
     [released], [rested] = named(told, "payload_released"), named(told, "payload_rested")
     assert len(named(told, "payload_loaded")) == len(named(told, "payload_already_released")) == 1

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from fault_study import plan_of
 from flight_judge import TICK, Finding, Track, found, judge, lift_of
-from mutation_study import with_library
 from plans import NANO, vehicle
-from random_faults import SCENARIOS, draw
 from short_flights import down, hold, up
+from studies.random_faults import SCENARIOS, draw
+from toolchain import with_library
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS

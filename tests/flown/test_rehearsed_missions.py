@@ -7,14 +7,12 @@ import dataclasses
 from pathlib import Path
 
 import pytest
+from toolchain import SHIPPED, compiled, result_of
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
 QUICK = frozenset({"first_flight", "mass_pickup", "sidestep"})
 OFF = 0.03
 """How far the mission time of a rehearsal may be off that of a flight without faults."""
@@ -24,12 +22,12 @@ other take as long as they take (docs/rehearsal.md)."""
 
 
 def rehearsed(path: Path) -> tuple[Plan, Rehearsal]:
-    result = compile_mission(path, catalog=load_catalog())
+    result = result_of(path)
     assert result.plan is not None
     return result.plan, rehearse(result.plan, texts=result.texts)
 
 
-@pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_shipped_mission_rehearses_without_a_finding(path: Path) -> None:
     _, rehearsal = rehearsed(path)
 
@@ -40,7 +38,7 @@ def test_a_shipped_mission_rehearses_without_a_finding(path: Path) -> None:
     "path",
     [
         pytest.param(p, id=p.stem, marks=() if p.stem in QUICK else pytest.mark.thorough)
-        for p in MISSIONS
+        for p in SHIPPED
         if p.stem not in SYMMETRIC
     ],
 )
@@ -53,12 +51,10 @@ def test_its_time_is_that_of_the_simulator(path: Path, tmp_path: Path) -> None:
 
 
 def test_a_mission_may_name_ideal_vehicles(tmp_path: Path) -> None:
-    text = MISSIONS[0].with_name("first_flight.yaml").read_text(encoding="utf-8")
+    text = SHIPPED[0].with_name("first_flight.yaml").read_text(encoding="utf-8")
     text = text.replace("library/airframes.yaml", "kybflow/airframes")
-    mission = tmp_path / "mine.yaml"
-    mission.write_text(f"{text}\ntargets:\n  ideal: {{all: {{driver: {{use: kinematic}}}}}}\n")
-    plan = compile_mission(mission, catalog=load_catalog(), target="ideal").plan
-    assert plan is not None
+    text += "\ntargets:\n  ideal: {all: {driver: {use: kinematic}}}\n"
+    plan = compiled(tmp_path / "mine.yaml", text, target="ideal", warns=True)
 
     summary = fly(plan, RunRequest(out=tmp_path / "run")).summary
 

@@ -9,16 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from toolchain import MISSIONS, compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Event
-from kybflow.dsl.compiler import compile_mission
 from kybflow.inputs.rows import InputRow, parse
-from kybflow.parts.catalog import load_catalog
 from kybflow.recording.earlier_run import read_earlier_run
 from kybflow.runtime.engine import Engine
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 OPERATOR = (MISSIONS / "operators" / "swarm_teleoperation.csv").read_text(encoding="utf-8")
 PHASES = {
     "team": {
@@ -35,13 +32,12 @@ PHASES = {
 PUNCTUAL, APART = 0.5, 0.6
 
 
-def flown(target: str, out: Path, *observers: Callable[[Engine], None]) -> tuple[Any, list[Event]]:
+def swarm_flight(
+    target: str, out: Path, *observers: Callable[[Engine], None]
+) -> tuple[Any, list[Event]]:
     """The flight with a target, which has landed and kept apart, on the paper's timeline."""
-    path = MISSIONS / "swarm_teleoperation.yaml"
-    result = compile_mission(path, catalog=load_catalog(), target=target, sets=())
-    assert result.plan is not None, result.diagnostics
-    told: list[Event] = []
-    flight = fly(result.plan, RunRequest(out=out), (told.append,), observers)
+    plan = compiled(MISSIONS / "swarm_teleoperation.yaml", target=target, warns=True)
+    flight, told = flight_of(plan, out, *observers)
     summary = flight.summary
     assert summary["outcome"] == "succeeded", summary
     assert {record["final"] for record in summary["vehicles"].values()} == {"ground"}
@@ -104,13 +100,13 @@ class Operator:
 @pytest.mark.slow
 def test_four_px4_by_a_gamepad(tmp_path: Path) -> None:
     pytest.importorskip("pygame")
-    _, told = flown("hands", tmp_path / "run", Operator())
+    _, told = swarm_flight("hands", tmp_path / "run", Operator())
     assert not [event for event in told if event.name == "input_lost"]
 
 
 @pytest.mark.thorough
 def test_four_px4_by_a_haptic_device_that_lets_the_hand_feel_the_swarm(tmp_path: Path) -> None:
-    flight, _ = flown("haptic", tmp_path / "run")
+    flight, _ = swarm_flight("haptic", tmp_path / "run")
     rows = parse(read_earlier_run(flight.folder).inputs["stick"]).rows
     told = {row.time / NS: row.axes for row in rows if not row.lost}
 

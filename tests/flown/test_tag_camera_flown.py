@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("cv2")
 
+from toolchain import compiled
+
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """kybflow: 1
 mission: alone
@@ -40,12 +40,8 @@ expect:
 
 @pytest.mark.slow
 def test_it_hovers_and_lands_on_the_pad(tmp_path: Path) -> None:
-    path = tmp_path / "alone.yaml"
-    path.write_text(MISSION, encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog())
-    assert [d.message for d in result.diagnostics] == []
-    assert result.plan is not None
-    flown = fly(result.plan, RunRequest(seed=0, out=tmp_path / "run"))
+    plan = compiled(tmp_path / "alone.yaml", MISSION)
+    flown = fly(plan, RunRequest(seed=0, out=tmp_path / "run"))
     broken = [(e["text"], e["value"]) for e in flown.summary["expectations"] if not e["held"]]
     assert broken == []
     assert flown.summary["outcome"] == "succeeded"

@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -36,9 +35,8 @@ expect:
 def test_it_is_not_blown_away(autopilot: str, tmp_path: Path):
     """The wind takes 1.75 m/s^2, more than half of what 20 degrees of tilt can give. An autopilot
     that climbs by itself drops its own integral when it is handed over: the tracker begins anew."""
-    mission = tmp_path / "windy.yaml"
-    mission.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
-    compiled = compile_mission(mission, catalog=load_catalog(), target="windy", sets=())
-    assert compiled.plan is not None, compiled.diagnostics
-    flown = fly(compiled.plan, RunRequest(out=tmp_path / "run"))
+    plan = compiled(
+        tmp_path / "windy.yaml", MISSION.format(autopilot=autopilot), target="windy", warns=True
+    )
+    flown = fly(plan, RunRequest(out=tmp_path / "run"))
     assert flown.summary["outcome"] == "succeeded", flown.summary["expectations"]

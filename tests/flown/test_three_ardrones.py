@@ -6,14 +6,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mutation_study import with_library
+from toolchain import MISSIONS, compiled, flight_of, with_library
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.core.signals import Event
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
-MISSION = Path(__file__).parents[2] / "missions" / "three_ardrones.yaml"
+MISSION = MISSIONS / "three_ardrones.yaml"
 
 
 pytestmark = pytest.mark.thorough
@@ -21,10 +18,8 @@ pytestmark = pytest.mark.thorough
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_it_meets_its_expectations_on_emulated_drones(seed: int, tmp_path: Path) -> None:
-    result = compile_mission(MISSION, catalog=load_catalog(), target="emulated_ardrone", sets=())
-    assert result.diagnostics == ()
-    assert result.plan is not None
-    flown = fly(result.plan, RunRequest(seed=seed, out=tmp_path))
+    plan = compiled(MISSION, target="emulated_ardrone")
+    flown = fly(plan, RunRequest(seed=seed, out=tmp_path))
     assert [e for e in flown.summary["expectations"] if not e["held"]] == []
     assert flown.summary["outcome"] == "succeeded"
 
@@ -38,12 +33,13 @@ CUT = "\nfaults:\n  - {{at: 25 s, on: a, inject: link_cut, for: {lasts}}}\n"
 def test_who_loses_its_wifi_hovers_or_lands_and_the_others_finish(
     lasts: str, last_of_a: list[str], tmp_path: Path
 ) -> None:
-    path = with_library(tmp_path) / "cut.yaml"
-    path.write_text(MISSION.read_text(encoding="utf-8") + CUT.format(lasts=lasts), encoding="utf-8")
-    plan = compile_mission(path, catalog=load_catalog(), target="emulated_ardrone", sets=()).plan
-    assert plan is not None
-    told: list[Event] = []
-    fly(plan, RunRequest(out=tmp_path / "run"), (told.append,))
+    plan = compiled(
+        with_library(tmp_path) / "cut.yaml",
+        MISSION.read_text(encoding="utf-8") + CUT.format(lasts=lasts),
+        target="emulated_ardrone",
+        warns=True,
+    )
+    _, told = flight_of(plan, tmp_path / "run")
     ways: dict[str, list[object]] = {name: [] for name in "abc"}
     for event in told:
         if event.name == "behavior_started":

@@ -8,8 +8,8 @@ import pytest
 from fault_study import plan_of
 from plans import part, state, then, vehicle
 from short_flights import NoParams, down, named, path, up
+from toolchain import flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Command, CommandKind, Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import DURATION, LENGTH
@@ -47,14 +47,12 @@ def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kybflow.runtime.engine._OBSERVED_EVERY", 1)
 
 
-def flown(mission: str, seed: int, tmp_path, *faults: FaultPlan):
+def touch_down(mission: str, seed: int, tmp_path, *faults: FaultPlan):
     plan, watch = plan_of(mission), Watch("nano")
-    told = []
     fliers = (replace(v, tracker=part("trackers", "cascade")) for v in plan.vehicles)
     plan = replace(plan, vehicles=tuple(fliers), faults=faults)
-    request = RunRequest(seed=seed, out=tmp_path / "run")
-    summary = fly(plan, request, (told.append,), (watch,)).summary
-    return summary, told, watch
+    flight, told = flight_of(plan, tmp_path / "run", watch, seed=seed)
+    return flight.summary, told, watch
 
 
 def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
@@ -62,7 +60,7 @@ def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
     when = And((InState("nano", "down"), late))
     cut = part("faults", "link_cut", way="to_vehicle")
     sag = part("faults", "battery_sag", by=0.97)
-    summary, told, watch = flown(
+    summary, told, watch = touch_down(
         "figure_eight", 93537, tmp_path,
         FaultPlan(part=cut, vehicle="nano", when=when, duration=2.4),
         FaultPlan(part=sag, vehicle="nano", when=when, duration=1.3),
@@ -76,7 +74,7 @@ def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
 def test_a_vehicle_that_has_lost_half_its_mass_lands_on_the_floor(tmp_path):
     low = Compare("<", Read("nano", "state.altitude"), Quantity(0.04, LENGTH))
     light = part("faults", "mass_change", factor=0.57)
-    summary, told, watch = flown(
+    summary, told, watch = touch_down(
         "first_flight", 35303, tmp_path,
         FaultPlan(
             part=light, vehicle="nano", when=And((InState("nano", "down"), low)), duration=1.43
@@ -146,7 +144,7 @@ def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
 def test_whom_its_own_watchdog_lands_it_has_not_landed_by_our_word(tmp_path):
     """The link is cut and back, and no estimate is left: what its IMU feels is not our thrust."""
     cut = part("faults", "link_cut", way="to_vehicle")
-    _, told, watch = flown(
+    _, told, watch = touch_down(
         "first_flight", 1016, tmp_path,
         FaultPlan(part=cut, vehicle="nano", time=5.28, duration=1.24),
         FaultPlan(part=part("faults", "mocap_dropout"), vehicle="nano", time=5.68, duration=2.75),

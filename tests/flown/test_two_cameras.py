@@ -6,15 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.opening import open_devices
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event, Frame
-from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 
 cv2 = pytest.importorskip("cv2")
 numpy = pytest.importorskip("numpy")
@@ -66,14 +64,8 @@ def mission(tmp_path: Path) -> Path:
     return path
 
 
-def compiled(mission: Path) -> Plan:
-    result = compile_mission(mission, catalog=load_catalog(), target="replay")
-    assert result.plan is not None, result.diagnostics
-    return result.plan
-
-
 def test_each_camera_has_the_frames_of_its_own_video(mission: Path) -> None:
-    devices = open_devices(compiled(mission), 0)
+    devices = open_devices(compiled(mission, target="replay", warns=True), 0)
     try:
         came = [sensor.stream.read(NS // 10) for sensor in devices.sensors["a"]]
     finally:
@@ -86,7 +78,11 @@ def test_each_camera_has_the_frames_of_its_own_video(mission: Path) -> None:
 
 def test_the_one_that_is_over_is_told_by_its_name(mission: Path, tmp_path: Path) -> None:
     heard: list[Event] = []
-    fly(compiled(mission), RunRequest(0, tmp_path / "run"), (heard.append,))
+    fly(
+        compiled(mission, target="replay", warns=True),
+        RunRequest(0, tmp_path / "run"),
+        (heard.append,),
+    )
     failed = [event.fields for event in heard if event.name == "sensor_failed"]
     assert failed == [
         {"sensor": "fusion.1", "reason": "the video is over"},
@@ -95,7 +91,7 @@ def test_the_one_that_is_over_is_told_by_its_name(mission: Path, tmp_path: Path)
 
 
 def test_they_are_shown_by_their_names(mission: Path) -> None:
-    plan = compiled(mission)
+    plan = compiled(mission, target="replay", warns=True)
     text = show_mission(plan, {})
     assert "senses by  camera (fusion), camera (fusion.1)\n" in text
 
@@ -103,11 +99,11 @@ def test_they_are_shown_by_their_names(mission: Path) -> None:
 def test_what_can_not_be_opened_is_told_with_its_line(mission: Path, tmp_path: Path) -> None:
     (tmp_path / "films" / "back.avi").write_text("no film")
     with pytest.raises(DriverError, match=rf"^`camera` \(.*two\.yaml:{SECOND + 1}\): the video"):
-        open_devices(compiled(mission), 0)
+        open_devices(compiled(mission, target="replay", warns=True), 0)
 
 
 def test_without_opencv_the_line_is_told(mission: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = compiled(mission)
+    plan = compiled(mission, target="replay", warns=True)
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(DriverError, match=rf"two\.yaml:{SECOND}\): a camera needs OpenCV"):
         open_devices(plan, 0)

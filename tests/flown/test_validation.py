@@ -8,13 +8,12 @@ from statistics import mean
 
 import pytest
 from telekyb import as_in_the_paper
+from toolchain import MISSIONS, compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 
-EIGHT = Path(__file__).parents[2] / "missions" / "figure_eight.yaml"
+EIGHT = MISSIONS / "figure_eight.yaml"
 LAB = "targets:\n  lab: {all: {driver: {use: sim, calm: false}}}\n"
 PAPER = {"mk": {"mean": 0.034, "max": 0.062}, "nano": {"mean": 0.021, "max": 0.039}}
 """Position errors, metres (Grabe et al., ECMR 2013, sec. VI-A)."""
@@ -26,12 +25,9 @@ explains what the MK-Quadro was off."""
 
 def plan_of_the_eight(folder: Path) -> Plan:
     head, _ = EIGHT.read_text(encoding="utf-8").split("expect:")
-    mission = folder / "eight.yaml"
     text = head.replace("library/airframes.yaml", "kybflow/airframes") + LAB
-    mission.write_text(text, encoding="utf-8")
-    compiled = compile_mission(mission, catalog=load_catalog(), target="lab", sets=())
-    assert compiled.plan is not None, compiled.diagnostics
-    return as_in_the_paper(compiled.plan)
+    plan = compiled(folder / "eight.yaml", text, target="lab", warns=True)
+    return as_in_the_paper(plan)
 
 
 @pytest.mark.thorough

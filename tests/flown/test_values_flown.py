@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 from short_flights import named, path
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.cli.printing.mission import show_mission
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSION = """
 kybflow: 1
@@ -48,12 +46,6 @@ on:
 """
 
 
-def compiled(path: Path, target: str | None = None):
-    found = compile_mission(path, catalog=load_catalog(), target=target)
-    assert found.plan is not None, found.diagnostics
-    return found.plan
-
-
 @pytest.fixture
 def mission(tmp_path: Path) -> Path:
     written = tmp_path / "valued.yaml"
@@ -66,15 +58,15 @@ def mission(tmp_path: Path) -> Path:
     [None, *(pytest.param(name, marks=pytest.mark.thorough) for name in ("px4", "ardupilot"))],
 )
 def test_it_goes_where_the_flow_and_the_callback_say(mission, target, tmp_path) -> None:
-    told, seen = [], []
+    seen = []
 
     def watch(engine) -> None:
         [one] = engine.vehicles
         if one.estimate is not None:
             seen.append(one.estimate.position)
 
-    plan = compiled(mission, target)
-    done = fly(plan, RunRequest(out=tmp_path / "run"), (told.append,), (watch,))
+    plan = compiled(mission, target=target, warns=True)
+    done, told = flight_of(plan, tmp_path / "run", watch)
     assert done.exit_code == 0
     assert not named(told, "switch_refused")
     assert path(told, "mk") == [
@@ -85,16 +77,14 @@ def test_it_goes_where_the_flow_and_the_callback_say(mission, target, tmp_path) 
 
 
 def test_who_reads_the_mission_sees_the_values(mission) -> None:
-    shown = show_mission(compiled(mission), {})
+    shown = show_mission(compiled(mission, warns=True), {})
     assert "mk: goto with position [1, 0, 0.8], speed 0.9 (mk in hold: second" in shown
     assert "switch mk to goto with position [0, 1, 1.2]" in shown
 
 
 def test_the_resolved_mission_is_the_same(mission, tmp_path) -> None:
-    plan = compiled(mission)
-    resolved = tmp_path / "resolved.yaml"
-    resolved.write_text(plan.resolved, encoding="utf-8")
-    again = compiled(resolved)
+    plan = compiled(mission, warns=True)
+    again = compiled(tmp_path / "resolved.yaml", plan.resolved, warns=True)
     runs = [phase.run for phase in plan.flows[0].phases.values()]
     assert runs[1]["mk"].values == (("position", (1.0, 0.0, 0.8)), ("speed", 0.9))
     assert [phase.run for phase in again.flows[0].phases.values()] == runs

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 from plans import part
-from typer.testing import CliRunner
+from toolchain import MISSIONS, invoke
 
 from kybflow.api.recorded_input import InputUnknown, input_named, record_input
-from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File
 from kybflow.core.signals import NS
@@ -21,7 +20,7 @@ from kybflow.parts import InputLink
 from kybflow.parts.input import SticksOf
 from kybflow.runtime.clock import SimulatedClock
 
-MISSION = Path(__file__).parents[2] / "missions" / "teleoperation.yaml"
+MISSION = MISSIONS / "teleoperation.yaml"
 TEXT = "t,x,buttons,lost\n0,0,,\n1,0.5,a,\n2,,,unplugged\n3,0.25,,\n"
 
 
@@ -89,13 +88,13 @@ def test_the_command_says_what_it_did(
     arguments: list[str], code: int, said: str, tmp_path: Path
 ) -> None:
     out = ["--out", str(tmp_path / "mine.csv")]
-    result = CliRunner().invoke(app, ["record-input", str(MISSION), *arguments, *out])
+    result = invoke("record-input", MISSION, *arguments, *out)
     assert code == result.exit_code, result.output
     assert said in result.output
 
 
 def test_a_table_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     out = ["--for", "10ms", "--out", str(tmp_path / "no" / "mine.csv")]
-    result = CliRunner().invoke(app, ["record-input", str(MISSION), *out])
+    result = invoke("record-input", MISSION, *out)
     assert result.exit_code == 1
     assert "can't be written" in result.output

@@ -11,11 +11,10 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from toolchain import compiled
 
 from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.files import File
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.recording.layout import EVENTS_TOPIC
 from kybflow.recording.run_folder import FILES, RunFolderError, contents, copies
 
@@ -41,13 +40,12 @@ REQUEST = RunRequest(
 )
 
 
-def flown(
+def flight_from(
     mission: Path, out: Path, request: RunRequest = REQUEST, sets: tuple[str, ...] = ()
 ) -> Flown:
-    result = compile_mission(mission, catalog=load_catalog(), sets=sets)
-    assert result.plan is not None, result.diagnostics
+    plan = compiled(mission, sets=sets, warns=True)
     return fly(
-        result.plan,
+        plan,
         RunRequest(request.seed, out, None, request.options, request.emitted, sets),
     )
 
@@ -74,11 +72,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_run_folder_is_enough_to_fly_again(folder: Path) -> None:
-    first = flown(folder / "missions/mission.yaml", folder / "first", sets=("height=80 cm",))
+    first = flight_from(folder / "missions/mission.yaml", folder / "first", sets=("height=80 cm",))
     shutil.rmtree(folder / "missions")
     assert (first.folder / "ways/way.csv").read_bytes() == TABLE
 
-    again = flown(first.folder / "mission.resolved.yaml", folder / "again")
+    again = flight_from(first.folder / "mission.resolved.yaml", folder / "again")
     assert first.summary["outcome"] == again.summary["outcome"] == "succeeded"
     messages = recorded(first.folder)
     assert len(messages) > 1000
@@ -87,15 +85,15 @@ def test_the_run_folder_is_enough_to_fly_again(folder: Path) -> None:
 
 def test_an_earlier_run_that_holds_copies_is_an_earlier_run(folder: Path) -> None:
     mission, out = folder / "missions/mission.yaml", folder / "out"
-    flown(mission, out)
+    flight_from(mission, out)
     found = json.loads((out / "provenance.json").read_text())
     assert found["files"] == ["ways/way.csv"]
     assert hashlib.sha256(TABLE).hexdigest() in {s["sha256"] for s in found["sources"]}
     with pytest.raises(RunFolderError, match="holds an earlier run"):
-        flown(mission, out)
+        flight_from(mission, out)
     (out / "thesis.tex").write_text("precious")
     with pytest.raises(RunFolderError, match=r"files of no run \(`thesis.tex`\)"):
-        flown(mission, out)
+        flight_from(mission, out)
 
 
 def file(name: str, text: str = "t") -> File:

@@ -6,10 +6,9 @@ import dataclasses
 from pathlib import Path
 
 import pytest
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 MISSIONS = Path(__file__).parent.parent.parent / "missions"
 SECONDS = 8.0
@@ -23,8 +22,7 @@ SECONDS = 8.0
 def test_a_recording_takes_no_more_than_its_budget(
     mission: str, budget: float, tmp_path: Path
 ) -> None:
-    plan = compile_mission(MISSIONS / f"{mission}.yaml", catalog=load_catalog()).plan
-    assert plan is not None
+    plan = compiled(MISSIONS / f"{mission}.yaml")
     plan = dataclasses.replace(plan, time_limit=SECONDS, expectations=())
     flown = fly(plan, RunRequest(out=tmp_path / "run"))
     seconds = flown.summary["sim_time_s"]

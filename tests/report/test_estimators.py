@@ -34,12 +34,12 @@ def write(path, truth=TRUTH, names=("tags", "mocap"), attitude=LEVEL):
     """At rest in the origin. `tags` is 1 cm off, and 5 cm in its last tenth of a second; from
     CHANGE on it has no estimate, and `mocap`, 3 cm off, is flown on."""
     plan = replace(make_plan("mk"), simulated=truth is not None)
-    run = create_run_folder(plan, path, STARTED)
-    run.describe(plan, RunRequest(0).record(), STARTED)
-    recorder = Recorder(run.log, plan)
+    written = create_run_folder(plan, path, STARTED)
+    written.describe(plan, RunRequest(0).record(), STARTED)
+    recorder = Recorder(written.log, plan)
     channel = recorder.vehicle("mk")
     fields = {"estimator": "tags", "previous": None, "reason": "the first estimate", "offset": 0.0}
-    run.event(Event(0, "estimator_changed", "mk", fields, ""))
+    written.event(Event(0, "estimator_changed", "mk", fields, ""))
     for tick in range(round(SECONDS * 250)):
         now, t = tick * NS // 250, tick / 250
         tags = estimate(0.05 if t >= CHANGE - 0.1 else 0.01, 0.04, 0.005) if t < CHANGE else None
@@ -48,7 +48,7 @@ def write(path, truth=TRUTH, names=("tags", "mocap"), attitude=LEVEL):
         if tick == round(CHANGE * 250):
             why = {"reason": "`tags` has no <estimate>", "offset": 0.08, "blended": True}
             fields = {"estimator": source, "previous": "tags", **why}
-            run.event(Event(now, "estimator_changed", "mk", fields, ""))
+            written.event(Event(now, "estimator_changed", "mk", fields, ""))
         candidates = [
             SimpleNamespace(name=name, estimate=e, is_usable=e is not None)
             for name, e in found.items()
@@ -56,18 +56,18 @@ def write(path, truth=TRUTH, names=("tags", "mocap"), attitude=LEVEL):
         estimation = SimpleNamespace(candidates=candidates, source=source)
         channel.tick(now, found[source], None, None, COMMAND, truth, estimation)
     recorder.close()
-    run.finish({"kybflow": 1})
+    written.finish({"kybflow": 1})
     return path
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def recorded(tmp_path_factory):
     return read_run(write(tmp_path_factory.mktemp("estimators")))
 
 
-def test_errors_are_those_from_the_truth_while_it_was_in_use(run):
-    flown, tags, mocap = run.estimators
-    assert [e.name for e in run.estimators] == ["", "tags", "mocap"]
+def test_errors_are_those_from_the_truth_while_it_was_in_use(recorded):
+    flown, tags, mocap = recorded.estimators
+    assert [e.name for e in recorded.estimators] == ["", "tags", "mocap"]
     assert tags.intervals_used() == [(0.0, pytest.approx(CHANGE))]
     assert mocap.intervals_used() == [(pytest.approx(CHANGE), pytest.approx(SECONDS))]
     assert np.nanmax(np.abs(tags.error - [0.01, 0.0, 0.0])[:-60]) == pytest.approx(0.0, abs=1e-9)
@@ -85,8 +85,8 @@ def test_errors_are_those_from_the_truth_while_it_was_in_use(run):
     )
 
 
-def test_there_is_a_page_for_each_estimator_with_error_spread_and_age(run):
-    first, second = estimator_pages(run)
+def test_there_is_a_page_for_each_estimator_with_error_spread_and_age(recorded):
+    first, second = estimator_pages(recorded)
     assert (first.track.name, second.track.name) == ("tags", "mocap")
     error, _, age = second.figures
     off, limit, x, *_ = error.traces
@@ -100,8 +100,8 @@ def test_there_is_a_page_for_each_estimator_with_error_spread_and_age(run):
     assert np.isnan(unpacked(first.figures[0].traces[0]["y"])[151:]).all()
 
 
-def test_the_tables_tell_shares_errors_and_why_it_changed(run):
-    page = render(run)
+def test_the_tables_tell_shares_errors_and_why_it_changed(recorded):
+    page = render(recorded)
     rows = [re.sub(r"<[^>]+>", " ", row).split() for row in re.findall(r"<tr>(.*?)</tr>", page)]
     assert [
         "mk",
@@ -141,14 +141,14 @@ def test_the_tables_tell_shares_errors_and_why_it_changed(run):
     }
 
 
-def test_pictures_stand_camera_by_camera_in_the_page_of_their_estimator(run):
+def test_pictures_stand_camera_by_camera_in_the_page_of_their_estimator(recorded):
     jpeg = b"\xff\xd8\xff\xe0"
     pictures = (
         Picture("mk", "tags", "down", 1.5, 2, 1, jpeg),
         Picture("mk", "tags", "down", 3.0, None, None, jpeg),
         Picture("mk", "tags", "front", 4.5, 0, 0, jpeg),
     )
-    page = render(replace(run, pictures=pictures))
+    page = render(replace(recorded, pictures=pictures))
     assert page.count('src="data:image/jpeg;base64,/9j/') == 3
     for caption in ("1.50 s: 2 tags used, 1 rejected", "3.00 s: no pose", "4.50 s: 0 tags used"):
         assert f"<figcaption>{caption}</figcaption>" in page
@@ -156,26 +156,26 @@ def test_pictures_stand_camera_by_camera_in_the_page_of_their_estimator(run):
 
 
 def test_without_a_truth_nothing_is_claimed(tmp_path):
-    run = read_run(write(tmp_path, truth=None))
-    body = render(run)
+    recorded = read_run(write(tmp_path, truth=None))
+    body = render(recorded)
     assert "because the truth is unknown" in body
     row = next(row for row in re.findall(r"<tr>(.*?)</tr>", body) if ">tags<" in row)
     assert re.sub(r"<[^>]+>", " ", row).split() == [
         "mk", "tags", "75.0", "%", *["\N{EN DASH}"] * 5, "40", "40",
     ]  # fmt: skip
-    mocap = estimator_pages(run)[1]
+    mocap = estimator_pages(recorded)[1]
     assert unpacked(mocap.figures[0].traces[0]["y"])[0] == pytest.approx(4.0)
 
 
 def test_a_lone_estimator_is_folded_up_and_says_once_how_it_was(tmp_path):
-    run = read_run(write(tmp_path, names=("mocap",)))
-    body = render(run)
+    recorded = read_run(write(tmp_path, names=("mocap",)))
+    body = render(recorded)
     assert "<i>in use</i>" not in body
     assert '<details class="page"><summary>mk: mocap</summary>' in body
 
 
-def test_a_run_in_which_none_was_recorded_has_no_section(run):
-    assert "<h2>Estimators</h2>" not in render(replace(run, estimators=()))
+def test_a_run_in_which_none_was_recorded_has_no_section(recorded):
+    assert "<h2>Estimators</h2>" not in render(replace(recorded, estimators=()))
 
 
 def test_what_an_offset_adds_is_no_lie_of_a_spread(tmp_path, monkeypatch):
@@ -201,17 +201,17 @@ def test_what_an_offset_adds_is_no_lie_of_a_spread(tmp_path, monkeypatch):
 def test_errors_in_yaw_and_attitude_are_told(tmp_path):
     leant = from_euler(0.02, 0.0, 0.05)
     truth = TRUTH._replace(attitude=from_heading(0.04))
-    run = read_run(write(tmp_path, truth=truth, attitude=leant))
-    mocap = run.estimators[2]
+    recorded = read_run(write(tmp_path, truth=truth, attitude=leant))
+    mocap = recorded.estimators[2]
     assert mocap.yaw_error[0] == pytest.approx(0.01)
     assert mocap.attitude_error[0] == pytest.approx((0.01**2 + 0.02**2) ** 0.5, rel=0.01)
     assert statistics_of(mocap, 200).yaw_p99 == pytest.approx(0.01)
-    _, attitude, _ = estimator_pages(run)[1].figures
+    _, attitude, _ = estimator_pages(recorded)[1].figures
     turn, yaw = (unpacked(trace["y"])[0] for trace in attitude.traces)
     assert (turn, yaw) == (pytest.approx(1.28, abs=0.01), pytest.approx(0.573, abs=0.001))
 
 
 def test_a_yaw_beyond_half_a_turn_is_the_short_way(tmp_path):
     truth = TRUTH._replace(attitude=from_heading(-3.1))
-    run = read_run(write(tmp_path, truth=truth, attitude=from_heading(3.1)))
-    assert run.estimators[2].yaw_error[0] == pytest.approx(6.2 - 2.0 * np.pi)
+    recorded = read_run(write(tmp_path, truth=truth, attitude=from_heading(3.1)))
+    assert recorded.estimators[2].yaw_error[0] == pytest.approx(6.2 - 2.0 * np.pi)

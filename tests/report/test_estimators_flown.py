@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("cv2")
 
+from toolchain import compiled
+
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.report.data import read_run
 from kybflow.report.estimators import statistics_of
 from kybflow.report.page import render
@@ -45,19 +45,16 @@ faults:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("seen")
-    mission = folder / "seen.yaml"
-    mission.write_text(MISSION)
-    result = compile_mission(mission, catalog=load_catalog())
-    assert result.plan is not None, result.diagnostics
-    flown = fly(result.plan, RunRequest(seed=2, out=folder / "run"))
+    plan = compiled(folder / "seen.yaml", MISSION, warns=True)
+    flown = fly(plan, RunRequest(seed=2, out=folder / "run"))
     assert flown.exit_code == 0, flown.summary["reason"]
     return read_run(flown.folder)
 
 
-def test_each_estimator_is_recorded_whether_it_is_flown_on_or_not(run):
-    flown, *others = run.estimators
+def test_each_estimator_is_recorded_whether_it_is_flown_on_or_not(recorded):
+    flown, *others = recorded.estimators
     mocap, tags = sorted(others, key=lambda estimated: estimated.name)
     assert (mocap.name, tags.name) == ("mocap", "tag_camera")
     ticks = len(flown.time)
@@ -69,13 +66,13 @@ def test_each_estimator_is_recorded_whether_it_is_flown_on_or_not(run):
     assert (tags.age > 0.0).sum() > tags.used.sum()  # it was there long before
 
 
-def test_pictures_show_tags_in_flight_and_at_each_change(run):
-    times = [picture.time for picture in run.pictures]
+def test_pictures_show_tags_in_flight_and_at_each_change(recorded):
+    times = [picture.time for picture in recorded.pictures]
     assert len(times) >= 4
-    assert max(picture.used or 0 for picture in run.pictures) >= 4
+    assert max(picture.used or 0 for picture in recorded.pictures) >= 4
     changes = [
         event["t_s"]
-        for event in run.events
+        for event in recorded.events
         if event["event"] == "estimator_changed" and event["fields"]["previous"]
     ]
     assert len(changes) == 2
@@ -83,9 +80,9 @@ def test_pictures_show_tags_in_flight_and_at_each_change(run):
         assert any(change - 0.2 < time <= change + 0.05 for time in times)
 
 
-def test_the_page_shows_all_of_it(run):
-    page = render(run)
+def test_the_page_shows_all_of_it(recorded):
+    page = render(recorded)
     assert page.count('<details class="page" open>') == 2
-    assert page.count("data:image/jpeg;base64,") == len(run.pictures)
+    assert page.count("data:image/jpeg;base64,") == len(recorded.pictures)
     assert "<summary>2 changes</summary>" in page
     assert "<i>in use</i>" in page

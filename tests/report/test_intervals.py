@@ -45,65 +45,65 @@ TOLD = [
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def recorded(tmp_path_factory):
     whole = read_run(write_run(tmp_path_factory.mktemp("run"), 12.0))
     return replace(whole, events=TOLD)
 
 
-def test_faults_and_holds_last_from_event_to_event(run):
-    assert faults_and_holds(run) == [
+def test_faults_and_holds_last_from_event_to_event(recorded):
+    assert faults_and_holds(recorded) == [
         Interval("fault at work", "mk", "wind", 2.0, 4.5),
-        Interval("fault at work", "mk", "sag", 8.0, run.end),
+        Interval("fault at work", "mk", "sag", 8.0, recorded.end),
         Interval("hold", "mk", "paused", 3.0, 4.0),
         Interval("hold", "mk", "brake", 5.0, 6.0),
     ]
 
 
-def test_a_clamped_setpoint_lasts_from_event_to_event(run):
+def test_a_clamped_setpoint_lasts_from_event_to_event(recorded):
     told = [
         event(3.0, "clamp_started", processor="fence", reason="too high"),
         event(5.0, "clamp_ended", processor="fence", most="1.5 m", seconds=1.5),
         event(6.0, "clamp_started", processor="fence", reason="too high"),
     ]
-    clamped = replace(run, events=told)
+    clamped = replace(recorded, events=told)
     assert faults_and_holds(clamped) == [
         Interval("clamped setpoint", "mk", "fence", 3.0, 5.0),
-        Interval("clamped setpoint", "mk", "fence", 6.0, run.end),
+        Interval("clamped setpoint", "mk", "fence", 6.0, recorded.end),
     ]
     assert "clamps" in timeline(clamped).layout["yaxis"]["ticktext"][1]
 
 
-def test_a_behavior_that_is_left_ends_its_hold(run):
+def test_a_behavior_that_is_left_ends_its_hold(recorded):
     told = [event(3.0, "paused", by="operator"), event(5.0, "behavior_ended", how="asked")]
-    assert faults_and_holds(replace(run, events=told)) == [
+    assert faults_and_holds(replace(recorded, events=told)) == [
         Interval("hold", "mk", "paused", 3.0, 5.0)
     ]
 
 
-def test_estimators_that_are_not_the_first_are_told_apart(run):
-    assert estimators_in_use(run) == {
+def test_estimators_that_are_not_the_first_are_told_apart(recorded):
+    assert estimators_in_use(recorded) == {
         "mk": [
             Interval("estimator", "mk", "mocap", 0.1, 2.5),
             Interval("fallback estimator", "mk", "inertial", 2.5, 7.0),
-            Interval("no estimate", "mk", "no estimate", 7.0, run.end),
+            Interval("no estimate", "mk", "no estimate", 7.0, recorded.end),
         ],
         "nano": [],
     }
 
 
-def test_the_error_plots_shade_them_with_a_legend(run):
-    drawn = {figure.name: figure for figure in figures(run)}
+def test_the_error_plots_shade_them_with_a_legend(recorded):
+    drawn = {figure.name: figure for figure in figures(recorded)}
     for name in ("position_error", "velocity_error"):
         shapes = drawn[name].layout["shapes"]
-        assert [(s["x0"], s["x1"]) for s in shapes] == [(s.start, s.end) for s in shaded(run)]
+        assert [(s["x0"], s["x1"]) for s in shapes] == [(s.start, s.end) for s in shaded(recorded)]
         assert [s["name"] for s in shapes if s["showlegend"]] == [
             "fault at work", "hold", "no estimate", "fallback estimator",
         ]  # fmt: skip
         assert shapes[0]["label"]["text"] == "mk: wind"
 
 
-def test_the_timeline_has_a_lane_for_each(run):
-    figure = timeline(run)
+def test_the_timeline_has_a_lane_for_each(recorded):
+    figure = timeline(recorded)
     axis = figure.layout["yaxis"]
     assert axis["ticktext"] == ["mk", "mk, faults", "mk, holds", "mk, estimator", "nano"]
     rows = dict(zip(axis["ticktext"], axis["tickvals"], strict=True))
@@ -128,8 +128,8 @@ def test_a_name_that_does_not_fit_stands_above_its_bar():
     assert narrow_labels([wide], 100.0)[1] < 13.0
 
 
-def test_every_event_stands_in_the_page(run):
-    page = re.sub(r"<script.*?</script>", "", render(run), flags=re.DOTALL)
+def test_every_event_stands_in_the_page(recorded):
+    page = re.sub(r"<script.*?</script>", "", render(recorded), flags=re.DOTALL)
     notable, every = page.split("<summary>All 14</summary>")
     assert "<summary>12 unusual</summary>" in notable
     assert every.count("eight.yaml:7</code>") == 14
@@ -139,10 +139,10 @@ def test_every_event_stands_in_the_page(run):
     assert "into: beam" in rows[0]
 
 
-def test_the_end_tells_the_fault_and_the_collision(run):
+def test_the_end_tells_the_fault_and_the_collision(recorded):
     def ended(state, events):
         vehicle = {"final": "ground", "behaviors": [{"name": state, "start_s": 9.5}]}
-        return ending(replace(run, events=events, summary={"vehicles": {"mk": vehicle}}), "mk")
+        return ending(replace(recorded, events=events, summary={"vehicles": {"mk": vehicle}}), "mk")
 
     assert ended("fault", TOLD) == "on the ground, in fault: none left, ran into beam at 9.00 s"
     assert ended("landed", []) == "on the ground"

@@ -40,7 +40,7 @@ world:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def recorded(tmp_path_factory):
     return replace(read_run(write_run(tmp_path_factory.mktemp("run"), 12.0)), world=WORLD)
 
 
@@ -59,8 +59,8 @@ def test_a_world_that_no_run_has_written_is_an_error(tmp_path, text):
         read_world(path)
 
 
-def test_the_fence_is_drawn_and_lies_in_the_picture(run):
-    layout = path_map(run).layout
+def test_the_fence_is_drawn_and_lies_in_the_picture(recorded):
+    layout = path_map(recorded).layout
     [fence] = layout["shapes"]
     assert (fence["x0"], fence["y0"], fence["x1"], fence["y1"]) == (-3.0, -3.0, 3.0, 3.0)
     assert (fence["name"], fence["showlegend"]) == ("fence", True)
@@ -70,8 +70,8 @@ def test_the_fence_is_drawn_and_lies_in_the_picture(run):
         assert 3.0 < high < 4.0
 
 
-def test_every_obstacle_and_point_has_its_name(run):
-    figure = path_map(run)
+def test_every_obstacle_and_point_has_its_name(recorded):
+    figure = path_map(recorded)
     obstacles = [t for t in figure.traces if t["name"] == "obstacle"]
     named = ["".join(t["text"]) for t in obstacles]
     assert named == ["pillar", "ball", "crate", "wall", "mast"]
@@ -83,8 +83,8 @@ def test_every_obstacle_and_point_has_its_name(run):
     assert "Outside this map: obstacle mast." in figure.note
 
 
-def test_a_fence_far_away_does_not_squash_the_path(run):
-    far = replace(run, mission={**run.mission, "fence": [[-90, -90, 0], [90, 90, 30]]})
+def test_a_fence_far_away_does_not_squash_the_path(recorded):
+    far = replace(recorded, mission={**recorded.mission, "fence": [[-90, -90, 0], [90, 90, 30]]})
     figure = path_map(far)
     assert "Outside this map: the fence" in figure.note
     low, high = figure.layout["xaxis"]["range"]
@@ -143,40 +143,46 @@ def test_a_map_is_read_from_the_copies_of_its_files(tmp_path):
     assert read_world(path).obstacles == {}
 
 
-def test_a_scan_has_its_name_in_the_map(run):
+def test_a_scan_has_its_name_in_the_map(recorded):
     world = RecordedWorld({}, {"heap": PointCloud(((1.0, 1.0, 0.0), (1.5, 1.0, 0.0)), 0.1)})
-    [heap] = [t for t in path_map(replace(run, world=world)).traces if t["name"] == "obstacle"]
+    [heap] = [t for t in path_map(replace(recorded, world=world)).traces if t["name"] == "obstacle"]
     assert "".join(heap["text"]) == "heap"
 
 
-def test_where_a_moving_obstacle_went_is_drawn_and_lies_in_the_picture(run):
+def test_where_a_moving_obstacle_went_is_drawn_and_lies_in_the_picture(recorded):
     place = np.array([[2.0, 0.0, 1.0], [3.2, 1.0, 1.0]])
     moving = {"ball": MovingTrack(np.array([0.0, 5.0]), place, 0.5)}
-    figure = path_map(replace(run, moving=moving))
+    figure = path_map(replace(recorded, moving=moving))
     assert [t["name"] for t in figure.traces].count("moving obstacle") == 1
     [label] = [t for t in figure.traces if t.get("mode") == "text"]
     assert (label["x"], label["y"], label["text"]) == ([2.0], [0.0], ["ball"])
     assert figure.layout["xaxis"]["range"][1] > 3.7
 
 
-def test_a_collision_is_marked_where_it_was(run):
+def test_a_collision_is_marked_where_it_was(recorded):
     hit = {"t_s": 6.0, "event": "collided", "vehicle": "mk", "at": "", "fields": {"into": "nano"}}
-    [cross] = [t for t in path_map(replace(run, events=[hit])).traces if t["name"] == "collision"]
-    mk = run.tracks[0]
+    [cross] = [
+        t for t in path_map(replace(recorded, events=[hit])).traces if t["name"] == "collision"
+    ]
+    mk = recorded.tracks[0]
     place = mk.position[(mk.time >= 6.0).argmax()]
     assert (cross["x"][0], cross["y"][0]) == pytest.approx(tuple(place[:2]), abs=0.02)
     assert cross["text"] == ["mk ran into nano"]
 
 
-def test_a_hard_landing_is_marked_with_its_speed(run):
+def test_a_hard_landing_is_marked_with_its_speed(recorded):
     fields = {"onto": "the floor", "speed": 1.624}
     hit = {"t_s": 6.0, "event": "landed_hard", "vehicle": "mk", "at": "", "fields": fields}
-    [cross] = [t for t in path_map(replace(run, events=[hit])).traces if t["name"] == "collision"]
+    [cross] = [
+        t for t in path_map(replace(recorded, events=[hit])).traces if t["name"] == "collision"
+    ]
     assert cross["text"] == ["mk landed hard (1.62 m/s) on the floor"]
 
 
-def test_a_payload_is_marked_where_it_came_to_rest(run):
+def test_a_payload_is_marked_where_it_came_to_rest(recorded):
     place = {"x": 0.4, "y": -0.2, "z": 0.0}
     fell = {"t_s": 6.0, "event": "payload_rested", "vehicle": "mk", "at": "", "fields": place}
-    [square] = [t for t in path_map(replace(run, events=[fell])).traces if t["name"] == "payload"]
+    [square] = [
+        t for t in path_map(replace(recorded, events=[fell])).traces if t["name"] == "payload"
+    ]
     assert (square["x"], square["y"], square["text"]) == ([0.4], [-0.2], ["the payload of mk"])

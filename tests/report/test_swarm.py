@@ -22,7 +22,9 @@ def track(name: str, x: float, flies_until: float = 10.0) -> Track:
     return Track(name, [x, 0, 0], TIME, place, place, flies, flies, flies, TIME, flies, ())
 
 
-def run(*tracks: Track, expect: str = "always separation(a and b) > 60 cm", **more: Any) -> Run:
+def recording_of(
+    *tracks: Track, expect: str = "always separation(a and b) > 60 cm", **more: Any
+) -> Run:
     summary = {"expectations": [{"text": expect}]}
     return Run({}, summary, {}, [], tracks, 10.0, RecordedWorld(), **more)
 
@@ -37,11 +39,13 @@ def values(trace: dict[str, Any]) -> Any:
 
 
 def test_one_vehicle_has_no_such_figures() -> None:
-    assert swarm_figures(run(track("a", 0.0))) == []
+    assert swarm_figures(recording_of(track("a", 0.0))) == []
 
 
 def test_each_pair_has_its_distance_while_both_fly_and_the_bound_is_shown() -> None:
-    _, distances = swarm_figures(run(track("a", 0.0), track("b", 1.0), track("c", 3.0, 5.0)))
+    _, distances = swarm_figures(
+        recording_of(track("a", 0.0), track("b", 1.0), track("c", 3.0, 5.0))
+    )
     curves = {trace["name"]: values(trace) for trace in distances.traces}
     assert list(curves) == ["a and b", "a and c", "b and c", "expected above 0.6 m"]
     assert curves["a and b"] == pytest.approx(np.ones(101))
@@ -52,14 +56,14 @@ def test_each_pair_has_its_distance_while_both_fly_and_the_bound_is_shown() -> N
 
 def test_the_distances_below_which_supervisors_alarm_are_shown() -> None:
     heads = {"a": facts(b=0.6, c=0.3), "b": facts(a=0.6, c=0.0)}
-    two = replace(run(track("a", 0.0), track("b", 1.0)), mission={"vehicles": heads})
+    two = replace(recording_of(track("a", 0.0), track("b", 1.0)), mission={"vehicles": heads})
     assert alarm_distances(two) == [0.3, 0.6]
     names = [trace["name"] for trace in swarm_figures(two)[1].traces]
     assert names == ["a and b", "alarm below 0.3 m", "alarm below 0.6 m", "expected above 0.6 m"]
 
 
 def test_of_many_vehicles_each_has_its_distance_to_the_nearest() -> None:
-    many = run(*(track(f"v{n}", 2.0 * n) for n in range(10)))
+    many = recording_of(*(track(f"v{n}", 2.0 * n) for n in range(10)))
     _, distances = swarm_figures(many)
     assert len(distances.traces) == 11
     assert values(distances.traces[4]) == pytest.approx(np.full(101, 2.0))
@@ -74,11 +78,14 @@ def test_of_many_vehicles_each_has_its_distance_to_the_nearest() -> None:
     ],
 )
 def test_the_bound_is_the_expectations(text: str, bound: float | None) -> None:
-    assert least_separation(replace(run(), summary={"expectations": [{"text": text}]})) == bound
+    assert (
+        least_separation(replace(recording_of(), summary={"expectations": [{"text": text}]}))
+        == bound
+    )
 
 
 def test_the_swarm_from_above_shows_who_flies_at_each_moment() -> None:
-    above, _ = swarm_figures(run(track("a", 0.0), track("b", 1.0, 5.0)))
+    above, _ = swarm_figures(recording_of(track("a", 0.0), track("b", 1.0, 5.0)))
     dots = [trace for trace in above.traces if trace.get("mode") == "markers+text"]
     assert [len(trace["x"]) for trace in dots] == [2, 2, 2, 2, 2, 1, 1, 1, 1]
 
@@ -89,7 +96,7 @@ def dots(figure: Any, mode: str) -> list[dict[str, Any]]:
 
 def test_a_moving_obstacle_is_shown_at_each_moment_beside_a_single_vehicle_too() -> None:
     ball = MovingTrack(TIME, np.stack([TIME, 0 * TIME, 1 + 0 * TIME], axis=1), 0.2)
-    [above] = swarm_figures(run(track("a", 0.0), moving={"ball": ball}))
+    [above] = swarm_figures(recording_of(track("a", 0.0), moving={"ball": ball}))
     named = [(trace["text"], trace["x"]) for trace in dots(above, "text")]
     assert [text for [text], _ in named] == [f"{second}" for second in range(1, 10)]
     assert [x for _, [x] in named] == pytest.approx([*range(1, 10)])
@@ -99,6 +106,6 @@ def test_a_moving_obstacle_is_shown_at_each_moment_beside_a_single_vehicle_too()
 def test_lines_join_those_who_hear_each_other(hears: bool) -> None:
     visit = StateVisit("square", "formation", 0.0, 10.0, "", True, False, hears)
     pair = (replace(track(name, x), visits=(visit,)) for name, x in (("a", 0.0), ("b", 1.0)))
-    above, _ = swarm_figures(run(*pair))
+    above, _ = swarm_figures(recording_of(*pair))
     edges = [trace for trace in above.traces if trace.get("name") == ""]
     assert [len(trace["x"]["bdata"]) > 0 for trace in edges] == [hears] * 9

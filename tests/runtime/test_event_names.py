@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import inspect
 import re
-from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from toolchain import ROOT
 
 from kybflow.core.events import Awaited, BaseEvent, Needs
 from kybflow.core.sources import help_of, hints_of
 from kybflow.parts.catalog import load_catalog
 from kybflow.parts.events import AWAITED_EVENTS, ENGINE_EVENTS, RUN_EVENTS, VEHICLE_EVENTS
 
-KYBFLOW = Path(__file__).parents[2] / "kybflow"
+KYBFLOW = ROOT / "kybflow"
 CONSTRUCTED = re.compile(r"\b([A-Z]\w+)\(")
 LITERAL = re.compile(r"\bCustom\(\"")
 RAISED = re.compile(r'\b(?:Alarm|_alarm)\(\s*"(\w+)"')

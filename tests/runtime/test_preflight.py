@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -14,10 +13,9 @@ import pytest
 from failsafe_parts import alarming
 from plans import part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
-from typer.testing import CliRunner
+from toolchain import MISSIONS, invoke
 
 from kybflow.api.flight import inspect
-from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
@@ -371,9 +369,6 @@ def kybflow(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
 
-MISSIONS = Path(__file__).parents[2] / "missions"
-
-
 def test_the_command_prints_a_line_for_each_check(tmp_path):
     done = kybflow(str(MISSIONS / "first_flight.yaml"))
     assert done.returncode == 0
@@ -395,7 +390,7 @@ def test_the_command_says_red_and_invalid(tmp_path):
         mission + "\ntargets:\n  sim: {all: {driver: {use: sim, battery: 10 %}}}\n", "utf-8"
     )
     bad.write_text(mission.replace("do: hover", "do: hoover"), encoding="utf-8")
-    done = CliRunner().invoke(app, ["preflight", str(red)])
+    done = invoke("preflight", red)
     assert done.exit_code == 1
     assert "RED    nano  supervisors.battery" in done.output
-    assert CliRunner().invoke(app, ["preflight", str(bad)]).exit_code == 2
+    assert invoke("preflight", bad).exit_code == 2

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from toolchain import compiled
+
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.protocol.at import read_commands
 from kybflow.drivers.ardrone.transport.stream import CommandStream
 from kybflow.drivers.emulated_ardrone import EmulatedArdrone
 from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 HEAD = """kybflow: 1
 mission: drones
@@ -40,13 +40,10 @@ def mission(names, seconds):
     return HEAD + "".join(vehicles)
 
 
-def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
+def drone_flight(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
     """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`).
     watch: takes (seconds, truth) of the drone `a`, once a tick."""
-    path = out / "drones.yaml"
-    path.write_text(text, encoding="utf-8")
-    result = compile_mission(path, catalog=load_catalog(), target="emulated_ardrone", sets=())
-    assert result.plan is not None, result.diagnostics
+    plan = compiled(out / "drones.yaml", text, target="emulated_ardrone", warns=True)
     sessions = []
 
     class Kept(EmulatedArdrone):
@@ -59,7 +56,7 @@ def flown(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, 
         changed = replace(vehicle.driver.params, **params)
         return replace(vehicle, driver=replace(vehicle.driver, cls=Kept, params=changed))
 
-    plan = replace(result.plan, vehicles=tuple(map(on, result.plan.vehicles)))
+    plan = replace(plan, vehicles=tuple(map(on, plan.vehicles)))
     told = []
     request = request or RunRequest(out=out / "run", seed=seed)
     flight = fly(plan, request, (told.append,))

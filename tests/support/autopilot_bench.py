@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
-from framing import Framing
+from framing import ACCEPTED, Framing
 from pymavlink.dialects.v20 import all as mavlink
 from sim_worlds import QUIET, seat
 
@@ -15,22 +15,21 @@ from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.firmware import as_built, emulated_firmware, prepared
 from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
 from kybflow.drivers.emulation.body import SimulatedBody
+from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned
+from kybflow.drivers.mavlink.transport.router import heartbeat
 from kybflow.drivers.mavlink.transport.wire import memory_wires
 from kybflow.drivers.sim.world import SimulatedWorld
 
 PERIOD = NS // 125
 PLAIN = replace(QUIET, physics=250.0)
 PX4_OFFBOARD, PX4_TAKE_OFF, PX4_HOLD, PX4_LAND, PX4_RETURN = (
-    6 << 16,
-    4 << 16 | 2 << 24,
-    4 << 16 | 3 << 24,
-    4 << 16 | 6 << 24,
-    4 << 16 | 5 << 24,
+    profile_of("px4").modes[name] for name in ("OFFBOARD", "TAKEOFF", "HOLD", "LAND", "RETURN")
 )
-GUIDED, LAND, BRAKE, STABILIZE = 4, 9, 17, 0
-ACCEPTED, REJECTED, UNSUPPORTED, FAILED = 0, 1, 3, 4
-STATION, ONBOARD = 6, 18
+GUIDED, LAND, BRAKE, STABILIZE = (
+    profile_of("ardupilot").modes[name] for name in ("GUIDED", "LAND", "BRAKE", "STABILIZE")
+)
+STATION, ONBOARD = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER
 POSITION_YAW, POSITION, VELOCITY = 0x9F8, 0xDF8, 0xDC7
 
 
@@ -126,7 +125,7 @@ class Bench:
             else:
                 self.pilot.add_measurement(measured, self.now)
         if tick % 125 == 1 and self.beats is not None:
-            self.say(mavlink.MAVLink_heartbeat_message(self.beats, 8, 0, 0, 4, 3))
+            self.say(heartbeat(self.beats))
         if self.wanted is not None and tick % 5 == 0:
             self.say(self.wanted())
         self.endpoint.step(self.now)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bytecodes import Bytecodes
+from toolchain import MISSIONS
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.compiler import compile_mission
@@ -14,7 +15,7 @@ from kybflow.dsl.plan import Plan
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.engine import Engine
 
-MISSION = Path(__file__).parents[2] / "missions" / "figure_eight.yaml"
+MISSION = MISSIONS / "figure_eight.yaml"
 
 
 def fleet(count: int, target: str | None = None) -> Plan:

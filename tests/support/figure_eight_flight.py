@@ -148,13 +148,13 @@ class Moment(NamedTuple):
     estimate: Estimate | None
 
 
-def flown(part: Fusion, ticks: Ticks) -> Iterator[Moment]:
+def moments(part: Fusion, ticks: Ticks) -> Iterator[Moment]:
     for truth, arriving in ticks:
         yield Moment(truth, part.update(arriving, truth.time))
 
 
 def last(part: Fusion, ticks: Ticks) -> Estimate:
-    *_, moment = flown(part, ticks)
+    *_, moment = moments(part, ticks)
     assert moment.estimate is not None
     return moment.estimate
 

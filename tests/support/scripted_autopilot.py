@@ -9,25 +9,31 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from framing import Framing
+from framing import (
+    ACCEPTED,
+    ARM,
+    SERVO,
+    SET_MODE,
+    TAKEOFF,
+    Framing,
+)
 from pymavlink.dialects.v20 import all as mavlink
 from sim_worlds import FRAME
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind
+from kybflow.drivers.mavlink.control.arming import FORCED
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import MavlinkParams
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
+from kybflow.drivers.mavlink.telemetry.received_status import ARMED, READY
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Seat
 from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 PERIOD = NS // 50
 GROUND, AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
-SET_MODE, ARM, TAKEOFF, SERVO, GRIPPER = 176, 400, 22, 183, 211
-ACCEPTED, REJECTED, UNSUPPORTED, FAILED = 0, 1, 3, 4
-FORCED = 21196
 NO_POSITION = 0b111
 
 
@@ -63,11 +69,11 @@ class Fake:
                 elif message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
                     self._rise(self._asked_up(message))
         if not self.is_quiet:
-            self._stream(now // 1_000_000)
+            self.stream(now // 1_000_000)
         self._ticks += 1
 
     def say(self, text: str, severity: int = 3) -> None:
-        self._send(mavlink.MAVLink_statustext_message(severity, text.encode()))
+        self.send(mavlink.MAVLink_statustext_message(severity, text.encode()))
 
     def took(self, kind: str) -> list[Any]:
         return [message for message in self.sent if message.get_type() == kind]
@@ -77,32 +83,32 @@ class Fake:
 
     def go(self, mode: str) -> None:
         self.mode = self.profile.modes[mode]
-        self._heartbeat()
+        self.heartbeat()
 
-    def _stream(self, ms: int) -> None:
+    def stream(self, ms: int) -> None:
         if self._ticks % 5 == 0:
-            self._heartbeat()
-            health = 1 << 28 if self.ready else 0
-            self._send(mavlink.MAVLink_extended_sys_state_message(0, self.landed))
-            self._send(
+            self.heartbeat()
+            health = READY if self.ready else 0
+            self.send(mavlink.MAVLink_extended_sys_state_message(0, self.landed))
+            self.send(
                 mavlink.MAVLink_sys_status_message(
                     health | self.ill, health | self.ill, health, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0
                 )
             )
-            self._send(mavlink.MAVLink_servo_output_raw_message(0, 0, *self.servos))
+            self.send(mavlink.MAVLink_servo_output_raw_message(0, 0, *self.servos))
             if "ESTIMATOR_STATUS" in self.profile.streams:
                 spreads = (self.flags, *(0.0,) * 6, 0.03, 0.03)
-                self._send(mavlink.MAVLink_estimator_status_message(ms * 1000, *spreads))
+                self.send(mavlink.MAVLink_estimator_status_message(ms * 1000, *spreads))
             else:
-                self._send(mavlink.MAVLink_ekf_status_report_message(self.flags, *(0.05,) * 5))
+                self.send(mavlink.MAVLink_ekf_status_report_message(self.flags, *(0.05,) * 5))
         x, y, z = self.position
-        self._send(mavlink.MAVLink_attitude_quaternion_message(ms, 1.0, *(0.0,) * 6))
-        self._send(mavlink.MAVLink_local_position_ned_message(ms, y, x, -z, 0.0, 0.0, 0.0))
+        self.send(mavlink.MAVLink_attitude_quaternion_message(ms, 1.0, *(0.0,) * 6))
+        self.send(mavlink.MAVLink_local_position_ned_message(ms, y, x, -z, 0.0, 0.0, 0.0))
 
-    def _heartbeat(self) -> None:
+    def heartbeat(self) -> None:
         maker = self.profile.mav_autopilot
-        base = 128 if self.armed else 0
-        self._send(mavlink.MAVLink_heartbeat_message(2, maker, base, self.mode, 3, 3))
+        base = ARMED if self.armed else 0
+        self.send(mavlink.MAVLink_heartbeat_message(2, maker, base, self.mode, 3, 3))
 
     def _command(self, message: Any) -> None:
         if message.command in self.deaf_to:
@@ -112,7 +118,7 @@ class Fake:
             self.say(text)
         if message.command == ARM and message.param2 == FORCED:
             result = ACCEPTED
-        self._send(mavlink.MAVLink_command_ack_message(message.command, result))
+        self.send(mavlink.MAVLink_command_ack_message(message.command, result))
         if result == ACCEPTED and self.obeys:
             self._obey(message)
 
@@ -127,7 +133,7 @@ class Fake:
             self.landed, self.position = TAKING_OFF, (0.0, 0.0, 0.3)
         elif message.command == SERVO:
             self.servos[round(message.param1) - 1] = round(message.param2)
-        self._heartbeat()
+        self.heartbeat()
 
     def _asked_up(self, message: Any) -> float:
         """The height that a setpoint asks for: its own, or any above for a push up."""
@@ -145,9 +151,9 @@ class Fake:
     def _tell_param(self, name: str) -> None:
         if name in self.params:
             value, sort = self.params[name], mavlink.MAV_PARAM_TYPE_REAL32
-            self._send(mavlink.MAVLink_param_value_message(name.encode(), value, sort, 1, 0))
+            self.send(mavlink.MAVLink_param_value_message(name.encode(), value, sort, 1, 0))
 
-    def _send(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         self.wire.send(self.framing.pack(message))
 
 

@@ -50,5 +50,5 @@ def path(told: list[Event], name: str) -> list[str]:
     ]
 
 
-def named(told: list[Event], event: str) -> list[Event]:
-    return [e for e in told if e.name == event]
+def named(told: list[Event], *events: str) -> list[Event]:
+    return [e for e in told if e.name in events]

@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy
 import pytest
-from typer.testing import CliRunner
 
 cv2 = pytest.importorskip("cv2")
 
 from tag_floors import room, still  # noqa: E402
+from toolchain import MISSIONS, compiled, invoke  # noqa: E402
 from walks import CAMERA, TURN, bodies, pose_at, scene  # noqa: E402
 
-from kybflow.cli.app import app  # noqa: E402
 from kybflow.core.errors import FileError  # noqa: E402
 from kybflow.core.files import File  # noqa: E402
 from kybflow.core.geometry import from_euler, multiply  # noqa: E402
-from kybflow.dsl.compiler import compile_mission  # noqa: E402
-from kybflow.parts.catalog import load_catalog  # noqa: E402
 from kybflow.vision.calibration.pose_table import read_poses  # noqa: E402
 from kybflow.vision.tag_table import read_tags, write_tags  # noqa: E402
 
@@ -51,13 +48,7 @@ def written(folder: Path, tags: str = GRID, cameras: str = "") -> Path:
 
 
 def given(mission: Path, *arguments: str | Path):
-    return CliRunner().invoke(app, ["calibrate", str(mission), *map(str, arguments)])
-
-
-def compiled(mission: Path):
-    result = compile_mission(mission, catalog=load_catalog())
-    assert [found.message for found in result.diagnostics] == []
-    return result.plan
+    return invoke("calibrate", mission, *arguments)
 
 
 def walked(folder: Path, side: int, count: int) -> Path:
@@ -113,9 +104,9 @@ def test_a_walk_corrects_a_mission(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 def test_frames_alone_say_what_they_do_not_tell(tmp_path: Path) -> None:
-    mission = written(tmp_path, TABLE)
     made = scene(9, 3)
     (tmp_path / "tags.csv").write_text(write_tags(made.survey), encoding="utf-8")
+    mission = written(tmp_path, TABLE)
     camera = CAMERA._replace(lens=compiled(mission).vehicles[0].cameras["down"].lens)
     lit = room(made.tags, row_time=0.0)
     video = cv2.VideoWriter(
@@ -180,7 +171,7 @@ def test_frames_that_tell_nothing_are_told(tmp_path: Path) -> None:
 
 
 def test_a_mission_without_a_camera_or_tags_is_told(tmp_path: Path) -> None:
-    bare = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
+    bare = MISSIONS / "first_flight.yaml"
     result = given(bare, "--frames", tmp_path)
     assert "no vehicle of `first_flight` has a camera" in result.output
     text = written(tmp_path).read_text(encoding="utf-8")

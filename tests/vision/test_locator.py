@@ -30,7 +30,6 @@ from kybflow.world.tags import Tag, TagMap  # noqa: E402
 
 TAGS = grid()
 BODY = still((0.9, 1.0, 1.2), from_euler(0.06, -0.08, 0.7))
-STILL = BodyMotion()
 
 
 def whole(tags, body=BODY, camera=CAMERA, margin=3.0):

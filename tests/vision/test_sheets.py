@@ -12,9 +12,8 @@ import pytest
 cv2 = pytest.importorskip("cv2")
 
 import numpy  # noqa: E402 - after the skip
-from typer.testing import CliRunner  # noqa: E402
+from toolchain import MISSIONS, invoke  # noqa: E402
 
-from kybflow.cli.app import app  # noqa: E402
 from kybflow.vision.families import FAMILIES, cells, dictionary  # noqa: E402
 from kybflow.vision.sheets import PAPERS, lay_out, pdf, png, raster  # noqa: E402
 
@@ -159,20 +158,17 @@ def test_a_png_says_its_resolution_and_is_the_page() -> None:
     assert found(image, "36h11").keys() == {5}
 
 
-MISSIONS = Path(__file__).parents[2] / "missions"
-
-
-def run(*arguments: str):
-    return CliRunner().invoke(app, ["tags", *arguments])
-
-
 def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
     floor, pad = tmp_path / "floor.pdf", tmp_path / "pad.png"
-    result = run("--ids", "0-3,7", "--size", "19.5cm", "--paper", "a3", "--out", str(floor))
+    result = invoke(
+        "tags", "--ids", "0-3,7", "--size", "19.5cm", "--paper", "a3", "--out", str(floor)
+    )
     assert result.exit_code == 0, result.output
     assert f"wrote {floor}" in result.output
     assert len(streams(floor.read_bytes())) == 5
-    result = run("--ids", "0-12", "--size", "40 mm", "--family", "25h9", "--out", str(pad))
+    result = invoke(
+        "tags", "--ids", "0-12", "--size", "40 mm", "--family", "25h9", "--out", str(pad)
+    )
     assert result.exit_code == 0, result.output
     assert sorted(p.name for p in tmp_path.glob("*.png")) == ["pad-1.png", "pad-2.png"]
 
@@ -220,13 +216,13 @@ def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
 def test_the_command_says_what_is_wrong(
     arguments: tuple[str, ...], message: str, tmp_path: Path
 ) -> None:
-    result = run(*arguments, "--out", str(tmp_path / "x.pdf"))
+    result = invoke("tags", *arguments, "--out", str(tmp_path / "x.pdf"))
     assert result.exit_code == 2
     assert message in " ".join(re.sub(r"[│\n]", " ", result.output).split())
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_command_writes_only_what_it_can() -> None:
-    result = run("--ids", "0", "--size", "4cm", "--out", "x.doc")
+    result = invoke("tags", "--ids", "0", "--size", "4cm", "--out", "x.doc")
     assert result.exit_code == 2
     assert "doesn't end in .pdf or .png" in result.output

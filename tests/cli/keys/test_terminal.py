@@ -38,9 +38,9 @@ class Child:
     """A program that reads keys from a terminal of its own."""
 
     def __init__(self) -> None:
-        self.master, self._slave = os.openpty()
-        self.before = termios.tcgetattr(self._slave)
-        words = [sys.executable, "-c", CHILD, os.ttyname(self._slave)]
+        self.master, self.slave = os.openpty()
+        self.before = termios.tcgetattr(self.slave)
+        words = [sys.executable, "-c", CHILD, os.ttyname(self.slave)]
         self.program = subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
         )
@@ -55,7 +55,7 @@ class Child:
         assert self.program.stdout.readline().strip() == line
 
     def now(self) -> list[object]:
-        return termios.tcgetattr(self._slave)
+        return termios.tcgetattr(self.slave)
 
     def is_taken(self) -> bool:
         return not self.now()[3] & termios.ICANON  # type: ignore[operator]
@@ -71,7 +71,7 @@ class Child:
         self.program.kill()
         self.program.communicate()
         os.close(self.master)
-        os.close(self._slave)
+        os.close(self.slave)
 
 
 @pytest.fixture
@@ -114,13 +114,13 @@ def test_keys_that_nobody_read_do_not_reach_the_shell(child: Child) -> None:
     child.program.terminate()
     child.program.wait()
     assert child.now() == child.before
-    os.set_blocking(child._slave, False)
+    os.set_blocking(child.slave, False)
     child.type(b"\n")
-    assert os.read(child._slave, 100) == b"\n"
+    assert os.read(child.slave, 100) == b"\n"
 
 
 def test_somebody_who_changes_it_back_is_overruled(child: Child) -> None:
-    termios.tcsetattr(child._slave, termios.TCSANOW, child.before)
+    termios.tcsetattr(child.slave, termios.TCSANOW, child.before)
     until(child.is_taken, "it is set up again")
 
 

@@ -33,7 +33,7 @@ class Script:
             self._deeds.pop(0)[1](engine)
 
 
-def flown(run, person: Person, *deeds, others=()):
+def events_of(run, person: Person, *deeds, others=()):
     """The flight of one vehicle that waits for `operator.go`; what it told."""
     people = People(*others)
     _, told = run(
@@ -55,7 +55,7 @@ def test_a_mission_that_waits_is_let_go_and_landed(run) -> None:
         person.see(engine)
         saw.append(person.says())
 
-    told = flown(
+    told = events_of(
         run,
         person,
         (1.0, lambda engine: person.press(engine, "operator.go")),
@@ -89,7 +89,7 @@ def test_only_pause_and_land_act_without_enter(run) -> None:
         assert person.says() == ""
         person.press(engine, "enter")
 
-    told = flown(
+    told = events_of(
         run,
         person,
         (0.5, lambda engine: person.press(engine, "operator.go", "enter")),
@@ -119,7 +119,7 @@ def test_a_key_that_means_nothing_is_told(run) -> None:
         assert person.says() == "`Z` has no command now"
 
     stop = (1.0, lambda engine: person.press(engine, "stop", "enter"))
-    assert given(flown(run, person, (0.5, presses), stop)) == [("terminal", "stop")]
+    assert given(events_of(run, person, (0.5, presses), stop)) == [("terminal", "stop")]
 
 
 @pytest.mark.thorough
@@ -131,7 +131,7 @@ def test_the_lease_of_another_is_taken_as_the_choice_says(run) -> None:
         saw.append(person.says())
         person.press(engine, "enter")
 
-    told = flown(
+    told = events_of(
         run,
         person,
         (1.0, takes),
@@ -153,7 +153,7 @@ def test_a_refusal_is_shown(run) -> None:
         engine.vehicles[0].requests.retire("a test ends it")
         person.press(engine, "enter")
 
-    told = flown(
+    told = events_of(
         run,
         person,
         (0.5, lambda engine: person.press(engine, "operator.go", "enter")),
@@ -178,7 +178,7 @@ def test_the_table_shows_the_keys_and_the_answer(run) -> None:
             console.print(LivePanel(console, person.commander)._drawing(engine, 1.0))
             shown[width, height].append(file.getvalue())
 
-    flown(
+    events_of(
         run,
         person,
         (0.1, sees),

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import ROOT, invoke
 
-from kybflow.cli.app import app
 from kybflow.cli.printing.parts import page
 from kybflow.core.events import BaseEvent
 from kybflow.core.params import Field, RecordOf, fields_of
@@ -22,13 +21,13 @@ from kybflow.parts.catalog import load_catalog, own_catalog
 from kybflow.parts.events import ENGINE_EVENTS
 from kybflow.parts.observables import OBSERVABLES
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = ROOT / "docs"
 LANGUAGE = (DOCS / "mission-language.md").read_text(encoding="utf-8")
 FAILSAFE = (DOCS / "failsafe.md").read_text(encoding="utf-8")
 
 
 def parts(*arguments: str) -> int:
-    return CliRunner().invoke(app, ["parts", *arguments]).exit_code
+    return invoke("parts", *arguments).exit_code
 
 
 def is_flat(field: Field) -> bool:

@@ -7,9 +7,8 @@ import socket
 import threading
 
 import pytest
-from typer.testing import CliRunner
+from toolchain import invoke
 
-from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
 from kybflow.drivers.ardrone.joining import join_lines, run_lines
 
@@ -77,7 +76,7 @@ def test_nobody_at_home_is_told():
 
 def test_by_default_it_is_only_shown():
     command = ["ardrone", "join", "--ssid", "lab", "--address", "192.168.1.11"]
-    found = CliRunner().invoke(app, command)
+    found = invoke(*command)
     assert found.exit_code == 0
     assert "iwconfig ath0 mode managed essid lab;" in found.output
     assert "nothing is sent without --write" in found.output
@@ -85,6 +84,6 @@ def test_by_default_it_is_only_shown():
 
 def test_a_wrong_address_is_a_wrong_command_line():
     command = ["ardrone", "join", "--ssid", "lab", "--address", "x"]
-    found = CliRunner().invoke(app, command)
+    found = invoke(*command)
     assert found.exit_code == 2
     assert "`x` with `255.255.255.0` is no IPv4 address" in found.output

@@ -3,7 +3,7 @@ told why not."""
 
 from __future__ import annotations
 
-from ardrone_flights import flown, mission
+from ardrone_flights import drone_flight, mission
 
 from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import heading_of
@@ -22,7 +22,7 @@ def asked(seconds, words):
 
 def flight(folder, *commands, **params):
     request = RunRequest(out=folder / "run", again=commands)
-    return flown(mission(["a"], 6.0) + ON, folder, request=request, wifi_loss=0.0, **params)
+    return drone_flight(mission(["a"], 6.0) + ON, folder, request=request, wifi_loss=0.0, **params)
 
 
 def answers(told):
@@ -68,7 +68,7 @@ def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
     text = text.replace(circle, "do: hover, for_time: 12 s")
     request = RunRequest(out=tmp_path / "run", again=(asked(9.0, f"perform a {CALIBRATE}"),))
     watch = []
-    done, told, _ = flown(text, tmp_path, request=request, watch=watch, maneuvers=True)
+    done, told, _ = drone_flight(text, tmp_path, request=request, watch=watch, maneuvers=True)
     assert done.summary["outcome"] == "succeeded", told
     assert answers(told) == [(CALIBRATE, None)]
     headings = [heading_of(true.attitude) for seconds, true in watch if 9.0 < seconds < 16.0]

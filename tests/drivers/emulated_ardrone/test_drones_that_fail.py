@@ -4,7 +4,7 @@ ground."""
 from __future__ import annotations
 
 import pytest
-from ardrone_flights import flown, mission
+from ardrone_flights import drone_flight, mission
 
 
 def named(told, name):
@@ -13,7 +13,7 @@ def named(told, name):
 
 def test_a_drone_that_stops_its_rotors_is_told_with_the_cause(tmp_path):
     text = mission(["a"], 15.0)
-    flight, told, session = flown(text, tmp_path, breaks=[(9.0, {"cutout": True})])
+    flight, told, session = drone_flight(text, tmp_path, breaks=[(9.0, {"cutout": True})])
     assert flight.summary["outcome"] == "failed"
     lost, _ = named(told, "control_lost")
     assert "a motor was stopped by force" in lost.fields["reason"]
@@ -24,7 +24,7 @@ def test_a_drone_that_stops_its_rotors_is_told_with_the_cause(tmp_path):
 
 def test_a_drone_with_an_empty_battery_lands_itself(tmp_path):
     text = mission(["a"], 15.0)
-    flight, told, session = flown(text, tmp_path, breaks=[(9.0, {"battery": 0.04})])
+    flight, told, session = drone_flight(text, tmp_path, breaks=[(9.0, {"battery": 0.04})])
     assert flight.summary["outcome"] == "failed"
     assert any("battery" in event.name for event in told), [event.name for event in told]
     assert not session.links["a"].drone.flight.flies
@@ -34,7 +34,7 @@ def test_a_drone_with_an_empty_battery_lands_itself(tmp_path):
 def test_a_drone_in_emergency_is_reset_before_take_off(tmp_path):
     text = mission(["a"], 3.0)
     breaks = [(0.0, {"cutout": True}), (0.5, {"cutout": False})]
-    flight, told, _ = flown(text, tmp_path, breaks=breaks)
+    flight, told, _ = drone_flight(text, tmp_path, breaks=breaks)
     assert flight.summary["outcome"] == "succeeded", told
     assert named(told, "took_off")
 
@@ -44,19 +44,19 @@ def test_a_drone_in_emergency_is_reset_before_take_off(tmp_path):
     [([(0.0, {"cutout": True})], "emergency"), ([(0.0, {"battery": 0.1})], "own battery")],
 )
 def test_a_drone_that_is_not_well_does_not_take_off(breaks, check, tmp_path):
-    flight, told, session = flown(mission(["a"], 3.0), tmp_path, breaks=breaks)
+    flight, told, session = drone_flight(mission(["a"], 3.0), tmp_path, breaks=breaks)
     assert flight.summary["outcome"] != "succeeded"
     assert check in [event.fields["check"] for event in named(told, "preflight_failed")]
     assert not session.links["a"].drone.flight.flies
 
 
 def test_how_it_stands_is_taken_for_level_once_where_that_is_asked_for(tmp_path):
-    _, _, session = flown(mission(["a"], 3.0), tmp_path, flat_trim=True, wifi_loss=0.0)
+    _, _, session = drone_flight(mission(["a"], 3.0), tmp_path, flat_trim=True, wifi_loss=0.0)
     assert session.links["a"].drone.accepted == {"FTRIM": 1}
 
 
 def test_a_tilt_that_the_drone_is_not_given_fails_the_preflight(tmp_path):
-    flight, told, _ = flown(mission(["a"], 3.0), tmp_path, euler_angle_max=0.1)
+    flight, told, _ = drone_flight(mission(["a"], 3.0), tmp_path, euler_angle_max=0.1)
     (failed,) = named(told, "preflight_failed")
     assert failed.fields["check"] == "tilt"
     assert flight.summary["outcome"] != "succeeded"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from ardrone_flights import flown
+from ardrone_flights import drone_flight
 
 MISSION = """kybflow: 1
 mission: steered
@@ -46,7 +46,7 @@ OPERATOR = """t, x, y, z, turn, buttons, lost
 def test_an_operator_takes_a_drone_and_gives_it_back(tmp_path):
     (tmp_path / "operator.csv").write_text(OPERATOR, encoding="utf-8")
     seen = []
-    flight, told, _ = flown(MISSION, tmp_path, watch=seen)
+    flight, told, _ = drone_flight(MISSION, tmp_path, watch=seen)
     assert flight.summary["outcome"] == "succeeded", told
     way = [e.fields["behavior"] for e in told if e.name == "behavior_started"]
     assert way == ["up", "turn", "hand", "turn", "down", "landed"]

@@ -6,13 +6,13 @@ import json
 import random
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
 from sim_worlds import seat
+from toolchain import MISSIONS, compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Odometry, Pose
@@ -21,16 +21,11 @@ from kybflow.drivers.emulated_autopilot import (
     EmulatedAutopilotParams,
 )
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
-
-MISSIONS = Path(__file__).parents[3] / "missions"
 
 
-def flown(mission, target, out, **request):
-    result = compile_mission(MISSIONS / mission, catalog=load_catalog(), target=target)
-    assert result.plan is not None, result.diagnostics
-    return fly(result.plan, RunRequest(out=out, **request))
+def mission_flight(mission, target, out, **request):
+    plan = compiled(MISSIONS / mission, target=target, warns=True)
+    return fly(plan, RunRequest(out=out, **request))
 
 
 def test_importing_the_part_loads_neither_mujoco_nor_pymavlink():
@@ -43,14 +38,14 @@ def test_importing_the_part_loads_neither_mujoco_nor_pymavlink():
 
 
 def test_a_mission_flies_on_ardupilot_without_a_change(tmp_path):
-    done = flown("first_flight.yaml", "emulated_ardupilot", tmp_path / "run")
+    done = mission_flight("first_flight.yaml", "emulated_ardupilot", tmp_path / "run")
     assert done.summary["outcome"] == "succeeded", done.summary["expectations"]
 
 
 def test_a_mission_flies_on_px4_and_the_same_seed_gives_the_same_events(tmp_path):
     told = []
     for name in ("a", "b"):
-        done = flown("first_flight.yaml", "emulated_px4", tmp_path / name, seed=4)
+        done = mission_flight("first_flight.yaml", "emulated_px4", tmp_path / name, seed=4)
         assert done.summary["outcome"] == "succeeded", done.summary["expectations"]
         lines = (tmp_path / name / "events.jsonl").read_text().splitlines()
         told.append([json.loads(line) for line in lines])

@@ -7,7 +7,6 @@ import pytest
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
 from autopilot_bench import (  # noqa: E402
-    ACCEPTED,
     BRAKE,
     GUIDED,
     LAND,
@@ -18,6 +17,7 @@ from autopilot_bench import (  # noqa: E402
     VELOCITY,
     Bench,
 )
+from framing import ACCEPTED  # noqa: E402
 
 from kybflow.core.signals import NS  # noqa: E402
 

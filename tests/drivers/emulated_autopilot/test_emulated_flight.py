@@ -10,9 +10,7 @@ from dataclasses import replace  # noqa: E402
 from math import pi  # noqa: E402
 
 from autopilot_bench import (  # noqa: E402
-    ACCEPTED,
     BRAKE,
-    FAILED,
     GUIDED,
     LAND,
     PLAIN,
@@ -23,6 +21,7 @@ from autopilot_bench import (  # noqa: E402
     VELOCITY,
     Bench,
 )
+from framing import ACCEPTED, FAILED  # noqa: E402
 from sim_worlds import FRAME  # noqa: E402
 
 from kybflow.core.geometry import from_euler, heading_of, norm, tilt_of  # noqa: E402

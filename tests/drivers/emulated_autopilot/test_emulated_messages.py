@@ -9,7 +9,8 @@ import pytest
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
-from autopilot_bench import ACCEPTED, ONBOARD, REJECTED, UNSUPPORTED, Bench  # noqa: E402
+from autopilot_bench import ONBOARD, Bench  # noqa: E402
+from framing import ACCEPTED, REJECTED, REQUEST, UNSUPPORTED  # noqa: E402
 from sim_worlds import QUIET, seat  # noqa: E402
 
 from kybflow.core.errors import DriverError  # noqa: E402
@@ -18,6 +19,7 @@ from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS  # noqa
 from kybflow.drivers.emulated_autopilot.state import AutopilotFailures  # noqa: E402
 from kybflow.drivers.emulation.breaking import read_break  # noqa: E402
 from kybflow.drivers.mavlink.firmware import profile_of  # noqa: E402
+from kybflow.drivers.mavlink.transport.router import heartbeat  # noqa: E402
 from kybflow.world.vehicle_context import Parcel  # noqa: E402
 
 BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
@@ -138,7 +140,7 @@ def test_px4_talks_to_ground_stations_alone_and_in_chunks():
     bench.run(1.0)
     assert bench.arm() == REJECTED
     assert bench.texts() == ""
-    bench.say(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    bench.say(heartbeat(mavlink.MAV_TYPE_GCS))
     assert bench.arm() == REJECTED
     said = [m for m in bench.heard if m.get_type() == "STATUSTEXT"]
     assert [(m.id, m.chunk_seq) for m in said[:3]] == [(said[0].id, n) for n in range(3)]
@@ -147,7 +149,7 @@ def test_px4_talks_to_ground_stations_alone_and_in_chunks():
 
 def test_another_vehicles_messages_are_not_heeded():
     bench = Bench("px4")
-    bench.say(mavlink.MAVLink_command_long_message(2, 1, 512, 0, 0, 0, 0, 0, 0, 0, 0))
+    bench.say(mavlink.MAVLink_command_long_message(2, 1, REQUEST, 0, 0, 0, 0, 0, 0, 0, 0))
     bench.run(0.1)
     assert bench.last("COMMAND_ACK") is None
 

@@ -6,20 +6,13 @@ import pytest
 
 mavlink = pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 
-from autopilot_bench import (  # noqa: E402
-    ACCEPTED,
-    FAILED,
-    GUIDED,
-    PX4_HOLD,
-    PX4_LAND,
-    PX4_OFFBOARD,
-    REJECTED,
-    STABILIZE,
-    Bench,
-)
+from autopilot_bench import GUIDED, PX4_HOLD, PX4_LAND, PX4_OFFBOARD, STABILIZE, Bench  # noqa: E402
+from framing import ACCEPTED, FAILED, REJECTED  # noqa: E402
+
+from kybflow.drivers.mavlink.control.arming import FORCED  # noqa: E402
+from kybflow.drivers.mavlink.telemetry.received_status import READY  # noqa: E402
 
 NO_SUCH_MODE = 42
-PREARM = 1 << 28
 
 
 def px4_in_offboard():
@@ -73,34 +66,31 @@ def test_px4_is_not_armed_in_the_mode_that_lands():
 
 
 @pytest.mark.parametrize(
-    ("broken", "words"),
+    ("ready", "result", "broken", "words"),
     [
-        ({"tilt": 35.0}, "Attitude failure"),
-        ({"battery": 0.05}, "low battery"),
-        ({"refuse": "Preflight Fail: Accel 0 uncalibrated"}, "Accel 0 uncalibrated"),
+        (px4_in_offboard, REJECTED, {"tilt": 35.0}, "Attitude failure"),
+        (px4_in_offboard, REJECTED, {"battery": 0.05}, "low battery"),
+        (
+            px4_in_offboard,
+            REJECTED,
+            {"refuse": "Preflight Fail: Accel 0 uncalibrated"},
+            "Accel 0 uncalibrated",
+        ),
+        (ardupilot_in_guided, FAILED, {"tilt": 35.0}, "Arm: Leaning"),
+        (ardupilot_in_guided, FAILED, {"battery": 0.05}, "PreArm: Battery 1 low voltage failsafe"),
+        (
+            ardupilot_in_guided,
+            FAILED,
+            {"refuse": "PreArm: Compass not calibrated"},
+            "PreArm: Compass not calibrated",
+        ),
     ],
 )
-def test_px4_says_what_is_wrong(broken, words):
-    bench = px4_in_offboard()
+def test_it_says_what_is_wrong(ready, result, broken, words):
+    bench = ready()
     for name, value in broken.items():
         setattr(bench.pilot.failures, name, value)
-    assert bench.arm() == REJECTED
-    assert words in bench.texts()
-
-
-@pytest.mark.parametrize(
-    ("broken", "words"),
-    [
-        ({"tilt": 35.0}, "Arm: Leaning"),
-        ({"battery": 0.05}, "PreArm: Battery 1 low voltage failsafe"),
-        ({"refuse": "PreArm: Compass not calibrated"}, "PreArm: Compass not calibrated"),
-    ],
-)
-def test_ardupilot_says_what_is_wrong(broken, words):
-    bench = ardupilot_in_guided()
-    for name, value in broken.items():
-        setattr(bench.pilot.failures, name, value)
-    assert bench.arm() == FAILED
+    assert bench.arm() == result
     assert words in bench.texts()
 
 
@@ -121,12 +111,12 @@ def test_ardupilots_health_depends_on_its_mode():
     ask = (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     assert bench.mode(STABILIZE) == ACCEPTED
     assert bench.command(*ask) == ACCEPTED
-    assert bench.last("SYS_STATUS").onboard_control_sensors_health & PREARM
+    assert bench.last("SYS_STATUS").onboard_control_sensors_health & READY
     assert bench.mode(GUIDED) == ACCEPTED
     assert bench.arm() == FAILED
     assert "Need Position Estimate" in bench.texts()
     assert bench.command(*ask) == ACCEPTED
-    assert not bench.last("SYS_STATUS").onboard_control_sensors_health & PREARM
+    assert not bench.last("SYS_STATUS").onboard_control_sensors_health & READY
 
 
 def test_ardupilot_repeats_why_every_thirty_seconds():
@@ -141,7 +131,7 @@ def test_a_plain_disarming_is_refused_in_the_air_and_a_forced_one_is_not(name):
     bench = Bench(name)
     bench.take_off(1.0)
     assert bench.disarm() == (REJECTED if bench.px4 else FAILED)
-    assert bench.disarm(21196) == ACCEPTED
+    assert bench.disarm(FORCED) == ACCEPTED
     bench.run(1.0)
     assert bench.height < 0.1
 

@@ -13,6 +13,7 @@ from dry_runs import DRIVER, WRONG, DryRun
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.drivers.mavlink.protocol.framing import Packer
+from kybflow.drivers.mavlink.transport.router import heartbeat
 from kybflow.drivers.mavlink.transport.wire import memory_wires
 
 STATION, RATE = 200, 37.0
@@ -28,7 +29,7 @@ def station(*messages: Any, seconds: float) -> Callable[[DryRun], None]:
         wire, theirs = memory_wires("memory:station")
         endpoint.connect(theirs)
         packer, step, begun = Packer(STATION), endpoint.step, flight.engine.seconds()
-        beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+        beat = heartbeat(mavlink.MAV_TYPE_GCS)
         sent = 0
 
         def stepping(now: int) -> None:

@@ -12,11 +12,13 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from framing import Framing
+from framing import INTERVAL, Framing
 from served_autopilots import emulated
 from waiting import HANGS, free_port
 
+from kybflow.drivers.mavlink.protocol.framing import NUMBERS
 from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.router import heartbeat
 
 pytestmark = pytest.mark.thorough
 ARMED, IN_AIR, ON_GROUND = 128, 2, 1
@@ -47,8 +49,10 @@ class Onlooker:
         from pymavlink.dialects.v20 import all as mavlink
 
         self._wire, self._framing = open_wire(address), Framing(250)
-        self._here = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
-        self._ask = mavlink.MAVLink_command_long_message(1, 1, 511, 0, 245, 2e5, 0, 0, 0, 0, 0)
+        self._here = heartbeat(mavlink.MAV_TYPE_GCS)
+        self._ask = mavlink.MAVLink_command_long_message(
+            1, 1, INTERVAL, 0, NUMBERS["EXTENDED_SYS_STATE"], 2e5, 0, 0, 0, 0, 0
+        )
         self.armed, self.landed, self._said = None, None, 0.0
 
     def until(self, found):

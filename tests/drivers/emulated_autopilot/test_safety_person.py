@@ -16,9 +16,11 @@ from dry_runs import (
     DryRun,
     supervised,
 )
+from framing import REQUEST
 from short_flights import NoParams
 
 from kybflow.core.signals import NS, Alarm, Reaction
+from kybflow.drivers.mavlink.protocol.framing import NUMBERS
 from kybflow.dsl.plan import PartPlan
 from kybflow.parts import Supervisor
 
@@ -37,7 +39,7 @@ def switches(flight):
 
     def counting(data, to):
         number, command = (int.from_bytes(data[a:b], "little") for a, b in ((7, 10), (38, 40)))
-        if (number, command) != (76, 512):
+        if (number, command) != (NUMBERS["COMMAND_LONG"], REQUEST):
             sent.append((flight.engine.seconds(), number))
         send(data, to)
 
@@ -45,7 +47,11 @@ def switches(flight):
     flight.pilot.give_to_pilot(SWITCH[flight.name][0])
 
 
-SET_POINTS, COMMANDS = {82, 84, 86}, {76}
+SET_POINTS = {
+    NUMBERS[f"SET_{name}"]
+    for name in ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "POSITION_TARGET_GLOBAL_INT")
+}
+COMMANDS = {NUMBERS["COMMAND_LONG"]}
 """Numbers of the messages that steer."""
 
 

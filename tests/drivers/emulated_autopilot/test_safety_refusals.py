@@ -12,9 +12,8 @@ pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 from dry_runs import AUTOPILOTS, DRIVER, UP, DryRun, supervised
 from plans import part, state, then
 from short_flights import down, hold, up
-from typer.testing import CliRunner
+from toolchain import invoke
 
-from kybflow.cli.app import app
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.dsl.plan import TransitionPlan
 from kybflow.world.vehicle_context import Parcel
@@ -154,7 +153,7 @@ def test_its_servo_is_not_set_up(autopilot, tmp_path):
 def test_the_preflight_names_each_parameter_that_is_wrong_and_the_cure(autopilot, tmp_path):
     file = tmp_path / "bare.yaml"
     file.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
-    done = CliRunner().invoke(app, ["preflight", str(file), "--target", "bare"])
+    done = invoke("preflight", file, "--target", "bare")
     assert done.exit_code == 1
     lines = done.output.splitlines()
     [at] = [i for i, line in enumerate(lines) if " parameters " in line and "RED" in line]
@@ -175,7 +174,7 @@ def test_a_run_tells_each_parameter_that_is_wrong_once(autopilot, tmp_path):
     file = tmp_path / "bare.yaml"
     file.write_text(MISSION.format(autopilot=autopilot), encoding="utf-8")
     asked = ["run", str(file), "--target", "bare", "--out", str(tmp_path / "run"), "--no-report"]
-    done = CliRunner().invoke(app, asked)
+    done = invoke(*asked)
     assert done.exit_code == 1
     wrong = {"px4": "EKF2_EV_CTRL is 0,", "ardupilot": "VISO_TYPE is 0,"}[autopilot]
     for words in (wrong, DANGEROUS[autopilot], f"kybflow mavlink setup --vehicle {autopilot}"):

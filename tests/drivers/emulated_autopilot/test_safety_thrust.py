@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from flight_judge import judge
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 
 pytest.importorskip("pymavlink.dialects.v20.all", reason="pymavlink is not installed")
 pytestmark = pytest.mark.thorough
@@ -48,10 +47,12 @@ BURDENS = {
 @pytest.mark.parametrize("burden", BURDENS)
 def test_it_stays_in_the_air(burden: str, target: str, tmp_path: Path) -> None:
     height, fault = BURDENS[burden]
-    path = tmp_path / "burdened.yaml"
-    path.write_text(MISSION.format(height=height, fault=fault), encoding="utf-8")
-    plan = compile_mission(path, catalog=load_catalog(), target=target).plan
-    assert plan is not None
+    plan = compiled(
+        tmp_path / "burdened.yaml",
+        MISSION.format(height=height, fault=fault),
+        target=target,
+        warns=True,
+    )
     told: list[str] = []
     run = fly(plan, RunRequest(out=tmp_path / "run"), (lambda event: told.append(event.name),))
     findings = judge(plan, run.folder, run.summary).findings

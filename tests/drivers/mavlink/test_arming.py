@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import (
-    AIR,
-    ARM,
-    FAILED,
-    GROUND,
-    REJECTED,
-    RESTING,
-    SET_MODE,
-    TAKEOFF,
-    Bench,
-    at,
-)
+from framing import ARM, FAILED, REJECTED, SET_MODE, TAKEOFF
+from scripted_autopilot import AIR, GROUND, RESTING, Bench, at
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
+from kybflow.drivers.mavlink.control.arming import FORCED
 
 UP = at((0.0, 0.0, 1.0))
 
@@ -143,7 +134,7 @@ def test_cutting_is_by_force_and_repeated_until_the_rotors_rest():
     bench.fake.obeys = False
     bench.link.cut(bench.now)
     bench.run(2.0, RESTING)
-    asked = [m for m in bench.fake.commands(ARM) if m.param2 == 21196.0]
+    asked = [m for m in bench.fake.commands(ARM) if m.param2 == FORCED]
     assert len(asked) >= 4
     assert {m.param1 for m in asked} == {0.0}
     bench.fake.obeys = True

@@ -77,9 +77,9 @@ def test_the_worst_words_stay():
 def test_its_state_of_charge_counts_while_it_lasts(name, state, said, acts):
     bench = Bench(name)
     bench.fly()
-    bench.fake._send(charge(state))
+    bench.fake.send(charge(state))
     assert warning(bench) == BatteryWarning(f"it reports its battery as {said}", acts)
-    bench.fake._send(charge(1))
+    bench.fake.send(charge(1))
     assert warning(bench) is None
 
 
@@ -100,5 +100,5 @@ def test_a_warning_counts_though_the_charge_is_not_known_any_more(name):
     bench.run(0.5)
     unknown = charge(3)
     unknown.battery_remaining = -1
-    bench.fake._send(unknown)
+    bench.fake.send(unknown)
     assert warning(bench) == BatteryWarning("it reports its battery as critical", True)

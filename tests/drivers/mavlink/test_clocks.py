@@ -6,6 +6,7 @@ import random
 from itertools import pairwise
 
 import pytest
+from framing import PX4_HEARTBEAT
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
@@ -110,7 +111,7 @@ def test_a_time_of_the_run_in_the_time_of_the_autopilot() -> None:
         (mavlink.MAVLink_scaled_imu_message(0, *[0] * 9), None),
         (mavlink.MAVLink_highres_imu_message(1_234_567, *[0] * 14), 1_234_567_000),
         (mavlink.MAVLink_highres_imu_message(1_700_000_000_000_000, *[0] * 14), None),
-        (mavlink.MAVLink_heartbeat_message(2, 12, 81, 0, 4, 3), None),
+        (PX4_HEARTBEAT, None),
     ],
     ids=["milliseconds", "not filled in", "microseconds", "time of day", "no stamp"],
 )
@@ -179,5 +180,5 @@ def test_a_request_is_answered_in_its_own_time_once_that_is_known() -> None:
 
 
 def test_other_messages_are_nothing_to_it() -> None:
-    heartbeat = mavlink.MAVLink_heartbeat_message(2, 12, 81, 0, 4, 3)
+    heartbeat = PX4_HEARTBEAT
     assert TimeSync(BootClock()).handle(heartbeat, 0) == []

@@ -6,7 +6,8 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from scripted_autopilot import AIR, REJECTED, SET_MODE, Bench, at
+from framing import REJECTED, SET_MODE
+from scripted_autopilot import AIR, Bench, at
 
 from kybflow.core.errors import Refused
 
@@ -38,7 +39,7 @@ def go(bench: Bench, mode: str) -> None:
     """Into a mode by its own name."""
     names = bench.fake.profile.names
     bench.fake.mode = next(number for number, name in names.items() if name == mode)
-    bench.fake._heartbeat()
+    bench.fake.heartbeat()
 
 
 @BOTH

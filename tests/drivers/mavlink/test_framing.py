@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from framing import Framing
+from framing import SET_MODE, Framing
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
@@ -30,7 +30,9 @@ MESSAGES = [
         0, 1, 1, 2**15 - 1, [4000] * 10, 100, -1, -1, 80, voltages_ext=[0, 0, 0, 1]
     ),
     mavlink.MAVLink_highres_imu_message(9, *[0.5] * 13, 0xFFFF, 2),
-    mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1.0, 6.0, NAN, 0.0, 0.0, 0.0, -math.inf),
+    mavlink.MAVLink_command_long_message(
+        1, 1, SET_MODE, 0, 1.0, 6.0, NAN, 0.0, 0.0, 0.0, -math.inf
+    ),
     mavlink.MAVLink_current_mode_message(1, 2, 3),
 ]  # fmt: skip
 BY_TYPE = pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.get_type())

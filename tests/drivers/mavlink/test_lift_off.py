@@ -6,9 +6,10 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
+from framing import ARM
 from hypothesis import given
 from hypothesis import strategies as st
-from scripted_autopilot import ARM, RESTING, Bench, at, pushed
+from scripted_autopilot import RESTING, Bench, at, pushed
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO

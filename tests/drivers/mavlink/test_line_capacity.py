@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from framing import INTERVAL
 from scripted_autopilot import Bench
 
 from kybflow.core.signals import Imu, Odometry
 from kybflow.drivers.mavlink import MavlinkParams
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.preflight.checks import LineCapacity
+from kybflow.drivers.mavlink.protocol.framing import NUMBERS
 
 SLOW, QUICK = "serial:/dev/ttyUSB0:57600", "serial:/dev/ttyUSB0:921600"
 SIZES = {"ATTITUDE_QUATERNION": 60, "HEARTBEAT": 21}
@@ -84,4 +86,11 @@ def test_a_vehicle_on_a_radio_is_asked_for_what_fits_also_once_its_imu_is_flown_
 
 def asked(bench: Bench) -> float:
     """Hz of ATTITUDE_QUATERNION, as it was asked for last."""
-    return 1e6 / [m.param2 for m in bench.fake.commands(511) if m.param1 == 31.0][-1]
+    return (
+        1e6
+        / [
+            m.param2
+            for m in bench.fake.commands(INTERVAL)
+            if m.param1 == NUMBERS["ATTITUDE_QUATERNION"]
+        ][-1]
+    )

@@ -5,34 +5,29 @@ from __future__ import annotations
 import random
 
 import pytest
-from framing import Framing
-from scripted_autopilot import (
-    AIR,
-    ARM,
-    FAILED,
-    GROUND,
-    LANDING,
-    PERIOD,
-    REJECTED,
-    RESTING,
-    SET_MODE,
-    UNSUPPORTED,
-    Bench,
-    at,
-    estimate,
-    mavlink,
-)
+from framing import ARM, FAILED, INTERVAL, REJECTED, REQUEST, SET_MODE, UNSUPPORTED, Framing
+from scripted_autopilot import AIR, GROUND, LANDING, PERIOD, RESTING, Bench, at, estimate, mavlink
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
+from kybflow.drivers.mavlink.protocol.framing import NUMBERS
+from kybflow.drivers.mavlink.transport.router import heartbeat
 from kybflow.parts import Effect, StatusText
 from kybflow.world.vehicle_context import Parcel
 
 UP = at((0.0, 0.0, 1.0))
-STEADY = frozenset({436.0, 1.0, 245.0, 31.0, 32.0, 105.0, 230.0, 147.0, 83.0, 85.0, 65.0})
-"""The messages that every PX4 is asked for, beside its heartbeat: mode, status, landed state,
-attitude, position, IMU, estimator, battery, throttle, target, sticks."""
+STEADY = frozenset(
+    NUMBERS[name]
+    for name in (
+        "CURRENT_MODE", "SYS_STATUS", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION",
+        "LOCAL_POSITION_NED", "HIGHRES_IMU", "ESTIMATOR_STATUS", "BATTERY_STATUS",
+        "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "RC_CHANNELS",
+    )
+)  # fmt: skip
+"""The messages that every PX4 is asked for, beside its heartbeat."""
+ATTITUDE, POSITION = NUMBERS["ATTITUDE_QUATERNION"], NUMBERS["LOCAL_POSITION_NED"]
+IMU, SERVOS, THROTTLE = (NUMBERS[n] for n in ("HIGHRES_IMU", "SERVO_OUTPUT_RAW", "VFR_HUD"))
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 
 
@@ -52,24 +47,25 @@ def test_heartbeats_of_a_ground_station_and_of_a_computer_come_with_the_tick():
     bench = Bench()
     bench.run(10.0)
     kinds = [m.type for m in bench.fake.took("HEARTBEAT")]
-    assert kinds.count(6) == kinds.count(18) == 10
+    assert kinds.count(mavlink.MAV_TYPE_GCS) == 10
+    assert kinds.count(mavlink.MAV_TYPE_ONBOARD_CONTROLLER) == 10
 
 
 def test_streams_are_asked_for_and_what_does_not_come_again():
     bench = Bench()
     bench.run(8.0)
-    asked = [m.param1 for m in bench.fake.commands(511) if m.param2 > 0.0]
+    asked = [m.param1 for m in bench.fake.commands(INTERVAL) if m.param2 > 0.0]
     assert set(asked) == STEADY
-    assert asked.count(31.0) == 1
-    assert asked.count(105.0) == 2
+    assert asked.count(ATTITUDE) == 1
+    assert asked.count(IMU) == 2
 
 
 def test_px4s_heartbeat_is_requested_and_ardupilots_rate_is_set():
     for name, requests, intervals in (("px4", 8, 0), ("ardupilot", 0, 1)):
         bench = Bench(name)
         bench.run(2.0)
-        polls = [m for m in bench.fake.commands(512) if m.param1 == 0.0]
-        rates = [m for m in bench.fake.commands(511) if m.param1 == 0.0]
+        polls = [m for m in bench.fake.commands(REQUEST) if m.param1 == 0.0]
+        rates = [m for m in bench.fake.commands(INTERVAL) if m.param1 == 0.0]
         assert len(polls) == pytest.approx(requests, abs=1)
         assert len(rates) == intervals
 
@@ -77,21 +73,21 @@ def test_px4s_heartbeat_is_requested_and_ardupilots_rate_is_set():
 def test_the_imu_is_asked_for_at_its_full_rate_once_somebody_flies_by_it():
     bench = Bench()
     bench.run(8.0)
-    imu = [m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0]
+    imu = [m.param2 for m in bench.fake.commands(INTERVAL) if m.param1 == IMU]
     assert set(imu) == {40_000.0}
     bench.fake.sent.clear()
     bench.link.subscribe(frozenset({Imu}))
     bench.link.subscribe(frozenset({Imu, Odometry}))
     bench.run(0.1)
-    assert [(m.param1, m.param2) for m in bench.fake.commands(511)] == [
-        (105.0, 10_000.0), (31.0, 20_000.0), (32.0, 20_000.0),
+    assert [(m.param1, m.param2) for m in bench.fake.commands(INTERVAL)] == [
+        (IMU, 10_000.0), (ATTITUDE, 20_000.0), (POSITION, 20_000.0),
     ]  # fmt: skip
 
 
 def test_its_own_estimate_comes_more_rarely_where_nobody_flies_by_it():
     bench = Bench()
     bench.run(8.0)
-    own = [m.param2 for m in bench.fake.commands(511) if m.param1 in (31.0, 32.0)]
+    own = [m.param2 for m in bench.fake.commands(INTERVAL) if m.param1 in (ATTITUDE, POSITION)]
     assert set(own) == {40_000.0}
 
 
@@ -99,7 +95,7 @@ def test_what_only_some_vehicles_need_is_asked_of_those_alone():
     def asked(**params):
         bench = Bench(**params)
         bench.run(1.0)
-        return {m.param1 for m in bench.fake.commands(511)} - {0.0, *STEADY}
+        return {m.param1 for m in bench.fake.commands(INTERVAL)} - {0.0, *STEADY}
 
     assert asked() == set()
     assert asked(position="own") == {mavlink.MAVLINK_MSG_ID_GPS_RAW_INT}
@@ -111,7 +107,7 @@ def test_an_imu_that_is_needed_from_the_beginning_is_never_slow():
     bench = Bench()
     bench.link.subscribe(frozenset({Imu}))
     bench.run(8.0)
-    assert {m.param2 for m in bench.fake.commands(511) if m.param1 == 105.0} == {10_000.0}
+    assert {m.param2 for m in bench.fake.commands(INTERVAL) if m.param1 == IMU} == {10_000.0}
 
 
 def unread(bench, seconds):
@@ -119,40 +115,40 @@ def unread(bench, seconds):
     SERVO_OUTPUT_RAW, which a vehicle without payload does not read either; what was switched off,
     by number."""
     for tick in range(round(seconds * 50)):
-        bench.fake._send(mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 0.0, 0.0))
+        bench.fake.send(mavlink.MAVLink_vfr_hud_message(0.0, 0.0, 0, 0, 0.0, 0.0))
         if tick % 50 == 0:
-            bench.fake._send(
+            bench.fake.send(
                 mavlink.MAVLink_home_position_message(
                     0, 0, 0, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], *3 * [0.0]
                 )
             )
         bench.tick()
-    return [m.param1 for m in bench.fake.commands(511) if m.param2 == -1.0]
+    return [m.param1 for m in bench.fake.commands(INTERVAL) if m.param2 == -1.0]
 
 
 def test_what_comes_often_and_unread_is_switched_off_and_on_again_at_the_end():
     bench = Bench()
     assert unread(bench, 1.5) == []
-    assert unread(bench, 1.0) == [36.0, 74.0]
+    assert unread(bench, 1.0) == [SERVOS, THROTTLE]
     bench.session.close()
     bench.fake.step(bench.now + PERIOD)
-    back = [(m.param1, m.param2) for m in bench.fake.commands(511)[-2:]]
-    assert back == [(36.0, 0.0), (74.0, 0.0)]
+    back = [(m.param1, m.param2) for m in bench.fake.commands(INTERVAL)[-2:]]
+    assert back == [(SERVOS, 0.0), (THROTTLE, 0.0)]
 
 
 def test_every_stream_comes_as_before_once_the_link_is_closed():
     bench = Bench()
     bench.run(1.0)
-    asked = {m.param1 for m in bench.fake.commands(511)}
+    asked = {m.param1 for m in bench.fake.commands(INTERVAL)}
     assert len(asked) > 5
     bench.session.close()
     bench.fake.step(bench.now + PERIOD)
-    assert {m.param1 for m in bench.fake.commands(511) if m.param2 == 0.0} == asked
+    assert {m.param1 for m in bench.fake.commands(INTERVAL) if m.param2 == 0.0} == asked
 
 
 def test_an_autopilot_that_does_not_switch_off_is_flown_all_the_same():
     bench = Bench()
-    bench.fake.refuses[511] = (UNSUPPORTED, "")
+    bench.fake.refuses[INTERVAL] = (UNSUPPORTED, "")
     assert set(unread(bench, 20.0)) == {36.0, 74.0}
     bench.fly()
     assert bench.link.override is None
@@ -162,7 +158,7 @@ def test_an_autopilot_that_does_not_switch_off_is_flown_all_the_same():
 def test_nothing_is_switched_off_where_somebody_else_listens_too(kind):
     bench = Bench()
     beside = Framing(255, 190)
-    bench.fake.wire.send(beside.pack(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)))
+    bench.fake.wire.send(beside.pack(heartbeat(kind)))
     assert unread(bench, 12.0) == []
 
 
@@ -356,7 +352,7 @@ def test_the_target_of_a_mode_that_is_not_ours_is_nobody_elses():
         bench.fake.mode = bench.fake.profile.modes[mode]
         for _ in range(4):
             bench.run(0.25, UP)
-            bench.fake._send(away)
+            bench.fake.send(away)
         bench.run(0.02)
         assert len(bench.link.foreign_commands()) == foreign
 
@@ -563,13 +559,13 @@ def test_closing_puts_the_mode_of_a_disarmed_vehicle_back():
 def test_what_was_forgotten_after_a_start_is_asked_for_again():
     bench = Bench()
     bench.run(20.0)
-    asked = len(bench.fake.commands(511))
+    asked = len(bench.fake.commands(INTERVAL))
     bench.now += NS
-    bench.fake.is_quiet, bench.fake.deaf_to = True, {512}
+    bench.fake.is_quiet, bench.fake.deaf_to = True, {REQUEST}
     bench.run(4.0)
     bench.fake.is_quiet = False
     bench.run(1.0)
-    assert len(bench.fake.commands(511)) >= asked + len(STEADY)
+    assert len(bench.fake.commands(INTERVAL)) >= asked + len(STEADY)
 
 
 def test_on_a_firmwares_simulator_faults_cut_the_link_on_our_side_and_on_hardware_nothing_does():

@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
+from framing import SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
-from scripted_autopilot import SET_MODE
 
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.control.modes import Modes

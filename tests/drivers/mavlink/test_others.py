@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
+from framing import INTERVAL, REQUEST, SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
@@ -35,7 +36,7 @@ def of(system: int, message: Any) -> Any:
 
 
 def heartbeat(system: int) -> Any:
-    return of(system, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    return of(system, heartbeat(mavlink.MAV_TYPE_GCS))
 
 
 @pytest.fixture
@@ -126,10 +127,10 @@ def ack(command: int, to: int) -> Any:
 @pytest.mark.parametrize(
     ("command", "to", "told"),
     [
-        (176, 200, ["system 200 commands it: DO_SET_MODE"]),
-        (176, 245, []),
-        (176, 0, []),
-        (511, 200, []),
+        (SET_MODE, 200, ["system 200 commands it: DO_SET_MODE"]),
+        (SET_MODE, 245, []),
+        (SET_MODE, 0, []),
+        (INTERVAL, 200, []),
     ],
 )
 def test_an_answer_to_somebody_else_names_him(
@@ -149,8 +150,8 @@ def test_what_is_overheard_names_the_sender_once_in_ten_seconds(others: OtherCom
 @pytest.mark.parametrize(
     "message",
     [
-        mavlink.MAVLink_command_long_message(1, 1, 512, 0, *[0.0] * 7),
-        mavlink.MAVLink_command_long_message(2, 1, 176, 0, *[0.0] * 7),
+        mavlink.MAVLink_command_long_message(1, 1, REQUEST, 0, *[0.0] * 7),
+        mavlink.MAVLink_command_long_message(2, 1, SET_MODE, 0, *[0.0] * 7),
         mavlink.MAVLink_system_time_message(0, 0),
     ],
 )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import FAILED, GRIPPER, SERVO, UNSUPPORTED, Bench
+from framing import FAILED, GRIPPER, SERVO, UNSUPPORTED
+from scripted_autopilot import Bench
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import Payload

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import ARM, Bench, estimate
+from framing import ARM
+from scripted_autopilot import Bench, estimate, mavlink
 
 from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused
+from kybflow.drivers.mavlink.preflight.checks import RUN_PREARM_CHECKS
 
-RUN_PREARM_CHECKS = 401
-COMPASS, ESTIMATE, RECEIVER = 1 << 2, 1 << 21, 1 << 16
+COMPASS = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+ESTIMATE, RECEIVER = mavlink.MAV_SYS_STATUS_AHRS, mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 NO_POSITION = 37
 
 

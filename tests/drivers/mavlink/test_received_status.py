@@ -6,7 +6,9 @@ import pytest
 
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.telemetry.received_status import (
+    ARMED,
     CHUNK_TIMEOUT,
+    READY,
     LandedState,
     ReceivedStatus,
     ReceivedText,
@@ -22,7 +24,7 @@ def text(words: str, severity: int = 2, number: int = 0, chunk: int = 0):
 
 
 def heartbeat(mode: int, armed: bool = False, autopilot: int = 3):
-    base = 128 if armed else 0
+    base = ARMED if armed else 0
     return mavlink.MAVLink_heartbeat_message(2, autopilot, base, mode, 3, 3)
 
 
@@ -54,11 +56,11 @@ def test_the_heartbeat_of_a_camera_of_the_same_system_does_not_count() -> None:
 def test_readiness_and_ill_sensors() -> None:
     heard = ReceivedStatus()
     status = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]
-    heard.handle(mavlink.MAVLink_sys_status_message(7 | 1 << 28, 5, 1, *status), 0)
+    heard.handle(mavlink.MAVLink_sys_status_message(7 | READY, 5, 1, *status), 0)
     assert heard.ready is False
     assert heard.sensors is not None
     assert heard.sensors.unhealthy == 4
-    heard.handle(mavlink.MAVLink_sys_status_message(0, 0, 1 << 28, *status), 1)
+    heard.handle(mavlink.MAVLink_sys_status_message(0, 0, READY, *status), 1)
     assert heard.ready is True
 
 

@@ -8,13 +8,14 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
+from framing import ARM, INTERVAL, SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
+from kybflow.drivers.mavlink.control.arming import FORCED
 from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
-MODE, ARM, INTERVAL = 176, 400, 511
 MS = NS // 1000
 
 
@@ -43,7 +44,7 @@ class Peer:
 
 def test_a_command_goes_to_its_target_with_its_parameters() -> None:
     peer = Peer()
-    peer.ask(MODE, 1, 6)
+    peer.ask(SET_MODE, 1, 6)
     (message,) = peer.requests.due(0)
     assert (message.target_system, message.target_component) == (3, 1)
     assert [getattr(message, f"param{i}") for i in range(1, 8)] == [1, 6, 0, 0, 0, 0, 0]
@@ -51,7 +52,7 @@ def test_a_command_goes_to_its_target_with_its_parameters() -> None:
 
 def test_it_is_sent_again_ever_more_slowly_and_then_given_up() -> None:
     peer = Peer()
-    request = peer.ask(MODE, 1)
+    request = peer.ask(SET_MODE, 1)
     when = [now for now in range(0, 12_000, 10) if peer.sent(now)]
     assert when == [0, 300, 900, 2100, 4100]
     assert request.outcome == "silent"
@@ -60,29 +61,29 @@ def test_it_is_sent_again_ever_more_slowly_and_then_given_up() -> None:
 
 def test_the_confirmation_counts_the_times() -> None:
     peer = Peer()
-    peer.ask(MODE, 1)
-    assert [peer.sent(now)[0] for now in (0, 300, 900)] == [(MODE, 1, i) for i in range(3)]
+    peer.ask(SET_MODE, 1)
+    assert [peer.sent(now)[0] for now in (0, 300, 900)] == [(SET_MODE, 1, i) for i in range(3)]
 
 
 def test_an_answer_ends_it_and_a_late_one_is_ignored() -> None:
     peer = Peer()
-    request = peer.ask(MODE, 1)
-    peer.answer(MODE, 4, 0)
+    request = peer.ask(SET_MODE, 1)
+    peer.answer(SET_MODE, 4, 0)
     assert request.outcome == "waiting"  # it was not even sent
     peer.sent(0)
-    peer.answer(MODE, 0, 20)
-    peer.answer(MODE, 4, 30)
+    peer.answer(SET_MODE, 0, 20)
+    peer.answer(SET_MODE, 4, 30)
     assert (request.outcome, request.words) == ("accepted", "")
     assert peer.sent(300) == []
 
 
 def test_an_answer_to_somebody_else_is_not_ours() -> None:
     peer = Peer(own_system=245)
-    request = peer.ask(MODE, 1)
+    request = peer.ask(SET_MODE, 1)
     peer.sent(0)
-    peer.answer(MODE, 4, 1, system=255)
+    peer.answer(SET_MODE, 4, 1, system=255)
     assert request.outcome == "waiting"
-    peer.answer(MODE, 0, 2, system=245)
+    peer.answer(SET_MODE, 0, 2, system=245)
     assert request.outcome == "accepted"
 
 
@@ -114,8 +115,8 @@ def test_a_refusal_without_a_word(result: int, word: str) -> None:
 
 def test_two_commands_wait_at_once() -> None:
     peer = Peer()
-    mode, arm = peer.ask(MODE, 1), peer.ask(ARM, 1)
-    assert peer.sent(0) == [(MODE, 1, 0), (ARM, 1, 0)]
+    mode, arm = peer.ask(SET_MODE, 1), peer.ask(ARM, 1)
+    assert peer.sent(0) == [(SET_MODE, 1, 0), (ARM, 1, 0)]
     peer.answer(ARM, 0, 1)
     assert (mode.outcome, arm.outcome) == ("waiting", "accepted")
 
@@ -147,8 +148,8 @@ def test_many_of_one_command_take_turns() -> None:
 
 def test_asking_again_for_what_waits_sends_nothing_more() -> None:
     peer = Peer()
-    first = peer.ask(MODE, float("nan"))
-    assert peer.ask(MODE, float("nan"), now=10) is first
+    first = peer.ask(SET_MODE, float("nan"))
+    assert peer.ask(SET_MODE, float("nan"), now=10) is first
     assert len(peer.sent(20)) == 1
 
 
@@ -157,7 +158,7 @@ def test_a_newer_request_on_the_same_matter_goes_at_once_and_ends_the_older() ->
     peer = Peer()
     arm = peer.ask(ARM, 1)
     peer.sent(0)
-    disarm = peer.ask(ARM, 0, 21196, now=50 * MS)
+    disarm = peer.ask(ARM, 0, FORCED, now=50 * MS)
     assert (arm.outcome, arm.words) == ("refused", "a newer request took its place")
     assert peer.sent(50) == [(ARM, 0, 0)]
     peer.answer(ARM, 4, 60)

@@ -4,7 +4,8 @@ after a new start."""
 from __future__ import annotations
 
 import pytest
-from scripted_autopilot import AIR, ARM, GROUND, PERIOD, RESTING, SET_MODE, Bench, at, estimate
+from framing import ARM, SET_MODE
+from scripted_autopilot import AIR, GROUND, PERIOD, RESTING, Bench, at, estimate
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Odometry
@@ -26,7 +27,7 @@ def taken_by_a_pilot(name="px4") -> Bench:
 
 def deaf_to_positions(bench, monkeypatch) -> None:
     """Its heartbeats go on, its position does not come any more."""
-    send = bench.fake._send
+    send = bench.fake.send
     monkeypatch.setattr(
         bench.fake, "_send", lambda m: None if m.get_type() == "LOCAL_POSITION_NED" else send(m)
     )
@@ -172,8 +173,8 @@ def test_the_mode_that_a_pilot_chose_stays_when_the_run_ends():
 
 def reboot(bench) -> None:
     """Its clock begins anew."""
-    start, stream = bench.now // 1_000_000, bench.fake._stream
-    bench.fake._stream = lambda ms: stream(ms - start)
+    start, stream = bench.now // 1_000_000, bench.fake.stream
+    bench.fake.stream = lambda ms: stream(ms - start)
 
 
 def own_frame() -> Bench:

@@ -93,7 +93,7 @@ def test_what_is_not_finite_goes_no_further(name):
         for field, unit in (("time_boot_ms", MS), ("time_usec", 1000)):
             if hasattr(message, field):
                 setattr(message, field, bench.now // unit)
-        bench.fake._send(message)
+        bench.fake.send(message)
         bench.measured.clear()
         bench.fake.sent.clear()
         bench.tick()
@@ -115,7 +115,7 @@ def test_an_attitude_that_is_none_is_left_out():
     bench = flying("px4")
     for index in range(10):
         stamp = bench.now // MS + index
-        bench.fake._send(mavlink.MAVLink_attitude_quaternion_message(stamp, 0.0, *RATES, *RATES))
+        bench.fake.send(mavlink.MAVLink_attitude_quaternion_message(stamp, 0.0, *RATES, *RATES))
         bench.tick()
         bench.link.send(at(ZERO), bench.now)
     assert all(sum(q * q for q in m.attitude) > 0.9 for m in bench.measured if type(m) is Odometry)
@@ -126,7 +126,7 @@ def test_inertial_measurements_go_on_after_a_bad_one():
     for index in range(5):
         bench.run(0.02, at(ZERO))
         bad = nan if index == 2 else 0.0
-        bench.fake._send(
+        bench.fake.send(
             mavlink.MAVLink_highres_imu_message(
                 bench.now // 1000, bad, 0.0, -9.8, *RATES, *RATES, 950.0, 0.0, 1.0, 20.0, 63
             )

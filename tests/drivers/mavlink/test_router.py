@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import pytest
+from framing import PX4_HEARTBEAT
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.errors import DriverError
@@ -22,7 +23,7 @@ from kybflow.drivers.mavlink.transport.wire import (
 )
 
 KEY = bytes(range(32))
-HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 81, 0, 4, 3)
+HEARTBEAT = PX4_HEARTBEAT
 STICKS = mavlink.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0)
 ONE, OTHER = ("10.0.0.1", 14580), ("10.0.0.2", 14580)
 

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.drivers.mavlink.telemetry.received_status import SENSORS, WAYS_OUT, SensorHealth
+from kybflow.drivers.mavlink.telemetry.received_status import (
+    READY,
+    SENSORS,
+    WAYS_OUT,
+    SensorHealth,
+)
 
-GYROSCOPE, COMPASS, BATTERY, READY, MORE = 1, 4, 1 << 25, 1 << 28, 1 << 31
+mavlink = pytest.importorskip("pymavlink.dialects.v20.all")
+
+GYROSCOPE, COMPASS = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO, mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+BATTERY, MORE = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY, mavlink.MAV_SYS_STATUS_EXTENSION_USED
 ALL = 0xFFFF_FFFF
 
 

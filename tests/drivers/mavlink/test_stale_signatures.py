@@ -7,6 +7,7 @@ from collections import deque
 from typing import Any
 
 import pytest
+from framing import SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 from scripted_autopilot import Bench
 from test_preflight_checks import looked
@@ -16,13 +17,13 @@ from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.router import GONE, Router
+from kybflow.drivers.mavlink.transport.router import GONE, Router, heartbeat
 from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 HOUR = 3600.0
 TODAY = 360_000_000.0
 HERE, ELSEWHERE = ("10.0.0.2", 14550), ("10.0.0.9", 14550)
-BEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+BEAT = heartbeat(mavlink.MAV_TYPE_GCS)
 
 
 class Answering(Wire):
@@ -158,7 +159,7 @@ def test_a_scout_hears_one_whose_time_is_behind_though_it_knows_no_id(wire: Answ
 def test_without_a_key_one_that_signs_and_heeds_nothing_is_told_as_such():
     bench = Bench()
     bench.fake.framing._packer = Packer(1, signing())
-    bench.fake.deaf_to, bench.fake.params = {176}, {}
+    bench.fake.deaf_to, bench.fake.params = {SET_MODE}, {}
     checks = looked(bench, 30.0)
     for name in ("command mode", "watchdog"):
         assert not checks[name].green

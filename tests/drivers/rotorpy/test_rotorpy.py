@@ -12,9 +12,9 @@ from sim_worlds import FRAME, PERIOD, push, seat, thrust, touches
 
 pytest.importorskip("rotorpy", reason="needs the extra `rotorpy`")
 
-from typer.testing import CliRunner, Result
+from toolchain import MISSIONS, invoke
+from typer.testing import Result
 
-from kybflow.cli.app import app
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import ZERO, norm
 from kybflow.core.signals import Imu
@@ -30,7 +30,6 @@ QUIET = RotorpyParams(
     model_error=0.0, gyro_noise=0.0, gyro_bias=0.0, accelerometer_noise=0.0, accelerometer_bias=0.0
 )  # fmt: skip
 HOVER = FRAME.mass * 9.81
-MISSIONS = Path(__file__).parents[3] / "missions"
 FIRST, EIGHT = MISSIONS / "first_flight.yaml", MISSIONS / "figure_eight.yaml"
 
 
@@ -38,9 +37,9 @@ def world(*seats):
     return Rotorpy.open(seats or (seat(params=QUIET),), random.Random(1))
 
 
-def flown(mission: Path, out: Path, target: str = "rotorpy", seed: int = 0) -> Result:
+def invoked(mission: Path, out: Path, target: str = "rotorpy", seed: int = 0) -> Result:
     words = ["run", str(mission), "--target", target, "--seed", str(seed), "--out", str(out)]
-    return CliRunner().invoke(app, [*words, "--plain", "--no-report", "--no-commands"])
+    return invoke(*words, "--plain", "--no-report", "--no-commands")
 
 
 def test_it_moves_as_by_rotorpys_own_integrator() -> None:
@@ -159,7 +158,7 @@ def test_what_rotorpy_cannot_compute_is_told() -> None:
 def test_the_same_seed_flies_a_mission_to_the_same_bytes(tmp_path: Path) -> None:
     logs = []
     for run in ("first", "again"):
-        done = flown(FIRST, tmp_path / run)
+        done = invoked(FIRST, tmp_path / run)
         assert done.exit_code == 0, done.output
         logs.append((tmp_path / run / "log.mcap").read_bytes())
     assert logs[0] == logs[1]
@@ -187,5 +186,5 @@ def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(
     ]
     mission = tmp_path / "eight.yaml"
     mission.write_text(f"{head}{target}expect:\n{''.join(bounds)}", encoding="utf-8")
-    done = flown(mission, tmp_path / "run", "theirs", seed)
+    done = invoked(mission, tmp_path / "run", "theirs", seed)
     assert done.exit_code == 0, done.output

@@ -10,15 +10,13 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from toolchain import ROOT
 
 from kybflow.dsl import checks as package
 from kybflow.dsl.checks import checks, checks_in
 from kybflow.dsl.checks.reachability import Entries
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
-
-ROOT = Path(__file__).parents[3]
-
 
 OWN_CODES = [check for check in checks() if not (check.__doc__ or "").startswith("Every ")]
 """The others tell what the parser of expressions finds, whose codes are its own."""

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from hardware_catalog import HardwareCatalog
+from toolchain import compiled
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.compiler import check_mission, compile_mission
+from kybflow.dsl.compiler import check_mission
 
 MISSION = """\
 kybflow: 1
@@ -73,10 +74,8 @@ def test_on_a_firmwares_simulator_our_side_can_be_broken_and_the_vehicle_not(tmp
 
 
 def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
-    path = tmp_path / "two.yaml"
-    path.write_text(MISSION, encoding="utf-8")
-    compiled: Any = compile_mission(path, catalog=HardwareCatalog(Bench)).plan
-    first, second, third = compiled.faults
+    plan = compiled(tmp_path / "two.yaml", MISSION, catalog=HardwareCatalog(Bench))
+    first, second, third = plan.faults
     assert (first.vehicle, first.time, first.when, first.duration) == ("a", 1.0, None, 1.0)
     assert (first.part.name, first.part.params.velocity) == ("gust", (1.0, 0.0, 0.0))
     assert first.at.endswith("two.yaml:12")
@@ -86,11 +85,9 @@ def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
 
 
 def test_the_resolved_mission_has_every_fault_and_reads_back(tmp_path) -> None:
-    path = tmp_path / "two.yaml"
-    path.write_text(MISSION, encoding="utf-8")
-    plan: Any = compile_mission(path, catalog=HardwareCatalog(Bench)).plan
+    plan = compiled(tmp_path / "two.yaml", MISSION, catalog=HardwareCatalog(Bench))
     (tmp_path / "again.yaml").write_text(plan.resolved, encoding="utf-8")
-    again: Any = compile_mission(tmp_path / "again.yaml", catalog=HardwareCatalog(Bench)).plan
+    again = compiled(tmp_path / "again.yaml", catalog=HardwareCatalog(Bench))
     assert [replace(f, at="", part=replace(f.part, at="")) for f in again.faults] == [
         replace(f, at="", part=replace(f.part, at="")) for f in plan.faults
     ]

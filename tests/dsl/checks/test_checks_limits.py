@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hardware_catalog import HardwareCatalog
+from toolchain import compiled
 
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import compile_mission
@@ -49,13 +50,7 @@ def test_a_driver_without_a_servo_refuses_the_release(tmp_path: Path, target, fo
 
 
 def test_the_plan_has_it_in_si_and_the_resolved_mission_means_the_same(tmp_path: Path) -> None:
-    path = tmp_path / "m.yaml"
-    path.write_text(MISSION)
-    plan = compile_mission(path, catalog=HardwareCatalog(Bench)).plan
-    assert plan is not None
+    plan = compiled(tmp_path / "m.yaml", MISSION, catalog=HardwareCatalog(Bench))
     assert plan.vehicles[0].payload == Parcel(mass=0.3, size=0.12, channel=1, aboard=True)
-    again = tmp_path / "again.yaml"
-    again.write_text(plan.resolved)
-    resolved = compile_mission(again, catalog=HardwareCatalog(Bench)).plan
-    assert resolved is not None
+    resolved = compiled(tmp_path / "again.yaml", plan.resolved, catalog=HardwareCatalog(Bench))
     assert resolved.vehicles[0].payload == plan.vehicles[0].payload

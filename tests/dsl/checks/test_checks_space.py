@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from typer.testing import CliRunner
+from toolchain import invoke
 
-from kybflow.cli.app import app
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Severity
 from kybflow.parts.catalog import load_catalog
@@ -29,7 +28,7 @@ def test_the_warning_is_told_once_and_keeps_nothing_on_the_ground(tmp_path: Path
     assert (warning.code, warning.severity, warning.span.line) == ("KYB322", Severity.WARNING, 6)
     assert warning.notes == ("the same is true of `b`",)
     assert result.plan is not None
-    assert CliRunner().invoke(app, ["validate", str(mission)]).exit_code == 0
+    assert invoke("validate", mission).exit_code == 0
 
 
 def test_what_never_flies_needs_no_fence(tmp_path: Path) -> None:

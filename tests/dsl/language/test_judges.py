@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
+from toolchain import ROOT
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.language.judge import is_library
@@ -19,8 +20,7 @@ from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, to_json
 
-REPO = Path(__file__).parents[3]
-FILES = sorted((REPO / "missions").glob("**/*.yaml"))
+FILES = sorted((ROOT / "missions").glob("**/*.yaml"))
 KINDS = {kind: Draft202012Validator(record_schema(kind)) for kind in (Plan, Library)}
 VALUES = """
 - null

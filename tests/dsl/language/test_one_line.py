@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from toolchain import ROOT
 
 import kybflow
 from kybflow.core.params import RESERVED, fields_of
 from kybflow.dsl.language.tables import records
 from kybflow.dsl.language.types import PartOf
-
-ROOT = Path(__file__).parents[3]
 
 
 class Key(NamedTuple):

@@ -77,7 +77,7 @@ def test_beyond_reach_nothing_is_demanded(speed: float, across: float) -> None:
     assert asked.holds((STRONGEST, 0.0, 0.0))
 
 
-def flown(wanted: Vec3, speed: float, wall: float, keep: float, dt: float = 0.01) -> list[float]:
+def rooms_of(wanted: Vec3, speed: float, wall: float, keep: float, dt: float = 0.01) -> list[float]:
     """The rooms of a point mass that flies east at `speed` and always wants more."""
     x, v, rooms = 0.0, speed, []
     for _ in range(round(6.0 / dt)):
@@ -93,7 +93,7 @@ def flown(wanted: Vec3, speed: float, wall: float, keep: float, dt: float = 0.01
 def test_a_wall_is_never_touched_by_whom_could_stop(push: float, keep: float, more: float) -> None:
     speed = 1.5
     room = speed * speed / (2.0 * BRAKING) + 0.3 + more
-    rooms = flown((push, 0.0, 0.0), speed, room + keep, keep)
+    rooms = rooms_of((push, 0.0, 0.0), speed, room + keep, keep)
     assert min(rooms) > -2e-3
 
 

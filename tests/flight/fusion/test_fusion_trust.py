@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, nan
 
 import pytest
-from figure_eight_flight import DT, SKY, TICK, Instant, World, bent, figure, flown, fusion, last
+from figure_eight_flight import DT, SKY, TICK, Instant, World, bent, figure, fusion, last, moments
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +17,9 @@ from kybflow.runtime.finite import checked_estimate
 def test_a_jump_is_refused_and_the_age_tells() -> None:
     part = fusion()
     jumped = []
-    for truth, estimate in flown(part, bent(World(6, 6.0), (1.0, 0.0, 0.0), since=4.0, until=4.6)):
+    for truth, estimate in moments(
+        part, bent(World(6, 6.0), (1.0, 0.0, 0.0), since=4.0, until=4.6)
+    ):
         if truth.time > 3 * NS:
             assert estimate is not None
             assert distance(estimate.position, truth.position) < 0.3
@@ -32,7 +34,7 @@ def test_a_jump_is_refused_and_the_age_tells() -> None:
 
 def test_a_swapped_body_is_never_followed_and_it_says_so() -> None:
     part = fusion()
-    for truth, estimate in flown(part, bent(World(7, 9.0), (0.0, 1.0, 0.0), since=4.0)):
+    for truth, estimate in moments(part, bent(World(7, 9.0), (0.0, 1.0, 0.0), since=4.0)):
         if truth.time > 5 * NS:
             assert estimate is not None
             assert estimate.spread > 0.5
@@ -106,7 +108,7 @@ def test_a_wrong_pose_at_the_start_keeps_nobody_out() -> None:
 def test_positions_alone_begin_only_at_rest() -> None:
     part = fusion(source="position")
     ticks = [tick for tick in World(2, 5.0, **SKY).flight() if tick[0].time > 2.5 * NS]
-    assert all(estimate is None for _, estimate in flown(part, ticks))
+    assert all(estimate is None for _, estimate in moments(part, ticks))
 
 
 def test_without_an_imu_there_is_no_estimate_and_afterwards_there_is() -> None:

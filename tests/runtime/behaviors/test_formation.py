@@ -216,13 +216,13 @@ def test_going_over_to_the_same_formation_makes_no_step() -> None:
 
 
 def test_two_runs_are_the_same() -> None:
-    def flown() -> list[Vec3]:
+    def last_places() -> list[Vec3]:
         swarm = Swarm(input="stick")
         swarm.enter()
         swarm.fly(9.0, y=0.2)
         return [swarm.place(name) for name in PLACES]
 
-    assert flown() == flown()
+    assert last_places() == last_places()
 
 
 def test_along_a_path_it_is_done_at_the_last_corner() -> None:

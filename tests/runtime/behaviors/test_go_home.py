@@ -12,13 +12,13 @@ from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import VehicleContext
 
 
-def flown(where: Vec3, velocity: Vec3 = ZERO, context: VehicleContext = SITE, **more: object):
+def flight_home(where: Vec3, velocity: Vec3 = ZERO, context: VehicleContext = SITE, **more: object):
     behavior = GoHome(GoHomeParams(**more), entry(where, velocity, context=context))
     return fly(behavior, ideal(where, velocity))
 
 
 def test_low_it_climbs_first_and_then_flies_level() -> None:
-    samples = flown((1.0, 0.5, 0.3)).samples
+    samples = flight_home((1.0, 0.5, 0.3)).samples
     low = [s.setpoint.position for s in samples if s.setpoint.position[2] < 0.999]
     assert low
     assert all((x, y) == (1.0, 0.5) for x, y, _ in low)
@@ -26,21 +26,21 @@ def test_low_it_climbs_first_and_then_flies_level() -> None:
 
 
 def test_high_it_keeps_its_height_but_stays_below_the_fences_top() -> None:
-    assert {s.setpoint.position[2] for s in flown((1.0, 0.0, 1.6)).samples} == {1.6}
+    assert {s.setpoint.position[2] for s in flight_home((1.0, 0.0, 1.6)).samples} == {1.6}
     low = SITE._replace(fence=Box((-3.0, -3.0, 0.0), (3.0, 3.0, 1.1)))
-    assert flown((1.0, 0.0, 0.3), context=low).samples[-1].setpoint.position[2] == pytest.approx(
-        0.8
-    )
+    assert flight_home((1.0, 0.0, 0.3), context=low).samples[-1].setpoint.position[
+        2
+    ] == pytest.approx(0.8)
 
 
 def test_home_may_be_elsewhere() -> None:
-    end = flown((1.0, 0.0, 1.2), context=SITE._replace(home=(-1.0, 0.5, 0.0)))
+    end = flight_home((1.0, 0.0, 1.2), context=SITE._replace(home=(-1.0, 0.5, 0.0)))
     assert isinstance(end.end, Done)
     assert end.samples[-1].setpoint.position == (-1.0, 0.5, 1.2)
 
 
 def test_the_setpoint_is_smooth_whatever_it_was_doing() -> None:
-    samples = flown((1.0, 0.0, 0.4), (0.6, -0.3, 0.2)).samples
+    samples = flight_home((1.0, 0.0, 0.4), (0.6, -0.3, 0.2)).samples
     assert worst_mismatch(samples, "position", "velocity") < 3e-3
     assert worst_mismatch(samples, "velocity", "acceleration") < 0.1
 
@@ -54,5 +54,5 @@ def test_it_is_done_after_its_patience_where_the_vehicle_does_not_follow() -> No
 def test_it_refuses_when_an_obstacle_is_in_the_way() -> None:
     wall = SITE._replace(obstacles={"wall": Box((0.4, -1.0, 0.0), (0.5, 1.0, 2.0))})
     with pytest.raises(Refused, match="the obstacle `wall` is in the way home"):
-        flown((1.0, 0.0, 1.0), context=wall)
-    assert isinstance(flown((1.0, 2.0, 1.0), context=SITE).end, Done)
+        flight_home((1.0, 0.0, 1.0), context=wall)
+    assert isinstance(flight_home((1.0, 2.0, 1.0), context=SITE).end, Done)

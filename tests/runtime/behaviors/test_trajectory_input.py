@@ -8,12 +8,11 @@ from pathlib import Path
 
 import pytest
 from part_bench import entry, estimate
+from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import ZERO, Vec3, distance
 from kybflow.core.signals import NS, Failed, PlannedPoint, Setpoint, Tick
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.behaviors.trajectory_input import TrajectoryInput, TrajectoryInputParams
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 from kybflow.runtime.commanding.orders import TrackOrder, parse, text
@@ -109,10 +108,7 @@ vehicles:
 
 
 def test_a_planner_flies_a_vehicle_by_commands_that_are_recorded(tmp_path: Path) -> None:
-    file = tmp_path / "planned.yaml"
-    file.write_text(MISSION)
-    plan = compile_mission(file, catalog=load_catalog()).plan
-    assert plan is not None
+    plan = compiled(tmp_path / "planned.yaml", MISSION)
     commands = (
         "track a time=10.0 position=[0.8, 0, 1.2] velocity=[0.2, 0, 0]",
         "track a time=9.0 position=[0, 0, 1.2]",

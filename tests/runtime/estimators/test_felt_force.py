@@ -36,7 +36,7 @@ def motion(t: float) -> tuple[Vec3, Quat, Vec3]:
     return (c, s, 1.0), attitude, rotate_back(attitude, force)
 
 
-def flown(turned: Quat, seconds: float, bias: Vec3 = ZERO, **params: float) -> float:
+def tilt_error(turned: Quat, seconds: float, bias: Vec3 = ZERO, **params: float) -> float:
     """How far the estimate's z is off the vehicle's after a flight whose poses are of a body that
     is `turned` against the vehicle, degrees."""
     estimator, estimate = Mocap(MocapParams(**params), SITE), None
@@ -54,18 +54,18 @@ def flown(turned: Quat, seconds: float, bias: Vec3 = ZERO, **params: float) -> f
 @pytest.mark.parametrize("heading", [0.0, 2.0])
 def test_the_angle_about_the_level_axes_is_found(heading: float) -> None:
     turned = from_euler(radians(1.5), radians(-1.0), radians(heading))
-    assert flown(turned, 12.0, levelling=0.0) == pytest.approx(1.8, abs=0.1)
-    assert flown(turned, 3.0) < 0.5
-    assert flown(turned, 12.0) < 0.15
+    assert tilt_error(turned, 12.0, levelling=0.0) == pytest.approx(1.8, abs=0.1)
+    assert tilt_error(turned, 3.0) < 0.5
+    assert tilt_error(turned, 12.0) < 0.15
 
 
 def test_what_the_accelerometer_is_wrong_by_is_taken_for_an_angle() -> None:
-    assert flown(LEVEL, 12.0, bias=(0.05, 0.0, 0.0)) == pytest.approx(0.3, abs=0.1)
+    assert tilt_error(LEVEL, 12.0, bias=(0.05, 0.0, 0.0)) == pytest.approx(0.3, abs=0.1)
 
 
 def test_an_accelerometer_that_is_far_off_turns_nothing_further_than_a_lab_is_wrong() -> None:
-    assert flown(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(degrees(MOST), abs=0.2)
-    assert flown(LEVEL, 12.0, bias=(0.0, 0.0, 6.0)) < 0.1
+    assert tilt_error(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(degrees(MOST), abs=0.2)
+    assert tilt_error(LEVEL, 12.0, bias=(0.0, 0.0, 6.0)) < 0.1
 
 
 @pytest.mark.parametrize("push", [0.5, -0.3])

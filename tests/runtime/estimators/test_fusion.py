@@ -18,9 +18,9 @@ from figure_eight_flight import (
     World,
     attitude,
     figure,
-    flown,
     fusion,
     last,
+    moments,
     velocity,
     where,
 )
@@ -38,7 +38,7 @@ class Flight:
     def __init__(self, world: World, part: Fusion) -> None:
         self.errors: list[float] = []
         self.nees: dict[int, tuple[float, float]] = {}
-        for truth, estimate in flown(part, world.flight()):
+        for truth, estimate in moments(part, world.flight()):
             if truth.time > 3 * NS:
                 assert estimate is not None
                 self.errors.append(distance(estimate.position, truth.position))

@@ -83,7 +83,7 @@ def test_poses_noisier_than_declared_are_flown_on(run) -> None:
     assert len(named(told, "position_refused")) <= 3
 
 
-def flown(run, seed: int) -> tuple[Watch, float]:
+def watched(run, seed: int) -> tuple[Watch, float]:
     """What was seen, and how far the vehicle was from its setpoint on average, metres."""
     source = part(
         "estimators", "fusion", position_noise=NOISE, attitude_noise=TURNED,
@@ -114,7 +114,7 @@ def flown(run, seed: int) -> tuple[Watch, float]:
 
 
 def test_the_eight_is_flown_within_six_centimetres(run) -> None:
-    watch, error = flown(run, 1)
+    watch, error = watched(run, 1)
     assert len(watch.nees) > 15
     assert sum(watch.errors) / len(watch.errors) <= 0.06
     assert error <= 0.06
@@ -123,7 +123,7 @@ def test_the_eight_is_flown_within_six_centimetres(run) -> None:
 
 @pytest.mark.slow
 def test_over_many_flights_it_is_as_good_as_it_says(run) -> None:
-    flights = [flown(run, seed) for seed in range(100, 120)]
+    flights = [watched(run, seed) for seed in range(100, 120)]
     errors = [error for watch, _ in flights for error in watch.errors]
     assert sum(errors) / len(errors) <= 0.06
     assert max(error for _, error in flights) <= 0.06

@@ -33,7 +33,7 @@ TAGS = grid()
 RATE, LATENCY = 30, 0.04
 
 
-def flown(pose_at, seconds, drawn, tags, begin=0.5, weakness=lambda t: {}, context=SITE):
+def errors_of(pose_at, seconds, drawn, tags, begin=0.5, weakness=lambda t: {}, context=SITE):
     """Errors of every estimate from `begin` on: of position and height (metres), heading
     (radians); None for one that is missing. Then these estimates."""
     context = context._replace(tags=TagMap(tags), cameras={"down": CAMERA})
@@ -74,7 +74,7 @@ def test_it_needs_frames():
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    return flown(lively(), 3.0, room(TAGS), TAGS)
+    return errors_of(lively(), 3.0, room(TAGS), TAGS)
 
 
 def test_in_flight_the_error_is_a_few_millimetres(undisturbed):
@@ -87,12 +87,12 @@ def test_in_flight_the_error_is_a_few_millimetres(undisturbed):
 
 @pytest.mark.slow
 def test_over_a_minute_of_flight_the_error_is_a_few_millimetres():
-    checked(flown(lively(), 60.0, room(TAGS), TAGS)[0])
+    checked(errors_of(lively(), 60.0, room(TAGS), TAGS)[0])
 
 
 def test_a_map_of_which_a_third_is_wrong_costs_nothing(undisturbed):
     wrong, _ = misplaced(TAGS, 0.3, numpy.random.default_rng(4))
-    errors, _ = flown(lively(), 1.5, room(TAGS), wrong)
+    errors, _ = errors_of(lively(), 1.5, room(TAGS), wrong)
     assert None not in errors
     clean = undisturbed[0][: len(errors)]
     assert numpy.mean([e[0] for e in errors]) <= 2.0 * numpy.mean([e[0] for e in clean])
@@ -100,7 +100,7 @@ def test_a_map_of_which_a_third_is_wrong_costs_nothing(undisturbed):
 
 def test_in_the_dark_the_estimate_ages_and_afterwards_it_is_right_again():
     dark = {"weakness": lambda t: {"dark": 0.8 < t < 1.3}}
-    errors, estimates = flown(lively(), 2.0, room(TAGS), TAGS, begin=0.0, **dark)
+    errors, estimates = errors_of(lively(), 2.0, room(TAGS), TAGS, begin=0.0, **dark)
     assert None not in errors[-20:]
     assert max(e[0] for e in errors[-20:]) < 0.02
     assert estimates[119].age > 0.35
@@ -111,7 +111,7 @@ def test_where_the_vehicle_is_carried_off_there_is_no_estimate_and_then_the_righ
         (x, y, z), attitude = lively()(t)
         return (x + (0.6 if t > 0.62 else 0.0), y, z), attitude
 
-    errors, _ = flown(carried, 1.3, room(TAGS), TAGS)
+    errors, _ = errors_of(carried, 1.3, room(TAGS), TAGS)
     missing = [i for i, error in enumerate(errors) if error is None]
     assert 10 <= len(missing) <= 20
     assert missing == list(range(missing[0], missing[-1] + 1))
@@ -144,7 +144,7 @@ def test_it_takes_off_from_a_pad_of_small_tags(height, brightness):
 
     tags = pad()
     context = SITE._replace(start=(0.0, 0.0, height))
-    errors, _ = flown(up, 1.6, room(tags, brightness=brightness), tags, context=context)
+    errors, _ = errors_of(up, 1.6, room(tags, brightness=brightness), tags, context=context)
     assert None not in errors
     assert max(error[1] for error in errors) <= 0.01
 

@@ -16,8 +16,6 @@ from kybflow.parts import ActiveFaults, Effect, Fault
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.injection import Injection
 
-TICK = NS // 250
-
 
 class Flight:
     """An injection, ticked; `holds` is what every condition gives."""

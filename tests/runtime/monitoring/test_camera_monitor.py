@@ -10,6 +10,7 @@ from typing import Any
 import numpy
 import pytest
 from plans import part, state, vehicle
+from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Estimate, Event, Frame
@@ -150,26 +151,20 @@ def test_nobody_misses_frames_that_nobody_asks_for() -> None:
     assert not Watch(part("estimators", "mocap")).watched.is_asked
 
 
-MISSION = Path(__file__).parents[3] / "missions" / "courier.yaml"
+MISSION = MISSIONS / "courier.yaml"
 
 
 @pytest.mark.slow
 def test_the_couriers_camera_is_told_before_its_estimator_changes(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
-    from kybflow.api.flight import RunRequest, fly
-    from kybflow.dsl.compiler import compile_mission
-    from kybflow.parts.catalog import load_catalog
 
     text = MISSION.read_text(encoding="utf-8").replace("library/", "kybflow/")
     when = "when: courier in out and elapsed > 2 s, on: courier"
-    path = tmp_path / "m.yaml"
     begin, _ = text.split("expect:")
-    path.write_text(f"{begin}faults:\n  - {{{when}, inject: camera_frozen, for: 1.5 s}}\n", "utf-8")
-    compiled = compile_mission(path, catalog=load_catalog())
-    assert [d.message for d in compiled.diagnostics] == []
-    assert compiled.plan is not None
-    told: list[Event] = []
-    flown = fly(compiled.plan, RunRequest(seed=0, out=tmp_path / "run"), (told.append,))
+    plan = compiled(
+        tmp_path / "m.yaml", f"{begin}faults:\n  - {{{when}, inject: camera_frozen, for: 1.5 s}}\n"
+    )
+    flown, told = flight_of(plan, tmp_path / "run")
     assert flown.summary["outcome"] == "succeeded"
     names = [e.name for e in told if e.name.startswith(("camera_", "tags_", "estimator_"))]
     assert names == [

@@ -31,7 +31,7 @@ def noise(seed: int) -> Any:
     return numpy.random.default_rng(seed).integers(90, 110, (240, 320), numpy.uint8)
 
 
-def flown(
+def found_in(
     judge: CameraStreams, images: list[Any], begin: int = 0, in_air: bool = True
 ) -> list[VehicleEvent]:
     """What is found in frames that come one after another; None where one doesn't."""
@@ -46,12 +46,12 @@ def flown(
 
 def test_nothing_is_said_of_a_camera_that_works() -> None:
     judge = cameras()
-    assert flown(judge, [noise(k) for k in range(50)]) == []
+    assert found_in(judge, [noise(k) for k in range(50)]) == []
     assert judge.wrong == {}
 
 
 def test_nor_of_one_that_has_given_nothing_yet() -> None:
-    assert flown(cameras(), [None] * 50) == []
+    assert found_in(cameras(), [None] * 50) == []
 
 
 @pytest.mark.parametrize(("rate", "bound"), [(100.0, 0.15), (20.0, 0.15), (10.0, 0.3), (4.0, 0.75)])
@@ -70,39 +70,39 @@ def test_it_is_lost_when_it_is_silent_for_longer_than_its_rate_explains(
 
 def test_it_recovers_after_a_few_frames() -> None:
     judge = cameras()
-    flown(judge, [noise(0), *[None] * 10])
+    found_in(judge, [noise(0), *[None] * 10])
     assert {camera: event.name for camera, event in judge.wrong.items()} == {"down": "camera_lost"}
-    assert flown(judge, [noise(k) for k in range(1, CONFIRMED)], 11) == []
-    assert flown(judge, [noise(CONFIRMED)], 10 + CONFIRMED) == [CameraRecovered(camera="down")]
+    assert found_in(judge, [noise(k) for k in range(1, CONFIRMED)], 11) == []
+    assert found_in(judge, [noise(CONFIRMED)], 10 + CONFIRMED) == [CameraRecovered(camera="down")]
     assert judge.wrong == {}
 
 
 def test_it_froze_when_images_are_the_same_in_the_air() -> None:
     judge = cameras()
     kept = noise(9)
-    (found,) = flown(judge, [noise(0), *[kept] * 20])
+    (found,) = found_in(judge, [noise(0), *[kept] * 20])
     assert found == CameraFroze(camera="down", value=pytest.approx(3 / RATE), bound=0.1)
-    assert flown(judge, [kept, *(noise(k) for k in range(CONFIRMED))], 21) == [
+    assert found_in(judge, [kept, *(noise(k) for k in range(CONFIRMED))], 21) == [
         CameraRecovered(camera="down")
     ]
 
 
 def test_one_image_twice_is_no_finding() -> None:
-    assert flown(cameras(), [noise(k // 2) for k in range(20)]) == []
+    assert found_in(cameras(), [noise(k // 2) for k in range(20)]) == []
 
 
 def test_nor_is_a_still_image_on_the_ground() -> None:
     judge = cameras()
-    assert flown(judge, [noise(0)] * 20, in_air=False) == []
-    assert flown(judge, [noise(0)] * 2, 20) == [], "its time counts from the take-off"
-    (found,) = flown(judge, [noise(0)], 22)
+    assert found_in(judge, [noise(0)] * 20, in_air=False) == []
+    assert found_in(judge, [noise(0)] * 2, 20) == [], "its time counts from the take-off"
+    (found,) = found_in(judge, [noise(0)], 22)
     assert found.name == "camera_froze"
 
 
 def test_nor_is_an_image_in_which_nothing_is_to_be_seen() -> None:
     dark = numpy.zeros((240, 320), numpy.uint8)
-    assert flown(cameras(), [dark] * 20) == []
-    (found,) = flown(cameras(), [numpy.where(noise(1) > 100, 1, dark)] * 20)
+    assert found_in(cameras(), [dark] * 20) == []
+    (found,) = found_in(cameras(), [numpy.where(noise(1) > 100, 1, dark)] * 20)
     assert found.name == "camera_froze", "noise and nothing else must change too"
 
 
@@ -115,7 +115,7 @@ def test_an_image_that_is_written_over_is_compared_with_what_it_was() -> None:
 
 def test_one_that_freezes_and_then_falls_silent_is_told_twice() -> None:
     judge = cameras()
-    found = flown(judge, [noise(0)] * 6 + [None] * 10)
+    found = found_in(judge, [noise(0)] * 6 + [None] * 10)
     assert [f.name for f in found] == ["camera_froze", "camera_lost"]
 
 

@@ -253,14 +253,14 @@ def test_a_stamp_far_ahead_does_not_silence_a_body(run) -> None:
         link.read = ahead  # type: ignore[method-assign]
         return link
 
-    result, told = flown(run, driver=wrapped(late))
+    result, told = flight_with(run, driver=wrapped(late))
     (refused,) = named(told, "measurement_refused")
     assert str(refused.fields["reason"]).startswith("stamped 3.6e+03 s in the future")
     assert result.exit_code == 0
     assert not [e for e in told if e.name.startswith(("body_", "estimator_lost", "failsafe_"))]
 
 
-def flown(run: Any, *sensors: SensorPlan, **more: Any) -> tuple[Any, list[Event]]:
+def flight_with(run: Any, *sensors: SensorPlan, **more: Any) -> tuple[Any, list[Event]]:
     states = [up("down", 0.5), down()]
     result: tuple[Any, list[Event]] = run(vehicle("a", states, sensors=sensors, **more))
     return result
@@ -272,7 +272,7 @@ def test_a_flight_whose_sensor_is_lost_loses_the_estimate_and_not_the_link(run) 
     def lost(now: Time) -> Sequence[Measurement]:
         raise DriverError("the server is gone")
 
-    _, told = flown(run, sensor(lost, closed=closed))
+    _, told = flight_with(run, sensor(lost, closed=closed))
     (failed,) = named(told, "sensor_failed")
     assert failed.time == 0
     assert not named(told, "took_off"), "the driver's poses do not count"
@@ -289,7 +289,7 @@ def test_a_sensor_that_can_not_be_opened_ends_the_run_with_the_driver(run) -> No
             raise DriverError("there is no camera 3")
 
     closed: list[str] = []
-    _, told = flown(run, sensor(None, closed=closed), sensor(None, Missing))
+    _, told = flight_with(run, sensor(None, closed=closed), sensor(None, Missing))
     reason = "`scripted` (m.yaml:7): there is no camera 3"
     assert named(told, "run_ended")[0].fields["reason"] == reason
     assert closed == ["closed"], "what was open is closed"
@@ -328,7 +328,7 @@ def recorded(run) -> Path:
             found.append(Frame(now, "down", image))
         return found
 
-    result, _ = flown(run, sensor(at, Positions), cameras={"down": DOWN})
+    result, _ = flight_with(run, sensor(at, Positions), cameras={"down": DOWN})
     log: Path = result.folder / "log.mcap"
     return log
 
@@ -359,7 +359,7 @@ def test_positions_are_recorded_and_of_frames_the_time(recorded: Path) -> None:
 
 
 def test_who_has_none_of_them_has_no_channel_for_them(run) -> None:
-    result, _ = flown(run)
+    result, _ = flight_with(run)
     with (result.folder / "log.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from plans import part, plan, state, then, vehicle
 from short_flights import NoParams
+from toolchain import flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Done, Event, Setpoint, SetpointKind, Tick
 from kybflow.dsl.plan import PartPlan, TransitionPlan
 from kybflow.flight.motion import Straight
@@ -57,7 +57,7 @@ class RiseAndReturn(Rise, flight=AIR >> AIR, emits=SetpointKind.POSITION):
         return Done(setpoint) if after > self._back.duration + self.hold else setpoint
 
 
-def flown(behavior: type[Rise], out: Path, *more: PartPlan):
+def lab_flight(behavior: type[Rise], out: Path, *more: PartPlan):
     lab = PartPlan("rise", behavior, NoParams(), "rise", "lab.yaml:9")
     failed = TransitionPlan(target="auto_land", cause="failed", implied=True)
     states = [
@@ -65,28 +65,27 @@ def flown(behavior: type[Rise], out: Path, *more: PartPlan):
         state("rise", lab, then("down"), failed),
         state("down", part("behaviors", "land"), then("landed")),
     ]
-    told: list[Event] = []
     processors = (*(part("processors", name) for name in ("fence", "position_error")), *more)
     made = plan(vehicle("a", states, processors=processors))
-    flight = fly(made, RunRequest(out=out), (told.append,))
+    flight, told = flight_of(made, out)
     visit = flight.summary["vehicles"]["a"]["behaviors"][1]
     return flight, visit, [event for event in told if event.name.startswith("clamp")]
 
 
 def test_a_behavior_whose_goal_is_clamped_has_failed(tmp_path: Path):
-    flight, visit, _ = flown(Rise, tmp_path)
+    flight, visit, _ = lab_flight(Rise, tmp_path)
     assert visit["ended"] == "failed"
     assert flight.summary["outcome"] == "failed"
     assert "`fence` keeps the setpoint 1.5 m off what is wanted" in flight.summary["reason"]
 
 
 def test_its_error_is_from_what_it_wanted(tmp_path: Path):
-    _, visit, _ = flown(Rise, tmp_path)
+    _, visit, _ = lab_flight(Rise, tmp_path)
     assert visit["position_error_m"]["max"] == pytest.approx(3.8 - TOP, abs=0.02)
 
 
 def test_a_clamp_is_told_once_when_it_begins_and_once_when_it_ends(tmp_path: Path):
-    _, _, (began, ended) = flown(Rise, tmp_path)
+    _, _, (began, ended) = lab_flight(Rise, tmp_path)
     assert (began.name, began.fields["processor"]) == ("clamp_started", "fence")
     assert (ended.name, ended.fields["processor"]) == ("clamp_ended", "fence")
     assert ended.fields["most"] == "1.5 m"
@@ -95,14 +94,14 @@ def test_a_clamp_is_told_once_when_it_begins_and_once_when_it_ends(tmp_path: Pat
 
 
 def test_one_that_has_come_back_inside_is_done(tmp_path: Path):
-    flight, visit, (began, ended) = flown(RiseAndReturn, tmp_path)
+    flight, visit, (began, ended) = lab_flight(RiseAndReturn, tmp_path)
     assert (visit["ended"], flight.summary["outcome"]) == ("done", "succeeded")
     assert began.time < ended.time < visit["end_s"] * NS
 
 
 def test_what_only_comes_later_is_no_clamp(tmp_path: Path):
     slow = part("processors", "limit_speed", speed=0.3)
-    _, visit, clamps = flown(RiseLow, tmp_path, slow)
+    _, visit, clamps = lab_flight(RiseLow, tmp_path, slow)
     assert visit["position_error_m"]["max"] > 0.2
     assert (visit["ended"], clamps) == ("done", [])
 
@@ -152,7 +151,7 @@ def test_velocities_are_clamped_too():
 
 
 def test_the_record_has_both(tmp_path: Path):
-    flown(Rise, tmp_path)
+    lab_flight(Rise, tmp_path)
     lines = (tmp_path / "events.jsonl").read_text().splitlines()
     names = [json.loads(line)["event"] for line in lines]
     assert names.count("clamp_started") == names.count("clamp_ended") == 1

@@ -5,9 +5,9 @@ from pathlib import Path
 from part_bench import SITE, at_rest, estimate, tick
 from plans import part, plan, vehicle
 from short_flights import down, hold, up
+from toolchain import flight_of
 
-from kybflow.api.flight import RunRequest, fly
-from kybflow.core.signals import NS, Alarm, Event, Reaction, Setpoint, SetpointKind
+from kybflow.core.signals import NS, Alarm, Reaction, Setpoint, SetpointKind
 from kybflow.dsl.plan import FaultPlan
 from kybflow.runtime.supervisors.ground import Ground, GroundParams
 
@@ -81,8 +81,7 @@ def test_a_vehicle_that_gets_too_heavy_is_landed_and_the_run_has_failed(tmp_path
         at="m.yaml:9",
     )
     flier = vehicle("a", [up("hold"), hold(30.0, "down"), down()])
-    told: list[Event] = []
-    flown = fly(plan(flier, faults=(heavy,)), RunRequest(out=tmp_path), (told.append,))
+    flown, told = flight_of(plan(flier, faults=(heavy,)), tmp_path)
     times = {event.name: event.time / NS for event in reversed(told)}
     assert 6.0 < times["ground_touched"] < times["landed"] < times["ground_touched"] + 3.0
     assert flown.summary["outcome"] == "failed"

@@ -37,7 +37,7 @@ def goer():
 THEN_HOLD = TransitionPlan(target="hold", cause="then")
 
 
-def flown(run, *asked: tuple[float, str], watch=lambda engine: None, **facts):
+def answered(run, *asked: tuple[float, str], watch=lambda engine: None, **facts):
     """What was told, and each answer."""
     people = People(*(Asked(seconds, words) for seconds, words in asked))
     observers, servers = (people.look, watch), (people.serve,)
@@ -54,7 +54,7 @@ def test_it_flies_where_it_is_told_and_then_as_the_mission_says(run) -> None:
         if engine.flying and one.state == "hold" and one.estimate is not None:
             seen.append(one.estimate.position)
 
-    _, told, answers = flown(
+    _, told, answers = answered(
         run,
         (5.0, "switch a goto position=[1, 0.5, 1.2] speed=80 cm/s"),
         (11.0, "switch a goto"),
@@ -176,7 +176,7 @@ def test_an_option_that_changes_meanwhile_leaves_the_other_values(run) -> None:
             params = one.runner.behavior.params
             goals.append((params.position, params.dwell))
 
-    flown(
+    answered(
         run,
         (5.0, "switch a goto position=[1, 0.5, 1.2]"),
         (6.0, "set a.behaviors.goto.dwell 1 s"),
@@ -191,7 +191,7 @@ def test_an_option_that_changes_meanwhile_leaves_the_other_values(run) -> None:
 @pytest.mark.thorough
 def test_it_is_flown_again_from_its_record(run, tmp_path) -> None:
     asked = ((5.0, "switch a goto position=[1, 0.5, 1.2]"), (9.0, "stop"))
-    first, told, _ = flown(run, *asked)
+    first, told, _ = answered(run, *asked)
     again = read_earlier_run(first.folder).commands
     _, retold = run(goer(), obstacles=POLE, again=again)
     assert [(e.time, e.name, e.fields) for e in retold] == [

@@ -78,7 +78,7 @@ def choice(
     return Estimation(plan, SITE, events, VehicleScore("a"), report, known)
 
 
-def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
+def sources_used(estimation: Estimation, begin: float, end: float) -> list[str | None]:
     """Which source is used at each tenth of a second, without repetitions."""
     used: list[str | None] = []
     for tick in range(round(begin * 10), round(end * 10)):
@@ -91,50 +91,50 @@ def run(estimation: Estimation, begin: float, end: float) -> list[str | None]:
 
 def test_the_first_healthy_one_is_used(ages):
     estimation = choice(candidate("first"), candidate("second"))
-    assert run(estimation, 0.0, 1.0) == ["first"]
+    assert sources_used(estimation, 0.0, 1.0) == ["first"]
     ages["first"] = 0.4
-    assert run(estimation, 1.0, 2.0) == ["second"]
+    assert sources_used(estimation, 1.0, 2.0) == ["second"]
     ages["second"] = None
-    assert run(estimation, 2.0, 3.0) == [None]
+    assert sources_used(estimation, 2.0, 3.0) == [None]
 
 
 def test_one_that_was_lost_counts_again_only_after_its_time(ages):
     estimation = choice(candidate("first"), candidate("second"))
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     ages["first"] = 0.4
-    run(estimation, 1.0, 2.0)
+    sources_used(estimation, 1.0, 2.0)
     ages["first"] = 0.0
-    assert run(estimation, 2.0, 2.9) == ["second"]
+    assert sources_used(estimation, 2.0, 2.9) == ["second"]
     ages["first"] = 0.4
-    run(estimation, 2.9, 3.0)
+    sources_used(estimation, 2.9, 3.0)
     ages["first"] = 0.0
-    assert run(estimation, 3.0, 3.9) == ["second"]
-    assert run(estimation, 3.9, 4.5) == ["second", "first"]
+    assert sources_used(estimation, 3.0, 3.9) == ["second"]
+    assert sources_used(estimation, 3.9, 4.5) == ["second", "first"]
 
 
 def test_at_the_start_nobody_waits(ages):
-    assert run(choice(candidate("first", recover=9.0)), 0.0, 0.1) == ["first"]
+    assert sources_used(choice(candidate("first", recover=9.0)), 0.0, 0.1) == ["first"]
 
 
 def test_one_that_may_be_used_for_a_time_only_is_spent_until_another_was_used(ages):
     estimation = choice(candidate("first"), candidate("second", at_most=2.0))
     ages["first"] = 0.4
-    assert run(estimation, 0.0, 2.0) == ["second"]
-    assert run(estimation, 2.0, 9.0) == [None]
+    assert sources_used(estimation, 0.0, 2.0) == ["second"]
+    assert sources_used(estimation, 2.0, 9.0) == [None]
     ages["first"] = 0.0
-    assert run(estimation, 9.0, 11.0) == ["first"]
+    assert sources_used(estimation, 9.0, 11.0) == ["first"]
     ages["first"] = 0.4
-    assert run(estimation, 11.0, 12.0) == ["second"]
+    assert sources_used(estimation, 11.0, 12.0) == ["second"]
 
 
 def test_a_moment_of_another_does_not_renew_one_that_is_spent(ages):
     estimation = choice(candidate("first"), candidate("second", at_most=2.0))
     ages["first"] = 0.4
-    run(estimation, 0.0, 2.0)
+    sources_used(estimation, 0.0, 2.0)
     ages["first"] = 0.0
-    assert run(estimation, 2.0, 3.0) == ["first"]
+    assert sources_used(estimation, 2.0, 3.0) == ["first"]
     ages["first"] = 0.4
-    assert run(estimation, 3.0, 4.0) == [None]
+    assert sources_used(estimation, 3.0, 4.0) == [None]
 
 
 def test_the_time_of_use_adds_up_over_short_uses(ages):
@@ -142,7 +142,7 @@ def test_the_time_of_use_adds_up_over_short_uses(ages):
     used = []
     for tick in range(100):
         ages["first"] = 0.0 if tick % 4 == 0 else 0.4
-        used.append(run(estimation, tick / 10, (tick + 1) / 10)[0])
+        used.append(sources_used(estimation, tick / 10, (tick + 1) / 10)[0])
     spent = used.index(None)
     assert 30 <= spent <= 45
     assert "second" not in used[spent:]
@@ -150,16 +150,16 @@ def test_the_time_of_use_adds_up_over_short_uses(ages):
 
 def test_one_that_has_just_become_healthy_is_better_than_none(ages):
     estimation = choice(candidate("first", recover=1.0), candidate("second", at_most=2.0))
-    run(estimation, 0.0, 0.5)
+    sources_used(estimation, 0.0, 0.5)
     ages["first"] = 0.4
-    run(estimation, 0.5, 2.0)
+    sources_used(estimation, 0.5, 2.0)
     ages["first"] = 0.0
-    assert run(estimation, 2.0, 2.5) == ["second"]
-    assert run(estimation, 2.5, 2.7) == ["first"]
+    assert sources_used(estimation, 2.0, 2.5) == ["second"]
+    assert sources_used(estimation, 2.5, 2.7) == ["first"]
     ages["second"], ages["first"] = None, 0.4
-    assert run(estimation, 2.7, 3.0) == [None]
+    assert sources_used(estimation, 2.7, 3.0) == [None]
     ages["first"] = 0.0
-    assert run(estimation, 3.0, 3.1) == ["first"]
+    assert sources_used(estimation, 3.0, 3.1) == ["first"]
 
 
 def recovering(ages, second: Vec3) -> Estimation:
@@ -167,9 +167,9 @@ def recovering(ages, second: Vec3) -> Estimation:
     second one, flown on meanwhile, has it at `second`."""
     estimation = choice(candidate("first", recover=5.0), candidate("second"))
     Scripted.places, ages["first"] = {}, 0.0
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     ages["first"] = 1.0
-    run(estimation, 1.0, 2.0)
+    sources_used(estimation, 1.0, 2.0)
     Scripted.places = {"second": second}
     ages["first"] = 0.0
     return estimation
@@ -178,21 +178,21 @@ def recovering(ages, second: Vec3) -> Estimation:
 def test_one_that_contradicts_what_is_flown_on_does_not_wait_and_stays(ages):
     """0.3 m: from there on the estimate would step at the change in any case."""
     agreeing = recovering(ages, (0.29, 0.0, 0.0))
-    assert run(agreeing, 2.0, 3.0) == ["second"]
+    assert sources_used(agreeing, 2.0, 3.0) == ["second"]
     contradicted = recovering(ages, (0.31, 0.0, 0.0))
-    assert run(contradicted, 2.0, 2.1) == ["second"]
-    assert run(contradicted, 2.1, 3.0) == ["first"]
+    assert sources_used(contradicted, 2.0, 2.1) == ["second"]
+    assert sources_used(contradicted, 2.1, 3.0) == ["first"]
 
 
 def test_what_an_estimator_refuses_is_told_and_when_it_takes_it_again(ages):
     told: list[Event] = []
     estimation = choice(candidate("first"), told=told)
-    run(estimation, 0.0, 0.1)
+    sources_used(estimation, 0.0, 0.1)
     [only] = estimation.candidates
     only.part.refusal = Refusal(NS // 2, "1.20 m from where it is believed, 0.50 m allowed")
-    run(estimation, 0.7, 0.9)
+    sources_used(estimation, 0.7, 0.9)
     only.part.refusal = None
-    run(estimation, 2.5, 2.6)
+    sources_used(estimation, 2.5, 2.6)
     told = [e for e in told if e.name.startswith("position_")]
     assert [(e.name, e.fields) for e in told] == [
         (
@@ -208,13 +208,13 @@ def test_what_an_estimator_refuses_is_told_and_when_it_takes_it_again(ages):
 
 def test_the_others_are_told_what_is_flown_on(ages):
     estimation = choice(candidate("first"), candidate("second"))
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     first, second = estimation.parts().values()
     assert first.anchors == []
     assert {e.source for e in second.anchors} == {"first"}
     assert len(second.anchors) == 10
     ages["first"] = ages["second"] = None
-    run(estimation, 1.0, 2.0)
+    sources_used(estimation, 1.0, 2.0)
     assert len(second.anchors) == 10
 
 
@@ -222,19 +222,19 @@ def test_one_that_fails_when_it_is_anchored_is_left_out(ages):
     failed: list[PartFailed] = []
     estimation = choice(candidate("first"), candidate("second"), failed=failed)
     estimation.parts()["estimators.second"].anchors = None
-    assert run(estimation, 0.0, 1.0) == ["first"]
+    assert sources_used(estimation, 0.0, 1.0) == ["first"]
     assert [failure.part for failure in failed] == ["estimators.second"]
 
 
 def test_a_change_is_told_with_its_reason_and_its_offset(ages):
     told: list[Event] = []
     estimation = choice(candidate("first"), candidate("second", at_most=1.0), told=told)
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     ages["first"] = 0.4
     Scripted.places = {"second": (0.1, 0.0, 0.0)}
-    run(estimation, 1.0, 3.0)
+    sources_used(estimation, 1.0, 3.0)
     ages["first"] = 0.0
-    run(estimation, 3.0, 4.0)
+    sources_used(estimation, 3.0, 4.0)
     assert [(e.name, e.fields["reason"]) for e in told] == [
         ("estimator_changed", "the first estimate"),
         ("estimator_changed", "`first` is not healthy: age 0.400 s, spread 0.000 m"),
@@ -247,7 +247,7 @@ def test_a_change_is_told_with_its_reason_and_its_offset(ages):
 
 def test_at_a_change_the_position_goes_on_without_a_step(ages):
     estimation = choice(candidate("first"), candidate("second"))
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     ages["first"] = 0.4
     Scripted.places = {"second": (0.2, 0.0, 0.0)}
     xs = [estimation.update((), tick * NS // 100).position[0] for tick in range(100, 900)]
@@ -262,14 +262,14 @@ def test_one_that_fails_is_reported_once_and_the_next_is_used(ages, broken):
     failed: list[PartFailed] = []
     told: list[Event] = []
     estimation = choice(candidate("first"), candidate("second"), failed=failed, told=told)
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     ages["first"] = broken
-    assert run(estimation, 1.0, 2.0) == ["second"]
+    assert sources_used(estimation, 1.0, 2.0) == ["second"]
     ages["first"] = 0.0
-    assert run(estimation, 2.0, 9.0) == ["second"]
+    assert sources_used(estimation, 2.0, 9.0) == ["second"]
     assert [failure.part for failure in failed] == ["estimators.first"]
     ages["second"] = broken
-    assert run(estimation, 9.0, 10.0) == [None]
+    assert sources_used(estimation, 9.0, 10.0) == [None]
     assert [(e.name, e.fields["previous"]) for e in told] == [
         ("estimator_changed", None), ("estimator_changed", "first"), ("estimator_lost", "second"),
     ]  # fmt: skip
@@ -280,17 +280,19 @@ def test_a_behavior_brings_others_to_the_front_and_the_next_one_takes_them_back(
     three = (candidate("first"), candidate("second"), candidate("third"))
     ages["third"] = 0.0
     estimation = choice(*three, told=told)
-    assert run(estimation, 0.0, 1.0) == ["first"]
+    assert sources_used(estimation, 0.0, 1.0) == ["first"]
     estimation.prefer(("third", "second"))
-    assert run(estimation, 1.0, 2.0) == ["third"]
+    assert sources_used(estimation, 1.0, 2.0) == ["third"]
     ages["third"] = None
-    assert run(estimation, 2.0, 3.0) == ["second"]
+    assert sources_used(estimation, 2.0, 3.0) == ["second"]
     ages["second"] = None
-    assert run(estimation, 3.0, 4.0) == ["first"], "the others come behind, in their own order"
+    assert sources_used(estimation, 3.0, 4.0) == ["first"], (
+        "the others come behind, in their own order"
+    )
     ages["second"] = 0.0
-    assert run(estimation, 4.0, 6.0) == ["first", "second"]
+    assert sources_used(estimation, 4.0, 6.0) == ["first", "second"]
     estimation.prefer(())
-    assert run(estimation, 6.0, 7.0) == ["first"]
+    assert sources_used(estimation, 6.0, 7.0) == ["first"]
     reasons = [event.fields["reason"] for event in told]
     assert reasons[1] == "`third` comes first in this behavior"
     assert reasons[-2:] == ["`second` is healthy again", "`first` comes first again"]
@@ -299,22 +301,22 @@ def test_a_behavior_brings_others_to_the_front_and_the_next_one_takes_them_back(
 def test_nothing_is_told_where_the_order_changes_nothing(ages):
     told: list[Event] = []
     estimation = choice(candidate("first"), candidate("second"), told=told)
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     estimation.prefer(("first",))
-    run(estimation, 1.0, 2.0)
+    sources_used(estimation, 1.0, 2.0)
     estimation.prefer(("first", "second"))
-    run(estimation, 2.0, 3.0)
+    sources_used(estimation, 2.0, 3.0)
     assert [event.name for event in told] == ["estimator_changed"]
 
 
 def test_one_that_failed_is_not_brought_back_by_a_behavior(ages):
     estimation = choice(candidate("first"), candidate("second"))
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     del ages["second"]
-    run(estimation, 1.0, 1.1)
+    sources_used(estimation, 1.0, 1.1)
     ages["second"] = 0.0
     estimation.prefer(("second",))
-    assert run(estimation, 1.1, 2.0) == ["first"]
+    assert sources_used(estimation, 1.1, 2.0) == ["first"]
 
 
 def test_the_reason_says_what_is_known_of_what_it_lives_on(ages):
@@ -326,15 +328,15 @@ def test_the_reason_says_what_is_known_of_what_it_lives_on(ages):
         return "the camera `down` froze"
 
     estimation = choice(candidate("first"), candidate("second"), told=told, known=known)
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     assert asked == [], "nothing was wrong"
     ages["first"] = 0.4
-    run(estimation, 1.0, 2.0)
+    sources_used(estimation, 1.0, 2.0)
     why = "`first` is not healthy: age 0.400 s, spread 0.000 m; the camera `down` froze"
     assert told[-1].fields["reason"] == why
     assert asked == [Scripted.needs]
     ages["first"] = 0.0
-    run(estimation, 2.0, 4.0)
+    sources_used(estimation, 2.0, 4.0)
     assert told[-1].fields["reason"] == "`first` is healthy again"
 
 
@@ -343,7 +345,7 @@ def test_one_that_failed_needs_no_other_reason(ages):
     estimation = choice(
         candidate("first"), candidate("second"), told=told, known=lambda kinds: "it rained"
     )
-    run(estimation, 0.0, 1.0)
+    sources_used(estimation, 0.0, 1.0)
     estimation.kill(frozenset({"first"}))
-    run(estimation, 1.0, 2.0)
+    sources_used(estimation, 1.0, 2.0)
     assert told[-1].fields["reason"] == "`first` failed"

@@ -34,7 +34,7 @@ class Stiffen(Processor[Any]):
         return Retune(setpoint, self.wanted)
 
 
-def flown(run: Any, wanted: dict[str, float]) -> tuple[list[Any], list[float]]:
+def retuned(run: Any, wanted: dict[str, float]) -> tuple[list[Any], list[float]]:
     """What was told, and the tracker's derivative gain as it was seen 20 times a second."""
     cls = type("Stiffen", (Stiffen,), {"wanted": wanted})
     stiffen = PartPlan("stiffen", cls, NoParams(), "processors.stiffen", "m.yaml:5")
@@ -49,7 +49,7 @@ def flown(run: Any, wanted: dict[str, float]) -> tuple[list[Any], list[float]]:
 
 
 def test_it_takes_effect_in_the_next_tick_and_names_who_asked(run: Any) -> None:
-    told, seen = flown(run, {"derivative": 9.0})
+    told, seen = retuned(run, {"derivative": 9.0})
     [changed] = named(told, "option_changed")
     assert changed.fields == {
         "option": GAIN,
@@ -73,7 +73,7 @@ def test_it_takes_effect_in_the_next_tick_and_names_who_asked(run: Any) -> None:
 def test_what_is_out_of_bounds_is_refused_and_told(
     run: Any, wanted: dict[str, float], reason: str
 ) -> None:
-    told, seen = flown(run, wanted)
+    told, seen = retuned(run, wanted)
     [refused] = named(told, "option_refused")
     assert reason in str(refused.fields["reason"])
     assert refused.fields["by"] == "processor stiffen"
@@ -82,7 +82,7 @@ def test_what_is_out_of_bounds_is_refused_and_told(
 
 
 def test_one_that_retunes_what_it_does_not_declare_has_failed(run: Any) -> None:
-    told, seen = flown(run, {"tilt": 0.1})
+    told, seen = retuned(run, {"tilt": 0.1})
     [failed] = named(told, "part_failed")
     assert failed.fields["part"] == "processors.stiffen"
     assert "`tilt` is nothing that it retunes" in str(failed.fields["reason"])

@@ -9,15 +9,11 @@ from pathlib import Path
 
 import pytest
 from command_lines import command
-from typer.testing import CliRunner
+from toolchain import ROOT, compiled, invoke
 
-from kybflow.cli.app import app
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn import VrpnParams
 
-REPO = Path(__file__).parents[3]
-PAGE = (REPO / "docs" / "motion-capture.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "motion-capture.md").read_text(encoding="utf-8")
 
 
 def written(folder: Path) -> Path:
@@ -30,7 +26,7 @@ def written(folder: Path) -> Path:
 @pytest.mark.slow
 def test_its_mission_flies_on_its_own_poses_from_the_network(tmp_path: Path) -> None:
     asked = ["mocap-server", str(written(tmp_path)), "--target", "network", "--out"]
-    result = CliRunner().invoke(app, [*asked, str(tmp_path / "run")])
+    result = invoke(*asked, tmp_path / "run")
     assert result.exit_code == 0, result.output
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["outcome"] == "succeeded"
@@ -38,10 +34,8 @@ def test_its_mission_flies_on_its_own_poses_from_the_network(tmp_path: Path) -> 
 
 
 def test_its_mission_compiles_and_takes_poses_from_the_network(tmp_path: Path) -> None:
-    mission = written(tmp_path)
-    result = compile_mission(mission, catalog=load_catalog(), target="network")
-    assert result.plan is not None
-    (sensor,) = result.plan.vehicles[0].sensors
+    plan = compiled(written(tmp_path), target="network")
+    (sensor,) = plan.vehicles[0].sensors
     assert sensor.part.params == VrpnParams(host="127.0.0.1")
     assert sensor.estimators == ("mocap",)
 

@@ -6,13 +6,11 @@ import shutil
 from pathlib import Path
 
 import pytest
+from toolchain import MISSIONS, compiled, flight_of
 from waiting import free_port
 
-from kybflow.api.flight import RunRequest, fly
-from kybflow.core.signals import NS, Event, Pose
-from kybflow.dsl.compiler import compile_mission
+from kybflow.core.signals import NS, Pose
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.vrpn.publishing import published
 from kybflow.sensors.vrpn.server import Server
 
@@ -47,12 +45,13 @@ LOST, BACK = 5.0, 6.0
 
 
 def plan_of(folder: Path, port: int, opening: str) -> Plan:
-    shutil.copytree(Path(__file__).parents[3] / "missions" / "library", folder / "library")
-    mission = folder / "network.yaml"
-    mission.write_text(MISSION.format(port=port, opening=opening), encoding="utf-8")
-    plan = compile_mission(mission, catalog=load_catalog(), target="lab").plan
-    assert plan is not None
-    return plan
+    shutil.copytree(MISSIONS / "library", folder / "library")
+    return compiled(
+        folder / "network.yaml",
+        MISSION.format(port=port, opening=opening),
+        target="lab",
+        warns=True,
+    )
 
 
 class Unreliable:
@@ -79,9 +78,7 @@ def test_a_server_that_is_restarted_in_flight(opening: str, tmp_path: Path) -> N
     port = free_port()
     plan = plan_of(tmp_path, port, opening)
     network = Unreliable(port)
-    events: list[Event] = []
-    request = RunRequest(out=tmp_path / "run", speed=1.0)
-    flown = fly(published(plan, network.publish), request, (events.append,))
+    flown, events = flight_of(published(plan, network.publish), tmp_path / "run", speed=1.0)
     assert network.server is not None
     network.server.close()
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
@@ -136,12 +133,8 @@ expect:
 @pytest.mark.slow  # the flight takes as long as it takes
 def test_a_ball_that_the_network_sees_is_given_way_to(tmp_path: Path) -> None:
     port = free_port()
-    shutil.copytree(Path(__file__).parents[3] / "missions" / "library", tmp_path / "library")
-    mission = tmp_path / "ball.yaml"
-    mission.write_text(BALL.format(port=port), encoding="utf-8")
-    plan = compile_mission(mission, catalog=load_catalog(), target="lab").plan
-    assert plan is not None
-    events: list[Event] = []
+    shutil.copytree(MISSIONS / "library", tmp_path / "library")
+    plan = compiled(tmp_path / "ball.yaml", BALL.format(port=port), target="lab", warns=True)
     server = Server(port=port)
     gone = 9 * NS
 
@@ -149,7 +142,7 @@ def test_a_ball_that_the_network_sees_is_given_way_to(tmp_path: Path) -> None:
         if name == "nano" or pose.time < gone:
             server.publish(name, pose.position, pose.attitude, 10**9 * NS + pose.time)
 
-    flown = fly(published(plan, publish), RunRequest(out=tmp_path / "run"), (events.append,))
+    flown, events = flight_of(published(plan, publish), tmp_path / "run")
     server.close()
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     [lost] = [event for event in events if event.name.startswith("obstacle_")]

@@ -9,29 +9,23 @@ from pathlib import Path
 
 import pytest
 from plans import in_still_air
-from typer.testing import CliRunner
+from toolchain import MISSIONS, compiled, invoke
 from waiting import free_port, until
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.cli.app import app
 from kybflow.core.errors import KybflowError
 from kybflow.core.geometry import Quat, Vec3, distance
 from kybflow.core.signals import NS, Pose
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
-from kybflow.parts.catalog import load_catalog
 from kybflow.sensors._stream import TrackerPose
 from kybflow.sensors.vrpn.client import subscribe
 from kybflow.sensors.vrpn.link import ServerAddress
 from kybflow.sensors.vrpn.publishing import PoseNoise, published, still, to
 
-MISSIONS = Path(__file__).parents[3] / "missions"
-
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    plan = compile_mission(MISSIONS / "first_flight.yaml", catalog=load_catalog()).plan
-    assert plan is not None
+    plan = compiled(MISSIONS / "first_flight.yaml")
     return in_still_air(plan)
 
 
@@ -124,13 +118,13 @@ def test_the_command_serves_until_it_is_ended(what: list[str], plan: Plan, tmp_p
     ],
 )
 def test_what_it_can_not_do_is_said(arguments: list[str], says: str) -> None:
-    result = CliRunner().invoke(app, ["mocap-server", *arguments])
+    result = invoke("mocap-server", *arguments)
     assert result.exit_code == 2
     assert says in result.output
 
 
 def test_a_mission_with_errors_is_told_before_anything_listens() -> None:
-    result = CliRunner().invoke(app, ["mocap-server", "nosuch.yaml"])
+    result = invoke("mocap-server", "nosuch.yaml")
     assert result.exit_code == 2
     assert "error[KYB001]: `nosuch.yaml` can't be read" in result.output
     assert "VRPN server on" not in result.output

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import yaml
-from mutation_study import MISSIONS
+from toolchain import SHIPPED
 
 from kybflow.core.params import Field
 from kybflow.dsl.compiler import compile_mission
@@ -71,7 +71,7 @@ def draw(seed: int, folder: Path) -> Drawn:
 
 
 def _drawn(seed: int, rng: random.Random, folder: Path) -> Drawn | None:
-    source, target = rng.choice(MISSIONS), rng.choice(TARGETS)
+    source, target = rng.choice(SHIPPED), rng.choice(TARGETS)
     scenario = rng.choice(SCENARIOS)
     text = yaml.compose(source.read_text(encoding="utf-8"), yaml.SafeLoader)
     hover = rng.uniform(60.0, 150.0) if scenario == "late" else rng.choice((0.0, 0.0, 0.0, 70.0))

@@ -1,6 +1,6 @@
 """Every fault in every state of a mission: what it does to the vehicle, and to the others.
 
-    python tests/support/fault_study.py [--seeds 20] [--only FAULT] [MISSION ...]
+    python bench/fault_study.py [--seeds 20] [--only FAULT] [MISSION ...]
 
 The faults are those of the catalog, so a new one is in the study by itself, with the parameters of
 `SIZES` or its own defaults; each begins half a second after its state was entered and lasts two
@@ -21,20 +21,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from plans import in_still_air
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from kybflow.api.flight import RunRequest, fly
-from kybflow.core.geometry import distance
-from kybflow.core.units import DURATION
-from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read
-from kybflow.dsl.plan import FaultPlan, PartPlan, Plan
-from kybflow.parts.catalog import load_catalog
-from kybflow.runtime import engine as engine_module
-from kybflow.runtime.engine import Engine
+from plans import in_still_air  # noqa: E402
+from toolchain import MISSIONS, compiled  # noqa: E402
 
-TESTS = Path(__file__).parents[1]
-MISSIONS = TESTS.parent / "missions"
+from kybflow.api.flight import RunRequest, fly  # noqa: E402
+from kybflow.core.geometry import distance  # noqa: E402
+from kybflow.core.units import DURATION  # noqa: E402
+from kybflow.dsl.expressions import And, Compare, InState, Quantity, Read  # noqa: E402
+from kybflow.dsl.plan import FaultPlan, PartPlan, Plan  # noqa: E402
+from kybflow.parts.catalog import load_catalog  # noqa: E402
+from kybflow.runtime import engine as engine_module  # noqa: E402
+from kybflow.runtime.engine import Engine  # noqa: E402
+
 STUDIED = ("fallback", "two_lives")
 COURIERS = "two_couriers"
 """The courier beside a neighbour whose camera it may be given: for what takes an estimator away."""
@@ -118,13 +119,12 @@ class Watch:
 
 
 def plan_of(mission: str) -> Plan:
-    folder = TESTS / "flown" if mission == COURIERS else MISSIONS
-    result = compile_mission(folder / f"{mission}.yaml", catalog=load_catalog())
-    assert result.plan is not None, result.diagnostics
-    return in_still_air(result.plan)
+    folder = ROOT / "tests" / "flown" if mission == COURIERS else MISSIONS
+    plan = compiled(folder / f"{mission}.yaml", warns=True)
+    return in_still_air(plan)
 
 
-def flown(plan: Plan, vehicle: str, seed: int) -> tuple[Seen, dict[str, Any]]:
+def faulty_flight(plan: Plan, vehicle: str, seed: int) -> tuple[Seen, dict[str, Any]]:
     """(what was seen with `vehicle` as the broken one, the summary)."""
     watch, before = Watch(vehicle), engine_module._OBSERVED_EVERY
     engine_module._OBSERVED_EVERY = 1
@@ -143,7 +143,7 @@ def flown(plan: Plan, vehicle: str, seed: int) -> tuple[Seen, dict[str, Any]]:
 def cases(mission: str) -> Iterator[Case]:
     """Every fault in every state that the mission reaches by itself."""
     plan = plan_of(mission)
-    _, summary = flown(plan, plan.vehicles[0].name, 0)
+    _, summary = faulty_flight(plan, plan.vehicles[0].name, 0)
     broken = plan.vehicles[:1] if mission == COURIERS else plan.vehicles
     for vehicle in broken:
         entered = [b["name"] for b in summary["vehicles"][vehicle.name]["behaviors"]]
@@ -180,7 +180,7 @@ def study(case: Case, seeds: range) -> Seen:
     plan = replace(plan, faults=(*plan.faults, broken), expectations=())
     worst = Seen()
     for seed in seeds:
-        worst = worst.worst(flown(plan, case.vehicle, seed)[0])
+        worst = worst.worst(faulty_flight(plan, case.vehicle, seed)[0])
     return worst
 
 
@@ -200,7 +200,7 @@ def main() -> None:
     for mission in options.missions:
         plan = plan_of(mission)
         for vehicle in plan.vehicles:
-            calm, _ = flown(plan, vehicle.name, 0)
+            calm, _ = faulty_flight(plan, vehicle.name, 0)
             say(f"{mission}-{vehicle.name}-undisturbed", calm)
         for case in cases(mission):
             if options.only in (None, case.fault):

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import yaml
 from command_lines import commands
+from toolchain import ROOT
 
-ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "missions"
 MISSIONS = sorted(FOLDER.glob("*.yaml"))
 LIBRARIES = sorted((FOLDER / "library").glob("*.yaml"))

@@ -4,23 +4,21 @@ a traceback. `bench/mutants.py` prints it, `dsl/test_mutants.py` holds it."""
 from __future__ import annotations
 
 import random
-import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from mission_mutants import Mutant, at_random, mutants
 from plan_endings import End, ending
+from toolchain import SHIPPED, with_library
 
 from kybflow.core.geometry import distance
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.diagnostic import Severity
 from kybflow.dsl.diagnostics.render import render, to_json
 from kybflow.parts.catalog import load_catalog
+from studies.mission_mutants import Mutant, at_random, mutants
 
-ROOT = Path(__file__).parents[2]
-MISSIONS = sorted((ROOT / "missions").glob("*.yaml"))
 BROKEN, AIR, MOVED = "broken", "ends in the air", "ends elsewhere"
 
 
@@ -81,18 +79,11 @@ def _moved(whole: dict[str, End], now: dict[str, End]) -> str:
     return ""
 
 
-def with_library(folder: Path) -> Path:
-    """`folder`, with what the missions import and the files that they name."""
-    for name in ("library", "operators", "scans", "trajectories"):
-        shutil.copytree(ROOT / "missions" / name, folder / name, dirs_exist_ok=True)
-    return folder
-
-
 def tracebacks(job: tuple[int, int]) -> list[str]:
     """The tracebacks of so many missions that are changed at random, by seed and count."""
     seed, count = job
     generator = random.Random(seed)
-    texts = [path.read_text(encoding="utf-8") for path in MISSIONS]
+    texts = [path.read_text(encoding="utf-8") for path in SHIPPED]
     raised = []
     with tempfile.TemporaryDirectory() as name:
         mission = with_library(Path(name)) / "mission.yaml"

@@ -11,13 +11,13 @@ from time import process_time
 from types import FrameType
 from typing import NamedTuple
 
-from hostile_inputs import LASTING, Hostile, write
 from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.cli.output import Unwritable
 from kybflow.core.errors import KybflowError
 from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
+from studies.hostile_inputs import LASTING, Hostile, write
 
 CODES = frozenset({0, FAILED, INVALID, DRIVER_FAILED, INTERRUPTED})
 BUSY = 6
@@ -45,7 +45,7 @@ def _limited(first: float | None, then: float) -> Iterator[None]:
     """Interrupt after `first` seconds, unless that is None, and raise Late `then` seconds later."""
     left = [first is not None]
 
-    def over(number: int, frame: FrameType | None) -> None:
+    def over(_number: int, frame: FrameType | None) -> None:
         if left.pop() if left else False:
             signal.setitimer(signal.ITIMER_REAL, then)
             raise KeyboardInterrupt
