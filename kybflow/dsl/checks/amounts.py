@@ -25,8 +25,6 @@ from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
-from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Airframe
 
 _ROUNDING = 1e-6
 _TURN = 2.0 * pi
@@ -96,17 +94,17 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
         for field in fields_with(part.params.__class__, "room"):
             if fence is None or not part.is_written(field.name):
                 continue
-            value = getattr(part.params, field.name)
-            if value is None or value <= _room(fence, field):
+            is_height, value = field.room == "up", getattr(part.params, field.name)
+            extent = fence.size[2] if is_height else max(fence.size)
+            if value is None or value <= (extent if is_height else 0.5 * extent):
                 continue
-            extent = quantity(max(_sides(fence, field)), LENGTH)
-            usual = quantity(_usual(field), LENGTH)
+            usual, across = quantity(_usual(field), LENGTH), "high" if is_height else "wide"
             yield Diagnostic(
                 "KYB427",
                 f"`{field.name}` of `{part.alias}` is too large to have an effect in this fence",
                 part.span_of(field.name),
                 label=quantity(value, LENGTH),
-                notes=(f"the fence is {extent} {'high' if field.room == 'up' else 'wide'}",),
+                notes=(f"the fence is {quantity(extent, LENGTH)} {across}",),
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
@@ -119,15 +117,6 @@ def _parts(case: Case) -> Iterator[PartPlan]:
         yield from vehicle.processors
 
 
-def _room(fence: Box, field: Field) -> float:
-    most = max(_sides(fence, field))
-    return most if field.room == "up" else 0.5 * most
-
-
-def _sides(fence: Box, field: Field) -> tuple[float, ...]:
-    return fence.size[2:] if field.room == "up" else fence.size
-
-
 def _usual(field: Field) -> float:
     return 1.0 if field.default is None else field.default
 
@@ -137,7 +126,9 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
     (a warning)."""
     for number in case.cached(_written):
         vehicle, part, field = number
-        most = _most_acceleration(vehicle.airframe)
+        airframe = vehicle.airframe
+        lift = airframe.max_thrust / airframe.mass - GRAVITY
+        most = max(GRAVITY * tan(airframe.tilt), lift)
         if field.dimension is ACCELERATION and number.value > most + _ROUNDING:
             usual = quantity(_usual(field), ACCELERATION)
             yield Diagnostic(
@@ -149,10 +140,6 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
-
-
-def _most_acceleration(airframe: Airframe) -> float:
-    return max(GRAVITY * tan(airframe.tilt), airframe.max_thrust / airframe.mass - GRAVITY)
 
 
 def crawls(case: Case) -> Iterator[Diagnostic]:

@@ -79,13 +79,10 @@ def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
             ways = quickest(
                 [flow.begin], partial(_phases_ahead, case, flow, states), lambda name: name
             )
-            ends = [way for name, way in ways.items() if _ends(flow, name)]
+            going_on = {name for name, phase in flow.phases.items() if phase.transitions}
+            ends = [way for name, way in ways.items() if name not in going_on]
             if ends:
                 yield flow, min(ends, key=lambda way: way.seconds)
-
-
-def _ends(flow: FlowPlan, name: str) -> bool:
-    return name not in flow.phases or not flow.phases[name].transitions
 
 
 def _phases_ahead(

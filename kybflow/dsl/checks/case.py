@@ -15,7 +15,7 @@ from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.scopes import Scopes
-from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import Behavior, Flight, Leg
 
 if TYPE_CHECKING:
@@ -86,6 +86,16 @@ class Case:
 
     def accepts(self, vehicle: VehiclePlan, state: str, flight: Flight) -> bool:
         return any(leg.start is flight for leg in self.legs(vehicle, state))
+
+
+def transitions_of(plan: Plan) -> Iterator[TransitionPlan]:
+    """Every transition of every behavior and phase."""
+    states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
+    phases = (phase for flow in plan.flows for phase in flow.phases.values())
+    for state in states:
+        yield from state.transitions
+    for phase in phases:
+        yield from phase.transitions
 
 
 def part_of(vehicle: VehiclePlan, state: str) -> str:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import Battery, Sticks
 from kybflow.core.units import DURATION, format_quantity
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
@@ -30,7 +30,7 @@ from kybflow.dsl.expressions import (
 )
 from kybflow.dsl.expressions.tree import Aggregate
 from kybflow.dsl.language.source import Record
-from kybflow.dsl.plan import TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import chains_of
 
 
@@ -85,7 +85,7 @@ def after_the_end(case: Case) -> Iterator[Diagnostic]:
     A run ends after `time_limit`, 600 s by default. Often the unit is wrong: `min` instead of `ms`.
     """
     limit = case.plan.time_limit
-    for transition in _transitions(case):
+    for transition in transitions_of(case.plan):
         waits = max(transition.after or 0.0, transition.hold)
         if waits < limit:
             continue
@@ -102,14 +102,6 @@ def after_the_end(case: Case) -> Iterator[Diagnostic]:
 
 def _seconds(value: float) -> str:
     return format_quantity(value, DURATION)
-
-
-def _transitions(case: Case) -> Iterator[TransitionPlan]:
-    for _, state in case.states():
-        yield from state.transitions
-    for flow in case.plan.flows:
-        for phase in flow.phases.values():
-            yield from phase.transitions
 
 
 def all_conditions(case: Case) -> Iterator[TypedCondition]:

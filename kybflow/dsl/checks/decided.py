@@ -202,7 +202,9 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
         if found.holds and found.is_certain:
             hint = "correct the bound, or remove the condition"
             told = _told(case, found, "KYB254", "always holds", "always true", hint)
-            is_empty = found.typed.is_expected and not _of_a_state(found.typed.condition)
+            asked = nodes(found.typed.condition)
+            of_a_state = any(isinstance(node, Aggregate) and node.state for node in asked)
+            is_empty = found.typed.is_expected and not of_a_state
             yield told if is_empty else replace(told, severity=Severity.WARNING)
 
 
@@ -255,10 +257,6 @@ def _limits(case: Case, found: _Decided) -> Iterator[str]:
 def _range(value: Value | Aggregate, reached: tuple[float, float], dimension: Dimension) -> str:
     low, high = (quantity(bound, dimension) for bound in reached)
     return f"`{shown_value(value)}` goes from {low} to {high}"
-
-
-def _of_a_state(condition: Condition) -> bool:
-    return any(isinstance(node, Aggregate) and node.state for node in nodes(condition))
 
 
 def false_at_first(case: Case) -> Iterator[Diagnostic]:

@@ -28,7 +28,7 @@ from kybflow.dsl.checks.reachability import (
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
 from kybflow.dsl.names.built_in import end_of
-from kybflow.dsl.plan import PartPlan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
@@ -282,12 +282,9 @@ def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
     for field in part.fields:
         if not part.is_written(field.key) or field.required:
             continue
-        shorter = replace(state, behavior=_without(part, field.name, field.default))
+        params = replace(part.params, **{field.name: field.default})
+        shorter = replace(state, behavior=replace(part, params=params))
         seconds = min(least_from(case, shorter, entry) for entry in entries)
         if seconds < quickest:
             span, quickest = part.span_of(field.key), seconds
     return span
-
-
-def _without(part: PartPlan, name: str, default: object) -> PartPlan:
-    return replace(part, params=replace(part.params, **{name: default}))

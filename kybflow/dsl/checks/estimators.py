@@ -63,20 +63,17 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
             ):
                 continue
             is_never = never_holds(condition, _aged(least, most))
+            allowed = quantity(max(_USUAL, 3.0 * most), DURATION)
             often = "never" if is_never else "only intermittently"
             yield Diagnostic(
                 "KYB419",
                 f"`{use.part.alias}` is {often} healthy with `{healthy.as_written}`",
                 healthy.span,
                 label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
-                help=f"allow for missing measurements: `age < {_allowed(most)}`",
+                help=f"allow for missing measurements: `age < {allowed}`",
                 severity=Severity.ERROR if is_never else Severity.WARNING,
                 related=the_cameras(vehicle),
             )
-
-
-def _allowed(most: float) -> str:
-    return quantity(max(_USUAL, 3.0 * most), DURATION)
 
 
 def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:

@@ -9,13 +9,13 @@ from functools import cached_property
 from kybflow.core.events import AlarmRaised, BaseEvent
 from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import Plan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.events import AWAITED_EVENTS, RUN_EVENTS, VEHICLE_EVENTS, Landed
 
@@ -124,9 +124,11 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB449: a behavior that stays in the air waits for its own vehicle to have landed, which only
     happens after another behavior has landed it."""
     for vehicle, state in case.states():
+        if any(leg.start is GROUND or leg.end is not AIR for leg in state.legs):
+            continue
         for event in _heard(way for way in state.transitions if not way.since):
             own = {LANDED} if state.inherited else {LANDED, f"{vehicle.name}.{LANDED}"}
-            if event.text in own and _stays_in_the_air(state):
+            if event.text in own:
                 yield Diagnostic(
                     "KYB449",
                     f"`{event.text}` never occurs in `{state.name}`",
@@ -134,10 +136,6 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
                     label=f"`{state.behavior.name}` stays in the air",
                     help="let it lead to a landing, and wait for the event there",
                 )
-
-
-def _stays_in_the_air(state: StatePlan) -> bool:
-    return all(leg.start is not GROUND and leg.end is AIR for leg in state.legs)
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
@@ -175,11 +173,8 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
     On hardware nothing reports that a fault is active. A mission reacts instead to what the vehicle
     itself notices: `estimate_lost`, `battery_low`, `jumped`. A callback may `log` the event.
     """
-    ways = [way for _, state in case.states() for way in state.transitions]
-    phases = (phase for flow in case.plan.flows for phase in flow.phases.values())
-    ways += [way for phase in phases for way in phase.transitions]
     acting = [c for c in case.plan.callbacks if any(action.name != "log" for action in c.do)]
-    for event in _heard((*ways, *acting)):
+    for event in _heard((*transitions_of(case.plan), *acting)):
         if AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent).awaited == "to log it":
             message = f"only the simulator knows about `{event.text}`"
             hint = (
@@ -281,10 +276,8 @@ def emitted(plan: Plan) -> frozenset[str]:
 
 def emitted_by_transitions(plan: Plan) -> list[Text]:
     """The events that transitions of states and phases emit."""
-    ways = [state.transitions for v in plan.vehicles for state in v.states.values()]
-    ways += [phase.transitions for f in plan.flows for phase in f.phases.values()]
-    told = (way.text_of("emit") for several in ways for way in several)
-    return [name for name in told if name is not None and name.text]
+    names = (transition.text_of("emit") for transition in transitions_of(plan))
+    return [name for name in names if name is not None and name.text]
 
 
 def _emitted_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:

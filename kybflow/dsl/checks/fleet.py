@@ -99,7 +99,8 @@ class _Settled(NamedTuple):
     def is_grounded(self) -> bool:
         """Whether it has never left the ground."""
         states = self.vehicle.states
-        return all(name in states and not _flies(states[name]) for name in self.seen)
+        legs = (leg for name in self.seen & states.keys() for leg in states[name].legs)
+        return self.seen <= states.keys() and not any(AIR in leg for leg in legs)
 
 
 def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
@@ -110,7 +111,7 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
     controls. Only conditions that name the state of a vehicle count.
     """
     settled = {s.vehicle.name: s for v in case.plan.vehicles if (s := _settled(v)) is not None}
-    waiting = {name for name, s in settled.items() if s.state is not None and _waits(s.state)}
+    waiting = {name for name, s in settled.items() if s.state is not None and _has_next(s.state)}
     while waiting:
         leaving = {name for name in waiting if not _is_stuck(case, settled, name, waiting)}
         if not leaving:
@@ -132,7 +133,7 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _waits(state: StatePlan) -> bool:
+def _has_next(state: StatePlan) -> bool:
     return any(transition.cause == "next" for transition in state.transitions)
 
 
@@ -153,7 +154,7 @@ def _settled(vehicle: VehiclePlan) -> _Settled | None:
         passed.append(state)
         if name in endless:
             return _Settled(vehicle, state, _seen(vehicle, passed))
-        if any(t.cause == "next" for t in state.transitions):
+        if _has_next(state):
             return None
         then = next((t.target for t in state.transitions if t.cause == "then"), None)
         name = end_of(state.legs) if then is None else then
@@ -169,10 +170,6 @@ def _seen(vehicle: VehiclePlan, passed: list[StatePlan]) -> frozenset[str]:
         states = (vehicle.states[name] for name in failures if name in vehicle.states)
         failures = {t.target for state in states for t in state.transitions} - seen
     return frozenset(seen)
-
-
-def _flies(state: StatePlan) -> bool:
-    return any(AIR in leg for leg in state.legs)
 
 
 def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:

@@ -134,7 +134,9 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
     of a flow that was given a vehicle, because that flow has its own bounds.
     """
     for flow, phase in phases(case.plan):
-        bounded = any(_is_time_alone(transition) for transition in phase.transitions)
+        bounded = any(
+            t.after is not None and t.when is None and t.event is None for t in phase.transitions
+        )
         own = [transition for transition in phase.transitions if not transition.since]
         waits = [a for a in own if not _may_wait(a, flow, case.plan)]
         if waits and not bounded:
@@ -148,10 +150,6 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
                 ),
                 help="add `within: 20 s` and `otherwise: PHASE`",
             )
-
-
-def _is_time_alone(transition: TransitionPlan) -> bool:
-    return transition.after is not None and transition.when is None and transition.event is None
 
 
 def _may_wait(transition: TransitionPlan, flow: FlowPlan, plan: Plan) -> bool:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from kybflow.core.params import named_in
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
-from kybflow.dsl.checks.case import WORDS, Case
+from kybflow.dsl.checks.case import WORDS, Case, transitions_of
 from kybflow.dsl.checks.conditions import conditions_of, nodes
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
@@ -55,13 +55,14 @@ def missing_axes(case: Case) -> Iterator[Diagnostic]:
         use = case.plan.inputs_by_name.get(name.text)
         lacking = [a for a in state.behavior.cls.axes if use is not None and a not in use.axes]
         if use is not None and lacking:
+            axes = ", ".join(f"`{name}`" for name in use.axes) or "none"
             yield Diagnostic(
                 "KYB402",
                 f"`{name.text}` has no axis `{lacking[0]}`",
                 name.span,
                 label=f"`{state.behavior.name}` needs it",
                 notes=(f"`{name.text}` ({use.part.name}) is at {use.part.span.at}",),
-                help=f"its axes are {_listed(use.axes)}",
+                help=f"its axes are {axes}",
             )
 
 
@@ -105,9 +106,8 @@ def unused_inputs(case: Case) -> Iterator[Diagnostic]:
 
 def _heard(case: Case) -> set[str]:
     """The part before the dot of every event that the mission waits for."""
-    ways = [t for _, state in case.states() for t in state.transitions]
-    ways += [t for f in case.plan.flows for p in f.phases.values() for t in p.transitions]
-    events = [way.event for way in ways] + [one.event for one in case.plan.callbacks]
+    events = [way.event for way in transitions_of(case.plan)]
+    events += [one.event for one in case.plan.callbacks]
     return {event.partition(".")[0] for event in events if event}
 
 
@@ -152,10 +152,6 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
         if objection is not None:
             span = use.part.span_of(objection.parameter)
             yield Diagnostic("KYB407", objection.reason, span, help=objection.hint)
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(f"`{name}`" for name in names) or "none"
 
 
 _SILENT = 5.0

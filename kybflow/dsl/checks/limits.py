@@ -16,7 +16,6 @@ from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
-from kybflow.parts import Footprint
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -60,6 +59,7 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
     acceleration a."""
     for vehicle, state, _, footprint in case.cached(footprints):
         limit, tilt = vehicle.airframe.tilt, atan(footprint.acceleration / GRAVITY)
+        origin = footprint.origin
         if tilt <= limit + _ROUNDING:
             continue
         yield Diagnostic(
@@ -69,15 +69,11 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             label=f"needs a tilt of {format_quantity(tilt, ANGLE)}",
             notes=(
                 f"its airframe allows {format_quantity(limit, ANGLE)}",
-                *_sharpest(footprint),
+                *((f"sharpest at {origin.sharpest}",) if origin is not None else ()),
             ),
             help="fly it more slowly, or make its curves wider",
             related=(*the_limit(vehicle, "tilt"), *values_of(state.behavior)),
         )
-
-
-def _sharpest(footprint: Footprint) -> tuple[str, ...]:
-    return () if footprint.origin is None else (f"sharpest at {footprint.origin.sharpest}",)
 
 
 class _Frame(NamedTuple):

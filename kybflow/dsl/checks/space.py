@@ -116,6 +116,7 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
         legs = state.behavior.cls.flight
         is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
         limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
+        origin = footprint.origin
         verb = "fly" if limit == vehicle.airframe.speed else "climb and descend"
         if footprint.speed <= limit + _ROUNDING:
             continue
@@ -126,17 +127,13 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
             label=f"reaches {format_quantity(footprint.speed, SPEED)}",
             notes=(
                 f"its airframe may {verb} at {format_quantity(limit, SPEED)}",
-                *_fastest(footprint),
+                *((f"fastest at {origin.fastest}",) if origin is not None else ()),
             ),
             related=(
                 *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
                 *values_of(state.behavior),
             ),
         )
-
-
-def _fastest(footprint: Footprint) -> tuple[str, ...]:
-    return () if footprint.origin is None else (f"fastest at {footprint.origin.fastest}",)
 
 
 def refuses(case: Case) -> Iterator[Diagnostic]:

@@ -44,23 +44,20 @@ def same_tag_twice(case: Case) -> Iterator[Diagnostic]:
             continue
         tag = use.tags[doubled[0]]
         other, index = first[tag.key]
+        line = f", {_place(other, index)}" if other.lines else ""
         more = f", and {len(doubled) - 1} more" if len(doubled) > 1 else ""
         yield Diagnostic(
             "KYB383",
             f"tag {tag.id} of {tag.family} is in both `{use.name}` and `{other.name}`",
             use.span,
             label=f"{_place(use, doubled[0])}{more}" if use.lines else more.removeprefix(", "),
-            notes=(f"first at {other.span.at}{_in_file(other, index)}",),
+            notes=(f"first at {other.span.at}{line}",),
             help=_renumbered(use, case.plan.world.tags),
         )
 
 
 def _place(use: Tags, index: int) -> str:
     return f"in line {use.lines[index]} of the table"
-
-
-def _in_file(use: Tags, index: int) -> str:
-    return f", {_place(use, index)}" if use.lines else ""
 
 
 def _renumbered(use: Tags, every: tuple[Tags, ...]) -> str:

@@ -11,9 +11,8 @@ from typing import Any
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.contexts import contexts
-from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
@@ -91,9 +90,7 @@ def _answered(case: Case) -> Iterator[str]:
     """The bare name of each event that something reacts to. A condition on the battery counts as a
     reaction to all events of a battery supervisor."""
     plan = case.plan
-    ways = [state.transitions for _, state in case.states()]
-    ways += [phase.transitions for _, phase in phases(plan)]
-    transitions = [transition for several in ways for transition in several]
+    transitions = list(transitions_of(plan))
     asked = (one.text_of("when") for one in (*transitions, *plan.callbacks))
     if any(text is not None and "battery." in text.text for text in asked):
         yield from (
