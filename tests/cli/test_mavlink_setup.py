@@ -279,7 +279,8 @@ def test_where_a_system_was_looked_for_without_an_address_is_told(monkeypatch) -
     monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", refused)
     words = ["mavlink", "setup", "--vehicle", "ardupilot", "--system", "7"]
     assert CliRunner().invoke(app, words).output == (
-        "error: tcp:127.0.0.1:5820 refuses; that is the default address of system 7, see --address\n"
+        "error: tcp:127.0.0.1:5820 refuses; that is the default address of system 7,"
+        " see --address\n"
     )
     words += ["--address", "tcp:127.0.0.1:5760"]
     assert CliRunner().invoke(app, words).output == "error: tcp:127.0.0.1:5760 refuses\n"

@@ -139,7 +139,7 @@ SAID = {
     "two references": (
         ["--frames", ".", "--poses", "a", "--standing"],
         {},
-        "give --poses or --standing, not both",
+        "--standing, not both",
     ),
     "a run": (["--frames", "frames"], {"events.jsonl": ""}, "scaled and drawn on"),
     "no table": (["--frames", ".", "--poses", "p.csv"], {}, "`p.csv` can't be read"),
