@@ -41,7 +41,9 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
         raise KybflowError(f"no package ships a mission `{origin}`; {hint}")
     sources = {folder / file: one.path.parent / file for file in _attached(one)}
     wanted = {target: source.read_text(encoding="utf-8") for target, source in sources.items()}
-    wanted = {file: text for file, text in wanted.items() if not _holds(file, text)}
+    for file, text in list(wanted.items()):
+        if file.is_file() and file.read_text(encoding="utf-8", errors="replace") == text:
+            del wanted[file]
     wanted[path] = _rewritten(one, name)
     if not schema.exists():
         wanted[schema] = schema_text(load_catalog())
@@ -60,10 +62,6 @@ def _attached(one: Shipped) -> Iterator[str]:
         path = Path(source.path)
         if path.suffix not in (".yaml", ".yml"):
             yield os.path.relpath(path, one.path.parent)
-
-
-def _holds(path: Path, text: str) -> bool:
-    return path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text
 
 
 def _write(path: Path, text: str) -> None:

@@ -287,15 +287,12 @@ def _recorded(name: str, plain: Any, note: Any, index: int) -> tuple[tuple[_Fiel
         if get_origin(plain) in (Union, types.UnionType):
             scalar = next(_SCALARS[t] for t in get_args(plain) if t in _SCALARS)
             extra = ("bool", note.extra, note.extra_comment)
-            return (extra, (scalar, name, note.comment)), _optional(index)
+            field = extra, (scalar, name, note.comment)
+            return field, lambda values: (values[index] is not None, values[index] or 0)
         if plain == tuple[float, ...]:
             extra = ("uint8", note.extra, note.extra_comment)
             return (extra, (f"float64[{SWITCHES}]", name, note.comment)), _several(index)
     raise TypeError(f"`{name}: {plain}` can't be recorded")
-
-
-def _optional(index: int) -> Callable[[Any], tuple[float, ...]]:
-    return lambda values: (values[index] is not None, values[index] or 0)
 
 
 def _several(index: int) -> Callable[[Any], tuple[float, ...]]:

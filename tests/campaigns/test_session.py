@@ -320,4 +320,4 @@ def test_the_command_ends_as_its_gravest_case(folder: Path):
 def test_seeds_that_are_none_are_refused(folder: Path, seeds: str):
     done = ran(str(folder), f"--seeds={seeds}")
     assert done.exit_code == 2
-    assert "no seed" in done.output
+    assert "neither a seed" in done.output

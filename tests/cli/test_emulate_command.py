@@ -18,7 +18,7 @@ from kybflow.drivers.emulation.breaking import read_break
         (["--fail", "nothing"], "can fail"),
         (["--param", "COM_OBL_RC_ACT"], "is not NAME=VALUE"),
         (["--param", "COM_OBL_RC=0"], "no parameter COM_OBL_RC; did you mean `COM_OBL_RC_ACT`?"),
-        (["--airframe", "zeppelin"], "no such airframe"),
+        (["--airframe", "zeppelin"], "no airframe `zeppelin`"),
         (["--address", "udp:1"], "could mean two things"),
         (["--address", "tcpin:1"] * 2, "can't listen"),
     ],

@@ -19,7 +19,7 @@ def emulated(*arguments):
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ
     )
     try:
-        assert "speaks at" in program.stdout.readline()
+        assert " is at " in program.stdout.readline()
         yield program
         program.send_signal(signal.SIGINT)
         _, errors = program.communicate(timeout=HANGS)

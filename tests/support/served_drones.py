@@ -35,7 +35,7 @@ class ServedDrones:
 
     def start(self):
         line = self.program.stdout.readline()
-        assert "speaks at" in line, line + self.program.stderr.read()
+        assert " is at " in line, line + self.program.stderr.read()
         self.said.append(line)
         self._reader.start()
 

@@ -118,17 +118,21 @@ def test_frames_alone_say_what_they_do_not_tell(tmp_path: Path) -> None:
     video.release()
     result = given(mission, "--frames", tmp_path / "walk.avi")
     assert result.exit_code == 0, result.output
-    assert "mount of `down`: frames alone don't tell it" in result.output
+    assert "mount of `down`: not observable from frames alone" in result.output
     assert "not observable: focal; tilt the camera by 20 to 30 degrees" in result.output
 
 
 SAID = {
     "no frames": ([], {}, "Missing option '--frames'"),
-    "nothing there": (["--frames", "none.avi"], {}, "is not there; it is a video, or a folder"),
+    "nothing there": (["--frames", "none.avi"], {}, "doesn't exist; give a video or a folder"),
     "another camera": (["--frames", ".", "--camera", "dwon"], {}, "did you mean `down`?"),
     "another vehicle": (["--frames", ".", "--vehicle", "yours"], {}, "there is no vehicle with"),
-    "two references": (["--frames", ".", "--poses", "a", "--standing"], {}, "was once: --poses"),
-    "a run": (["--frames", "frames"], {"events.jsonl": ""}, "drawn over for people"),
+    "two references": (
+        ["--frames", ".", "--poses", "a", "--standing"],
+        {},
+        "--standing, not both",
+    ),
+    "a run": (["--frames", "frames"], {"events.jsonl": ""}, "scaled and drawn on"),
     "no table": (["--frames", ".", "--poses", "p.csv"], {}, "`p.csv` can't be read"),
     "a bad table": (
         ["--frames", ".", "--poses", "p.csv"],

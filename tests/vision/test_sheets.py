@@ -203,14 +203,14 @@ def test_the_command_writes_a_pdf_and_pages_of_png(tmp_path: Path) -> None:
             " has 194 mm to print on; use --paper a3",
         ),
         (("--ids", "0", "--size", "4deg"), "`4deg` is an angle, but a length is needed"),
-        (("--ids", "0", "--size", "0"), "`0` must be above 0"),
+        (("--ids", "0", "--size", "0"), "`0` is not above 0"),
         (
             ("--ids", "0", "--size", "4cm", "--family", "36h12"),
-            "there is no family `36h12`; there are",
+            "there is no family `36h12`; the families are",
         ),
         (("--ids", "0"), "give a MISSION, or --ids and --size"),
         ((f"{MISSIONS}/windy.yaml",), "has no tags; add them in `world: {tags: ...}`"),
-        ((f"{MISSIONS}/courier.yaml", "--ids", "0"), "a mission says its tags itself"),
+        ((f"{MISSIONS}/courier.yaml", "--ids", "0"), "MISSION has tags of its own"),
     ],
 )
 def test_the_command_says_what_is_wrong(

@@ -25,7 +25,7 @@ SHOWN_FOR = 10.0
 """Seconds for which a choice waits for Enter and a message is shown."""
 
 
-class Message(NamedTuple):
+class KeyMessage(NamedTuple):
     """The line below the keys, of the kind `asked`, `accepted` or `refused`."""
 
     text: str
@@ -43,7 +43,7 @@ class TerminalCommander:
         self._commands: CommandQueue | None = None
         self._holder: str | None = None
         self._chosen: tuple[Order, bool] | None = None
-        self._message = Message("", "")
+        self._message = KeyMessage("", "")
         self._until = 0.0
 
     @contextmanager
@@ -72,10 +72,10 @@ class TerminalCommander:
             self.offers = self._offered.assign(situation, self._read())
 
     @property
-    def message(self) -> Message:
+    def message(self) -> KeyMessage:
         """The question about a choice, or the last answer."""
         if self._read() > self._until:
-            self._chosen, self._message = None, Message("", "")
+            self._chosen, self._message = None, KeyMessage("", "")
         return self._message
 
     def _press(self, key: str) -> None:
@@ -109,4 +109,4 @@ class TerminalCommander:
             self._commands.ask(order, BY, answered, take=take)
 
     def _show(self, words: str, kind: str) -> None:
-        self._message, self._until = Message(words, kind), self._read() + SHOWN_FOR
+        self._message, self._until = KeyMessage(words, kind), self._read() + SHOWN_FOR

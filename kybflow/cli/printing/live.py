@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kybflow.cli.keys.offered import Offer
-from kybflow.cli.keys.terminal_commander import Message, TerminalCommander
+from kybflow.cli.keys.terminal_commander import KeyMessage, TerminalCommander
 from kybflow.cli.output import grouped
 from kybflow.cli.printing.run import sentence
 from kybflow.core.geometry import distance
@@ -134,7 +134,9 @@ def _below(engine: Engine) -> Iterator[str]:
         yield f"waiting    {'; '.join(whom)}"
 
 
-def keys_drawn(offers: Sequence[Offer], message: Message, width: int, most: int) -> Iterator[Text]:
+def keys_drawn(
+    offers: Sequence[Offer], message: KeyMessage, width: int, most: int
+) -> Iterator[Text]:
     """Yield at most `most` lines of `width` letters: the offers by group, then the message about
     the last key."""
     groups = grouped((offer.group, offer) for offer in offers)
