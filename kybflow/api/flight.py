@@ -218,7 +218,7 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         devices.close()
 
 
-def _is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
+def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
     """Whether a vehicle is in the air by its own state, or by a simulator's truth where it believes
     itself on the ground. vehicles: all, because it may lie on another or on a payload."""
     truth = vehicle.truth
@@ -337,7 +337,7 @@ class _Run:
             interrupted=engine is not None and engine.interrupts > 0,
             driver=self._driver_failed,
             recording=recording,
-            airborne=[vehicle.name for vehicle in vehicles if _is_airborne(vehicle, vehicles)],
+            airborne=[vehicle.name for vehicle in vehicles if is_airborne(vehicle, vehicles)],
             expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(

@@ -169,7 +169,7 @@ def test_what_is_missing_is_said_and_the_rest_is_written(
     assert not Table(peer).set_up("ardupilot", write=True)
     assert peer.writes == ["VISO_TYPE"]
     out = capsys.readouterr().out
-    assert "\nmissing: COMPASS_ENABLE. Many parameters only appear once" in out
+    assert "\nmissing: COMPASS_ENABLE. Many parameters appear only after" in out
     assert "all parameters are right" not in out
 
 
@@ -201,7 +201,7 @@ def test_nothing_is_written_to_an_armed_vehicle(capsys: pytest.CaptureFixture[st
     peer.armed = True
     assert not Table(peer).set_up(write=True)
     assert peer.writes == []
-    assert "it is armed: nothing is written" in capsys.readouterr().err
+    assert "nothing is written to an armed autopilot" in capsys.readouterr().err
 
 
 def test_one_of_several_is_chosen_by_its_system() -> None:

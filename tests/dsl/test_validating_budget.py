@@ -36,7 +36,7 @@ BUDGET = {
     },
     "survey": {
         "check": 133572,
-        "resolve": 78955,
+        "resolve": 83991,
         "expand": 77930,
         "expressions": 37588,
         "read": 29945,
@@ -44,7 +44,8 @@ BUDGET = {
         "compiler": 798,
     },
 }
-"""Bytecodes, by mission: two vehicles that fly alike; chains, a stack and obstacles."""
+"""Bytecodes, by mission: two vehicles that fly alike; chains, a stack and obstacles. `UseMarker`
+copies the nodes of chains as it does those of `like`: 5,000 more than a copier for chains alone."""
 
 
 @needs_repeatable_counts

@@ -74,7 +74,7 @@ def test_without_a_position_it_does_not_fly_and_says_why(two: str, tmp_path: Pat
     found = failures(told)
     assert flight.summary["outcome"] == "failed"
     for vehicle in ("mk", "nano"):
-        assert found[vehicle, "position"] == "kybflow has no estimate to send"
+        assert found[vehicle, "position"] == "there is no estimate to send"
         assert (vehicle, "autopilot") in found
 
 

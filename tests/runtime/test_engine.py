@@ -12,7 +12,7 @@ import pytest
 from plans import part, state, then, vehicle, wrapped
 from short_flights import NoParams, Still, down, hold, named, path, up
 
-from kybflow.api.flight import in_the_air
+from kybflow.api.flight import is_airborne
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Failed, Setpoint, SetpointKind, Tick, Truth
@@ -283,13 +283,13 @@ def resting(position: Vec3, tilt: float = 0.0, speed: float = 0.0) -> SimpleName
     ],
 )
 def test_who_believes_itself_on_the_ground_may_be_in_the_air(vehicle, mistaken):
-    assert in_the_air(vehicle) is mistaken
+    assert is_airborne(vehicle, ()) is mistaken
 
 
 def test_who_lies_on_another_vehicle_is_not_in_the_air():
     above, below = resting((0.0, 0.05, 0.05)), resting((0.0, 0.0, 0.0))
-    assert in_the_air(resting((0.0, 0.05, 0.08)))
-    assert not in_the_air(above, [above, below])
+    assert is_airborne(resting((0.0, 0.05, 0.08)), ())
+    assert not is_airborne(above, [above, below])
 
 
 def test_preflight_keeps_a_vehicle_on_the_ground_that_would_land_at_once(run):

@@ -6,7 +6,6 @@ import random
 from dataclasses import replace
 
 import pytest
-from kybflow.drivers.emulated_ardrone.ports.memory import MemoryPorts
 from sim_worlds import QUIET, seat
 
 from kybflow.core.signals import NS
@@ -16,6 +15,7 @@ from kybflow.drivers.ardrone.protocol.navdata.options import demo
 from kybflow.drivers.ardrone.protocol.navdata.packet import read_packet
 from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
 from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+from kybflow.drivers.emulated_ardrone.ports import MemoryPorts
 from kybflow.drivers.emulated_ardrone.session import PERIOD, open_fleet
 
 PLAIN = replace(QUIET, physics=250.0)
@@ -58,8 +58,8 @@ class DroneBench:
             if self.lines and self.now % (5 * PERIOD) == 0:
                 self.say(*self.lines)
             self.fleet.advance(self.now)
-            while self.ports.told:
-                self.packets.append(read_packet(self.ports.told.popleft()))
+            while self.ports.sent:
+                self.packets.append(read_packet(self.ports.sent.popleft()))
             if until():
                 return True
         return until()

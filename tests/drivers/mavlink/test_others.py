@@ -36,7 +36,7 @@ def of(system: int, message: Any) -> Any:
 
 
 def heartbeat(system: int) -> Any:
-    return of(system, heartbeat(mavlink.MAV_TYPE_GCS))
+    return of(system, mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
 
 
 @pytest.fixture

@@ -8,7 +8,8 @@ from scripted_autopilot import Bench, estimate, mavlink
 
 from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused
-from kybflow.drivers.mavlink.preflight.checks import RUN_PREARM_CHECKS
+
+RUN_PREARM_CHECKS = mavlink.MAV_CMD_RUN_PREARM_CHECKS
 
 COMPASS = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
 ESTIMATE, RECEIVER = mavlink.MAV_SYS_STATUS_AHRS, mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER

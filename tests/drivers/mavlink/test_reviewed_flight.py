@@ -29,7 +29,7 @@ def deaf_to_positions(bench, monkeypatch) -> None:
     """Its heartbeats go on, its position does not come any more."""
     send = bench.fake.send
     monkeypatch.setattr(
-        bench.fake, "_send", lambda m: None if m.get_type() == "LOCAL_POSITION_NED" else send(m)
+        bench.fake, "send", lambda m: None if m.get_type() == "LOCAL_POSITION_NED" else send(m)
     )
 
 

@@ -62,7 +62,7 @@ def swings(
         if estimate is None:
             continue
         if step == round(SETTLED * NS / PERIOD) and more:
-            link.rig.begin(Effect(late=more), now)
+            link.faults.begin(Effect(late=more), now)
         setpoint = _where(now / NS, axis)
         tick = Tick(now, PERIOD / NS, 0.0, estimate, None, setpoint, {})
         link.send(tracker.update(setpoint, tick), now)

@@ -87,7 +87,7 @@ class PreflightChecks:
     def _position(self, sent: tuple[Estimate, Time] | None, now: Time) -> Check:
         own, spread = self._telemetry.odometry, self._telemetry.spread
         if self._is_outside and (sent is None or now - sent[1] > NS):
-            return Check("position", False, "kybflow has no estimate to send")
+            return Check("position", False, "there is no estimate to send")
         if spread is None:
             flags = f"it has none (estimator flags {self._status.ekf})"
             return Check("position", False, f"{flags}; {self._required.fed()}")
