@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
@@ -82,3 +83,24 @@ def test_a_public_class_name_means_one_thing() -> None:
     assert {name: where for name, where in twice.items() if name not in TWO_THINGS} == {}
     assert len(TWO_THINGS) <= 5
     assert TWO_THINGS.keys() <= twice.keys()
+
+
+def compiled() -> Iterator[Path]:
+    """The modules that mypyc compiles."""
+    config = tomllib.loads((KYBFLOW.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    hook = config["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]["mypyc"]
+    for pattern in hook["include"]:
+        yield from KYBFLOW.parent.glob(pattern)
+
+
+def test_compiled_modules_assign_no_nested_tuples() -> None:
+    """mypyc boxes every number of `(a, b), (c, d) = x, y`, and none of two plain assignments."""
+    nested = [
+        f"{path.relative_to(KYBFLOW.parent)}:{target.lineno}"
+        for path in compiled()
+        for node in ast.walk(trees()[name_of(path)])
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Tuple) and any(isinstance(e, ast.Tuple) for e in target.elts)
+    ]
+    assert nested == []

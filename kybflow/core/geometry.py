@@ -88,7 +88,8 @@ def conjugate(q: Quat) -> Quat:
 
 def rotate(q: Quat, v: Vec3) -> Vec3:
     """Rotate `v` from the body frame to the world frame."""
-    (w, x, y, z), (vx, vy, vz) = q, v
+    w, x, y, z = q
+    vx, vy, vz = v
     tx = 2.0 * (y * vz - z * vy)
     ty = 2.0 * (z * vx - x * vz)
     tz = 2.0 * (x * vy - y * vx)
@@ -101,7 +102,8 @@ def rotate(q: Quat, v: Vec3) -> Vec3:
 
 def rotate_back(q: Quat, v: Vec3) -> Vec3:
     """Rotate `v` from the world frame to the body frame."""
-    (w, x, y, z), (vx, vy, vz) = q, v
+    w, x, y, z = q
+    vx, vy, vz = v
     tx = 2.0 * (z * vy - y * vz)
     ty = 2.0 * (x * vz - z * vx)
     tz = 2.0 * (y * vx - x * vy)
@@ -173,7 +175,8 @@ def from_thrust_facing(direction: Vec3, facing: tuple[float, float]) -> Quat:
     Body y is normal to both and body x completes the frame (Mellinger and Kumar, ICRA 2011, eq.
     6-8).
     """
-    (x, y, z), (cx, sx) = direction, facing
+    x, y, z = direction
+    cx, sx = facing
     n = hypot(x, y, z)
     zx, zy, zz = x / n, y / n, z / n
     yx, yy, yz = -sx * zz, cx * zz, sx * zx - cx * zy
@@ -211,7 +214,8 @@ def _from_matrix(
 def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:
     """Return `q` after `dt` seconds at the body rate `rate` (rad/s): first order, renormalised."""
     w, x, y, z = q
-    (rx, ry, rz), half = rate, 0.5 * dt
+    rx, ry, rz = rate
+    half = 0.5 * dt
     hx, hy, hz = half * rx, half * ry, half * rz
     nw = w - x * hx - y * hy - z * hz
     nx = x + w * hx + y * hz - z * hy

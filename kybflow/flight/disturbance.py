@@ -58,9 +58,11 @@ class DisturbanceObserver:
             self.acceleration = ZERO
             return ZERO
         drag, attitude = self._drag, estimate.attitude
-        (fx, fy, fz), (vx, vy, _) = imu.specific_force, rotate_back(attitude, estimate.velocity)
+        fx, fy, fz = imu.specific_force
+        vx, vy, _ = rotate_back(attitude, estimate.velocity)
         dx, dy, dz = rotate(attitude, (fx + drag * vx, fy + drag * vy, fz - self._given))
-        (ex, ey, ez), (rx, ry, _) = self.acceleration, estimate.angular_velocity
+        ex, ey, ez = self.acceleration
+        rx, ry, _ = estimate.angular_velocity
         calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
         share = (1.0 - 1.0 / (1.0 + tau * bandwidth * dt)) / calm
         self._lasting += dt / (WASHOUT + dt) * (dz - self._lasting)

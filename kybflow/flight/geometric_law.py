@@ -120,12 +120,16 @@ class GeometricLaw:
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float
     ) -> tuple[Vec3, Vec3]:
         """Return (f, f'): the desired specific force and its derivative, world."""
-        c, (k, d, i), slower = self._drag, self._gains, ON_BOARD / (ON_BOARD + self._late)
+        c = self._drag
+        k, d, i = self._gains
+        slower = ON_BOARD / (ON_BOARD + self._late)
         k, d, i = k * slower * slower, d * slower, i * slower * slower
-        (ux, uy, uz), (vx, vy, vz) = up, estimate.velocity
+        ux, uy, uz = up
+        vx, vy, vz = estimate.velocity
         _, position, velocity, acceleration, jerk, _, _ = setpoint
         wx, wy, wz = velocity or ZERO
-        (ax, ay, az), (jx, jy, jz) = acceleration or ZERO, jerk or ZERO
+        ax, ay, az = acceleration or ZERO
+        jx, jy, jz = jerk or ZERO
         push = self._steering.force_along
         slip = vx * ux + vy * uy + vz * uz
         ex = push * ux - c * (vx - slip * ux) - ax
@@ -138,7 +142,8 @@ class GeometricLaw:
         fz = az + d * (wz - vz) + c * (wz - along * uz) + GRAVITY
         ix, iy = self._integral
         if position is not None:
-            (sx, sy, sz), (px, py, pz) = position, estimate.position
+            sx, sy, sz = position
+            px, py, pz = estimate.position
             ex, ey = sx - px, sy - py
             fx, fy, fz = fx + k * ex, fy + k * ey, fz + k * (sz - pz)
             tx, ty, tz = tx + k * (wx - vx), ty + k * (wy - vy), tz + k * (wz - vz)

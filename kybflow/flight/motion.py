@@ -33,7 +33,8 @@ class Motion(NamedTuple):
     jerk: Vec3 = ZERO
 
     def plus(self, other: Motion) -> Motion:
-        (p, v, a, j), (q, w, b, k) = self, other
+        p, v, a, j = self
+        q, w, b, k = other
         return Motion(add(p, q), add(v, w), add(a, b), add(j, k))
 
     def setpoint(self, heading: float, heading_rate: float = 0.0) -> Setpoint:
@@ -83,7 +84,8 @@ class Straight:
         if time >= self.duration:
             return self._end
         gone, v, a, j = self._profile.at(time)
-        (px, py, pz), (x, y, z) = self._start, self._direction
+        px, py, pz = self._start
+        x, y, z = self._direction
         return Motion(
             (px + x * gone, py + y * gone, pz + z * gone),
             (x * v, y * v, z * v),

@@ -177,7 +177,8 @@ def seen_from(flown: Estimate, time: Time) -> Reference:
 
 def is_same(a: Quat, b: Quat) -> bool:
     """Return whether two attitudes are within 45 degrees of each other."""
-    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
     return abs(aw * bw + ax * bx + ay * by + az * bz) >= SAME_ATTITUDE
 
 

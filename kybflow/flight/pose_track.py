@@ -62,7 +62,8 @@ def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
     most = reach(seconds)
     if off > most:
         return off, most
-    (a, b, c, d), (e, f, g, h) = pose.attitude, last.attitude
+    a, b, c, d = pose.attitude
+    e, f, g, h = last.attitude
     turned = 2.0 * acos(min(1.0, abs(a * e + b * f + c * g + d * h)))
     most = min(TURN + RATE * seconds, pi)
     return (turned, most) if turned > most else None

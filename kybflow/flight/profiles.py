@@ -112,10 +112,12 @@ class Profile:
             return (0.0, 0.0, 0.0, 0.0)
         ramp, speed, left = self.ramp, self.speed, self.duration - time
         if time < ramp:
-            (area, value, slope, bend), rate = smoothstep(time / ramp), speed / ramp
+            area, value, slope, bend = smoothstep(time / ramp)
+            rate = speed / ramp
             return (speed * ramp * area, speed * value, rate * slope, rate / ramp * bend)
         if left < ramp:
-            (area, value, slope, bend), rate = smoothstep(left / ramp), speed / ramp
+            area, value, slope, bend = smoothstep(left / ramp)
+            rate = speed / ramp
             gone = self.distance - speed * ramp * area
             return (gone, speed * value, -rate * slope, rate / ramp * bend)
         return (speed * (time - 0.5 * ramp), speed, 0.0, 0.0)

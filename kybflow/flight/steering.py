@@ -125,7 +125,9 @@ class Steering:
             square = fx * fx + fy * fy
         tx, ty = self.trim
         if self.flies and dt < LONGEST_STEP:
-            k, (sx, sy), (ux, uy, _) = p.trim * dt, self._slope, up
+            k = p.trim * dt
+            sx, sy = self._slope
+            ux, uy, _ = up
             tx, ty = tx + k * (sx - ux), ty + k * (sy - uy)
             tx = MOST_TRIM if tx > MOST_TRIM else -MOST_TRIM if tx < -MOST_TRIM else tx
             ty = MOST_TRIM if ty > MOST_TRIM else -MOST_TRIM if ty < -MOST_TRIM else ty
@@ -153,7 +155,9 @@ class Steering:
         self, force: Vec3, attitude: Quat, rates: Vec3, estimate: Estimate, up: Vec3
     ) -> Command:
         """Return the command of `attitude`, `rates` and the thrust of `force` along `up`."""
-        mass, most, (fx, fy, fz), (ux, uy, uz) = self._carried, self._most_thrust, force, up
+        mass, most = self._carried, self._most_thrust
+        fx, fy, fz = force
+        ux, uy, uz = up
         thrust = mass * (fx * ux + fy * uy + fz * uz)
         thrust = most if thrust > most else 0.0 if thrust < 0.0 else thrust
         self._lift = thrust * uz
@@ -167,7 +171,8 @@ def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec
     force x jerk / |force|^2, and the heading rate about world z."""
     if jerk == ZERO and heading_rate == 0.0:
         return ZERO
-    (fx, fy, fz), (jx, jy, jz) = force, jerk
+    fx, fy, fz = force
+    jx, jy, jz = jerk
     k = 1.0 / (fx * fx + fy * fy + fz * fz)
     x, y, z = k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx)
     return rotate_back(attitude, (x, y, z + heading_rate))

@@ -88,7 +88,9 @@ class TrackedPose:
     def predicted(self, now: Time, source: str) -> Estimate:
         """The motion now, however few poses there are."""
         age = (now - self.stamp) / NS
-        (px, py, pz), (vx, vy, vz), (ax, ay) = self.position, self.velocity, self._pull
+        px, py, pz = self.position
+        vx, vy, vz = self.velocity
+        ax, ay = self._pull
         h = 0.5 * age
         position = (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * vz)
         velocity = (vx + age * ax, vy + age * ay, vz)
@@ -100,16 +102,22 @@ class TrackedPose:
         linear, which the attitude shows. Without it, a tracker sways over 50 ms and more."""
         if self.count < 2:
             return motion
-        now, (px, py, pz), (vx, vy, vz), attitude, rates, source, age, spread = motion
-        (tx, ty), (ax, ay) = self._slope(attitude, motion.velocity), self._pull
+        now, position, velocity, attitude, rates, source, age, spread = motion
+        px, py, pz = position
+        vx, vy, vz = velocity
+        tx, ty = self._slope(attitude, motion.velocity)
+        ax, ay = self._pull
         jx, jy, moved, gained = tx - ax, ty - ay, age * age / 6.0, 0.5 * age
         position = (px + jx * moved, py + jy * moved, pz)
         velocity = (vx + jx * gained, vy + jy * gained, vz)
         return Estimate(now, position, velocity, attitude, rates, source, age, spread)
 
     def _move(self, seen: Vec3, dt: float) -> None:
-        (mx, my, mz), (px, py, pz) = seen, self.position
-        (vx, vy, vz), (ax, ay), h = self.velocity, self._pull, 0.5 * dt
+        mx, my, mz = seen
+        px, py, pz = self.position
+        vx, vy, vz = self.velocity
+        ax, ay = self._pull
+        h = 0.5 * dt
         px, py, pz = px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * vz
         ix, iy, iz = mx - px, my - py, mz - pz
         calm, p = 1.0, self._params
@@ -126,7 +134,8 @@ class TrackedPose:
         self.spread = sqrt(self._variance)
 
     def _turn(self, seen: Quat, dt: float) -> None:
-        (mw, mx, my, mz), (rx, ry, rz) = seen, self.rates
+        mw, mx, my, mz = seen
+        rx, ry, rz = self.rates
         w, x, y, z = believed = integrate(self.attitude, self.rates, dt)
         two = 2.0 if w * mw + x * mx + y * my + z * mz >= 0.0 else -2.0
         ix = two * (w * mx - x * mw - y * mz + z * my)
@@ -138,7 +147,9 @@ class TrackedPose:
 
     def _slope(self, attitude: Quat, velocity: Vec3) -> tuple[float, float]:
         """Return the horizontal acceleration at an attitude if the thrust carries the weight."""
-        (w, x, y, z), (vx, vy, _), drag = attitude, velocity, self._drag
+        w, x, y, z = attitude
+        vx, vy, _ = velocity
+        drag = self._drag
         up = 1.0 - 2.0 * (x * x + y * y)
         if up < STEEPEST:
             return (0.0, 0.0)

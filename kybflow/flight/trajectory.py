@@ -135,7 +135,8 @@ class Quintic(NamedTuple):
     @classmethod
     def between(cls, start: Knot, end: Knot, h: float) -> Quintic:
         """The piece from `start` to `end` in `h` seconds."""
-        (p, v, a), square = start, h * h
+        p, v, a = start
+        square = h * h
         gap = end.value - p - v * h - 0.5 * a * square
         change = (end.slope - v - a * h) * h
         turn = (end.bend - a) * square
@@ -233,7 +234,8 @@ class Trajectory:
         piece = bisect_right(self._times, time) - 1
         s = time - self._times[piece]
         x, y, z = self._axes
-        (px, vx, ax, jx), (py, vy, ay, jy) = x[piece].at(s), y[piece].at(s)
+        px, vx, ax, jx = x[piece].at(s)
+        py, vy, ay, jy = y[piece].at(s)
         pz, vz, az, jz = z[piece].at(s)
         motion = Motion((px, py, pz), (vx, vy, vz), (ax, ay, az), (jx, jy, jz))
         if self._heading is None:
@@ -252,7 +254,9 @@ class Trajectory:
             count = max(1, ceil(h / step))
             for i in range(count):
                 time, line = begin + h * i / count, self._lines[piece + (2 * i > count)]
-                (position, velocity, (ax, ay, _), _), *_ = self.at(time)
+                motion, *_ = self.at(time)
+                position, velocity, acceleration, _ = motion
+                ax, ay, _ = acceleration
                 samples.append((time, position, line))
                 if norm(velocity) > speed:
                     speed, fastest = norm(velocity), line

@@ -27,6 +27,7 @@ from kybflow.core.signals import (
     kind_name,
 )
 from kybflow.dsl.plan import Plan, VehiclePlan
+from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts import AIR
 
 PACKAGE = "kybflow"
@@ -176,7 +177,7 @@ def event_record(event: Event) -> dict[str, Any]:
         "t_s": event.time / NS,
         "event": event.name,
         "vehicle": event.vehicle,
-        "at": event.at,
+        "at": without_homes(event.at),
         "fields": event.fields,
     }
 

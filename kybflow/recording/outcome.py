@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED
 from kybflow.dsl.plan import Plan
+from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.runtime.scores import Score, rounded
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def summarise(
                 "value": _number(verdict.value),
                 "margin": _number(verdict.margin),
                 "unit": verdict.unit,
-                "at": verdict.at,
+                "at": without_homes(verdict.at),
             }
             for verdict in verdicts
         ],

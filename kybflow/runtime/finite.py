@@ -20,7 +20,11 @@ _FOLLOWED = {
 
 
 def checked_estimate(estimate: Estimate) -> Estimate:
-    _, (px, py, pz), (vx, vy, vz), (w, x, y, z), (ox, oy, oz), _, age, spread = estimate
+    _, position, velocity, attitude, rates, _, age, spread = estimate
+    px, py, pz = position
+    vx, vy, vz = velocity
+    w, x, y, z = attitude
+    ox, oy, oz = rates
     total = px + py + pz + vx + vy + vz + w + x + y + z + ox + oy + oz + age + spread
     if total - total != 0.0:
         raise ValueError(f"the estimate is not finite: {estimate}")
@@ -41,7 +45,9 @@ def checked_setpoint(setpoint: Setpoint) -> Setpoint:
 
 def checked_command(command: Command) -> Command:
     """Raises ValueError also for a command without the setpoint field that its kind requires."""
-    (w, x, y, z), thrust, (ox, oy, oz), heading, _, kind, setpoint = command
+    attitude, thrust, rates, heading, _, kind, setpoint = command
+    w, x, y, z = attitude
+    ox, oy, oz = rates
     total = w + x + y + z + thrust + ox + oy + oz + (heading or 0.0)
     if total - total != 0.0:
         raise ValueError(f"the command is not finite: {command}")

@@ -114,7 +114,8 @@ class Jet(NamedTuple):
 
     def sinks(self, place: Vec3) -> float:
         """Return how fast the air sinks at a place, m/s."""
-        (x, y, z), (px, py, pz) = self.at, place
+        x, y, z = self.at
+        px, py, pz = place
         if pz >= z:
             return 0.0
         away = 5.817 + (z - pz) / self.diameter

@@ -304,7 +304,8 @@ class SimulatedVehicle(Link):
 
 def _total_thrust(rotors: Numbers, most: Numbers) -> float:
     """Return the sum of the rotors' thrust, N, from their states and largest thrusts."""
-    (a, b, c, d), (fa, fb, fc, fd) = rotors, most
+    a, b, c, d = rotors
+    fa, fb, fc, fd = most
     return a * fa + b * fb + c * fc + d * fd
 
 

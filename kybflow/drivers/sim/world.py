@@ -174,7 +174,8 @@ class SimulatedWorld(Session):
         jx, jy, jz = (j * mass / vehicle.body.mass for j in vehicle.body.inertia)
         if parcel is not None:
             carried = parcel.made if parcel.on_board else None
-            mass, (jx, jy, jz), model.body_ipos[place, 2] = loaded(mass, (jx, jy, jz), carried)
+            mass, inertia, model.body_ipos[place, 2] = loaded(mass, (jx, jy, jz), carried)
+            jx, jy, jz = inertia
         model.body_inertia[place] = (jx, jy, jz)
         model.body_mass[place] = mass
         mujoco.mj_setConst(model, mujoco.MjData(model))

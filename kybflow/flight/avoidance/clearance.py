@@ -49,7 +49,9 @@ def reach_of(speed: float) -> float:
 
 def walls(position: Vec3, box: Box) -> tuple[Surface, ...]:
     """Return the faces of a box around `position`: of each axis the low one, then the high one."""
-    (x, y, z), (x0, y0, z0), (x1, y1, z1) = position, box.low, box.high
+    x, y, z = position
+    x0, y0, z0 = box.low
+    x1, y1, z1 = box.high
     rooms = (x - x0, x1 - x, y - y0, y1 - y, z - z0, z1 - z)
     return tuple(map(Surface, rooms, _INWARD))
 

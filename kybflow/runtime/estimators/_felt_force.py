@@ -64,12 +64,15 @@ class FeltForce:
     ) -> None:
         """Process the motion after another pose. attitude: as corrected. slope: the acceleration
         that follows from it."""
-        (gx, gy), (hx, hy) = slope, self._slopes
+        gx, gy = slope
+        hx, hy = self._slopes
         self._poses, self._slopes = self._poses + 1, (gx + hx, gy + hy)
         if self._poses < EVERY:
             return
-        (gx, gy), self._slopes = self._slopes, (0.0, 0.0)
-        (vx, vy, vz), (ux, uy, uz) = velocity, self._velocity
+        gx, gy = self._slopes
+        self._slopes = 0.0, 0.0
+        vx, vy, vz = velocity
+        ux, uy, uz = self._velocity
         now, since = self._sums.until(time), self._since
         self._poses, self._since, self._velocity = 0, now, velocity
         seconds, felt = (time - since.time) / NS, now.seconds - since.seconds
@@ -81,11 +84,13 @@ class FeltForce:
         force = fx, fy, fz = total[0] / felt, total[1] / felt, total[2] / felt
         if abs(fz - GRAVITY) < HARD and abs(ez - GRAVITY) < HARD:
             self._elapsed = min(self._elapsed + seconds, self._memory)
-            share, (tx, ty) = min(1.0, seconds / self._elapsed), self._angles
+            share = min(1.0, seconds / self._elapsed)
+            tx, ty = self._angles
             tx = _within(tx + share * ((fy - ey) / ez), MOST)
             ty = _within(ty + share * ((ex - fx) / ez), MOST)
             self._angles, self.turned = (tx, ty), integrate(LEVEL, (tx, ty, 0.0), 1.0)
-            (px, py, _), (rx, ry, _) = rotate(attitude, force), rates
+            px, py, _ = rotate(attitude, force)
+            rx, ry, _ = rates
             calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
             px, py = (px - gx / EVERY) / calm, (py - gy / EVERY) / calm
             self.pushed = _within(px, LARGEST), _within(py, LARGEST)

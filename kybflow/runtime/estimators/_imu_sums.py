@@ -50,8 +50,11 @@ class ImuSums:
 
 def _added(before: ImuSum, time: Time, dt: float, rates: Vec3, force: Vec3) -> ImuSum:
     """Return the sums plus a sample of `dt` seconds, which may be negative."""
-    _, (ax, ay, az), (px, py, pz), seconds, _, _ = before
-    (fx, fy, fz), (wx, wy, wz) = force, rates
+    _, summed, reached, seconds, _, _ = before
+    ax, ay, az = summed
+    px, py, pz = reached
+    fx, fy, fz = force
+    wx, wy, wz = rates
     angle = (ax + dt * wx, ay + dt * wy, az + dt * wz)
     gained = (px + dt * fx, py + dt * fy, pz + dt * fz)
     return ImuSum(time, angle, gained, seconds + dt, rates, force)

@@ -50,15 +50,18 @@ class AutopilotEstimator(Estimator[AutopilotEstimatorParams]):
         self._newest = newest
         if newest is None:
             return None
-        time, (px, py, pz), velocity, attitude, rates, spread = newest
+        time, place, velocity, attitude, rates, spread = newest
         age = max(0.0, (now - time) / NS)
-        dt, (vx, vy, vz) = min(age, self.params.ahead), velocity
+        dt = min(age, self.params.ahead)
+        px, py, pz = place
+        vx, vy, vz = velocity
         position = (px + dt * vx, py + dt * vy, pz + dt * vz)
         attitude = integrate(attitude, rates, dt)
         return Estimate(now, position, velocity, attitude, rates, "autopilot", age, spread)
 
 
 def _is_sound(one: Odometry) -> bool:
-    (w, x, y, z), spread = one.attitude, one.spread
+    w, x, y, z = one.attitude
+    spread = one.spread
     total = sum((*one.position, *one.velocity, *one.angular_velocity), spread)
     return total - total == 0.0 and spread >= 0.0 and 0.9 < w * w + x * x + y * y + z * z < 1.1

@@ -112,8 +112,10 @@ class Fusion(Estimator[FusionParams]):
         ahead = (now - nominal.time) / NS
         if now - nominal.time > IMU_TIMEOUT:
             return None
-        (px, py, pz), (vx, vy, vz) = nominal.position, nominal.velocity
-        (wx, wy, wz), (bx, by, bz) = self._turn, nominal.gyro_bias
+        px, py, pz = nominal.position
+        vx, vy, vz = nominal.velocity
+        wx, wy, wz = self._turn
+        bx, by, bz = nominal.gyro_bias
         return Estimate(
             now,
             (px + ahead * vx, py + ahead * vy, pz + ahead * vz),
@@ -128,6 +130,7 @@ class Fusion(Estimator[FusionParams]):
 
 def _is_sound(imu: Imu) -> bool:
     """Return whether a sample is finite and no vehicle would break by it."""
-    (fx, fy, fz), (wx, wy, wz) = imu.specific_force, imu.angular_velocity
+    fx, fy, fz = imu.specific_force
+    wx, wy, wz = imu.angular_velocity
     force, turn = fx * fx + fy * fy + fz * fz, wx * wx + wy * wy + wz * wz
     return force < MOST_FORCE**2 and turn < MOST_TURN**2 and 0.0 < imu.dt * NS <= IMU_TIMEOUT

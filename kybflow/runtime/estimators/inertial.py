@@ -101,7 +101,8 @@ class Inertial(Estimator[InertialParams]):
         if self._anchored is None or self._time is None or now - self._time > IMU_TIMEOUT:
             return None
         ahead = (now - self._time) / NS
-        (px, py, pz), (vx, vy, vz) = self._position, self._velocity
+        px, py, pz = self._position
+        vx, vy, vz = self._velocity
         return Estimate(
             now,
             (px + ahead * vx, py + ahead * vy, pz + ahead * vz),
@@ -133,7 +134,9 @@ class Inertial(Estimator[InertialParams]):
 
     def _move(self, imu: Imu) -> None:
         """Predict to the IMU's time."""
-        time, _, (fx, fy, fz), (wx, wy, wz) = imu
+        time, _, force, turn_rates = imu
+        fx, fy, fz = force
+        wx, wy, wz = turn_rates
         last, self._time = self._time, time
         bx, by, bz = self._gyro_bias
         self._rates = rates = (wx - bx, wy - by, wz - bz)
@@ -146,7 +149,8 @@ class Inertial(Estimator[InertialParams]):
         bx, by, bz = self._accelerometer_bias
         ax, ay, az = rotate(self._attitude, (fx - bx, fy - by, fz - bz))
         az -= GRAVITY
-        (px, py, pz), (vx, vy, vz) = self._position, self._velocity
+        px, py, pz = self._position
+        vx, vy, vz = self._velocity
         h = 0.5 * dt
         self._position = (
             px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az),
@@ -156,7 +160,8 @@ class Inertial(Estimator[InertialParams]):
 
     def _follow(self, estimate: Estimate, k: float, dt: float) -> None:
         """Draw the state towards the other estimate, and learn the biases."""
-        (ox, oy, oz), (px, py, pz) = estimate.position, self._position
+        ox, oy, oz = estimate.position
+        px, py, pz = self._position
         ex, ey, ez = ox - px, oy - py, oz - pz
         s = min(3.0 * k * dt, 1.0)
         self._position = (px + s * ex, py + s * ey, pz + s * ez)
@@ -190,7 +195,8 @@ class Inertial(Estimator[InertialParams]):
 
 
 def _within(bias: Vec3, change: Vec3, most: float) -> Vec3:
-    (bx, by, bz), (cx, cy, cz) = bias, change
+    bx, by, bz = bias
+    cx, cy, cz = change
     x, y, z = bx + cx, by + cy, bz + cz
     return (
         most if x > most else -most if x < -most else x,

@@ -40,7 +40,7 @@ from kybflow.runtime.estimators._imu_sums import ImuSums
 from kybflow.runtime.estimators._stamp_offset import StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
-COARSEST = 0.008
+COARSEST = 0.0125
 """Longest interval (s) of an IMU sample. Autopilots send momentary ones, 25 times a second unless a
 tracker requests more, whose integral is late by half of that interval."""
 
@@ -121,7 +121,8 @@ class Mocap(Estimator[MocapParams]):
 
     def _corrected(self, pose: Pose) -> Pose:
         """Return a pose with its time and attitude corrected by the IMU."""
-        force, clock, (time, position, attitude) = self._force, self._clock, pose
+        force, clock = self._force, self._clock
+        time, position, attitude = pose
         if clock is not None:
             clock.look(time, attitude)
             time -= round(clock.seconds * NS)
@@ -150,7 +151,8 @@ class Mocap(Estimator[MocapParams]):
         """Return whether a pose is where it is predicted: a cheap test that settles nearly every
         pose."""
         track = self._track
-        (x, y, z), (vx, vy, vz) = track.position, track.velocity
+        x, y, z = track.position
+        vx, vy, vz = track.velocity
         off = distance(pose.position, (x + dt * vx, y + dt * vy, z + dt * vz))
         return off < self.params.gate and dt < LOOK_AHEAD and is_same(pose.attitude, track.attitude)
 
@@ -167,6 +169,7 @@ class Mocap(Estimator[MocapParams]):
 
 
 def _is_sound(pose: Pose) -> bool:
-    (px, py, pz), (w, x, y, z) = pose.position, pose.attitude
+    px, py, pz = pose.position
+    w, x, y, z = pose.attitude
     total = px + py + pz
     return total - total == 0.0 and 0.9 < w * w + x * x + y * y + z * z < 1.1

@@ -71,7 +71,8 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         position = setpoint.position
         if position is not None and self._room.contains(position):
             return setpoint
-        known, (x, y, floor) = tick.known(), self._room.low
+        known = tick.known()
+        x, y, floor = self._room.low
         room = Box((x, y, min(floor, known.position[2] - _UNDER)), self._room.high)
         if position is not None:
             return setpoint if room.contains(position) else _clamped(setpoint, position, room)

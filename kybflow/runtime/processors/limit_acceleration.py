@@ -67,8 +67,10 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
         before, most = self._follower, self.params.acceleration * _SLACK * dt
         if distance(velocity, before.velocity) > most + 1e-9:
             return False
-        (vx, vy, vz), (ux, uy, uz) = velocity, before.velocity
-        (qx, qy, qz), half = before.position, 0.5 * dt
+        vx, vy, vz = velocity
+        ux, uy, uz = before.velocity
+        qx, qy, qz = before.position
+        half = 0.5 * dt
         mean = (qx + half * (vx + ux), qy + half * (vy + uy), qz + half * (vz + uz))
         return distance(position, mean) <= 0.25 * most * dt + 1e-9
 

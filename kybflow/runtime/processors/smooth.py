@@ -41,17 +41,23 @@ class _Course(NamedTuple):
     bend: Vec3
 
     def minus(self, other: _Course) -> _Course:
-        (p, v, a), (q, w, b) = self, other
+        p, v, a = self
+        q, w, b = other
         return _Course(sub(p, q), sub(v, w), sub(a, b))
 
     def plus(self, other: _Course) -> _Course:
-        (p, v, a), (q, w, b) = self, other
+        p, v, a = self
+        q, w, b = other
         return _Course(add(p, q), add(v, w), add(a, b))
 
     def ahead(self, jolt: Vec3, dt: float) -> _Course:
         """Where it is `dt` later with the third derivative `jolt`."""
-        (px, py, pz), (vx, vy, vz), (ax, ay, az) = self
-        (jx, jy, jz), half = jolt, 0.5 * dt * dt
+        position, velocity, acceleration = self
+        px, py, pz = position
+        vx, vy, vz = velocity
+        ax, ay, az = acceleration
+        jx, jy, jz = jolt
+        half = 0.5 * dt * dt
         rest = half * dt / 3.0
         return _Course(
             (
@@ -139,7 +145,8 @@ def _followed(tick: Tick, kind: SetpointKind) -> Setpoint | None:
 
 
 def _exceeds(course: _Course, kind: SetpointKind, share: float) -> bool:
-    (value, slope, bend), (x, y, z) = course, _STEPS[kind]
+    value, slope, bend = course
+    x, y, z = _STEPS[kind]
     return hypot(*value) > share * x or hypot(*slope) > share * y or hypot(*bend) > share * z
 
 

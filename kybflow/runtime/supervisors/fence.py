@@ -57,7 +57,8 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
         self._outside = False
         self._box = None
         if context.fence is not None:
-            (x, y, z), high = context.fence
+            low, high = context.fence
+            x, y, z = low
             self._floor = min(z, context.start[2])
             self._box = Box((x, y, self._floor), high)
 

@@ -84,7 +84,9 @@ class Jump(Supervisor[JumpParams]):
         last, self._last = self._last, estimate
         if last is None or last.source != estimate.source:
             return None
-        t, (x, y, z), (vx, vy, vz) = (estimate.time - last.time) / NS, last.position, last.velocity
+        t = (estimate.time - last.time) / NS
+        x, y, z = last.position
+        vx, vy, vz = last.velocity
         step = distance(estimate.position, (x + t * vx, y + t * vy, z + t * vz))
         p, average = self.params, self._average
         self._average += _SHARE * (step - average)

@@ -119,8 +119,10 @@ def _bound(touching: float, params: ProximityParams) -> float:
 def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
     """Return the distance (m) in which two vehicles that close in come to rest, as `safety.hold`
     brakes. apart: metres between them."""
-    (px, py, pz), (qx, qy, qz) = own.position, other.position
-    (ux, uy, uz), (vx, vy, vz) = own.velocity, other.velocity
+    px, py, pz = own.position
+    qx, qy, qz = other.position
+    ux, uy, uz = own.velocity
+    vx, vy, vz = other.velocity
     nearing = (ux - vx) * (qx - px) + (uy - vy) * (qy - py) + (uz - vz) * (qz - pz)
     if nearing <= 0.0:
         return 0.0

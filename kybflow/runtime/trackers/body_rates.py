@@ -65,7 +65,8 @@ class BodyRates(Tracker[BodyRatesParams]):
         p = self.params
         attitude, thrust, rates, heading, *_ = self._law.command(p, setpoint, tick)
         off = multiply(conjugate(tick.known().attitude), attitude)
-        (ex, ey, ez), (fx, fy, fz) = _turn(off), rotate(off, rates)
+        ex, ey, ez = _turn(off)
+        fx, fy, fz = rotate(off, rates)
         rates = (p.attitude * ex + fx, p.attitude * ey + fy, p.turn * ez + fz)
         rates = shortened(rates, p.fastest)
         return Command(attitude, thrust, rates, heading, kind=CommandKind.RATES_THRUST)

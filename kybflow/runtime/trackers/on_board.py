@@ -141,7 +141,8 @@ class OnBoard(Tracker[OnBoardParams]):
 
     def _followed(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Setpoint:
         """Return the setpoint for the on-board controller."""
-        by, (kind, _, _, _, jerk, heading, rate) = self.params.by, setpoint
+        by = self.params.by
+        kind, _, _, _, jerk, heading, rate = setpoint
         if by == "velocity" and kind is SetpointKind.POSITION:
             velocity = self._velocity(setpoint, estimate)
             return setpoint._replace(kind=SetpointKind.VELOCITY, position=None, velocity=velocity)
@@ -161,8 +162,10 @@ class OnBoard(Tracker[OnBoardParams]):
         p, drag = self.params, self._airframe.drag
         _, goal, velocity, acceleration, _, _, _ = setpoint
         position = px, py, pz = estimate.position
-        (wx, wy, wz), (vx, vy, vz) = velocity or ZERO, estimate.velocity
-        (ax, ay, az), (ix, iy, iz) = acceleration or ZERO, self._integral
+        wx, wy, wz = velocity or ZERO
+        vx, vy, vz = estimate.velocity
+        ax, ay, az = acceleration or ZERO
+        ix, iy, iz = self._integral
         gx, gy, gz = goal or position
         ex, ey, ez, k, d = gx - px, gy - py, gz - pz, p.stiffness, p.damping
         quick, stiff, lift = self._climb

@@ -101,10 +101,13 @@ class TiltClimb(Tracker[TiltClimbParams]):
 
     def _level(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[float, float]:
         """Return the horizontal acceleration, within the tilt."""
-        p, drag, lead, (k, d, i) = self.params, self._airframe.drag, self._lead, self._gains
+        p, drag, lead = self.params, self._airframe.drag, self._lead
+        k, d, i = self._gains
         _, position, velocity, acceleration, jerk, _, _ = setpoint
-        (wx, wy, _), (vx, vy, _) = velocity or ZERO, estimate.velocity
-        (ax, ay, _), (jx, jy, _) = acceleration or ZERO, jerk or ZERO
+        wx, wy, _ = velocity or ZERO
+        vx, vy, _ = estimate.velocity
+        ax, ay, _ = acceleration or ZERO
+        jx, jy, _ = jerk or ZERO
         ix, iy = self._integral
         ax += lead * jx + d * (wx - vx) + drag * wx
         ay += lead * jy + d * (wy - vy) + drag * wy

@@ -76,10 +76,13 @@ class Velocity(Tracker[VelocityParams]):
         """Return the desired specific force, world."""
         p = self.params
         _, position, velocity, acceleration, _, _, _ = setpoint
-        (wx, wy, wz), (vx, vy, vz) = velocity or ZERO, estimate.velocity
+        wx, wy, wz = velocity or ZERO
+        vx, vy, vz = estimate.velocity
         ex, ey, ez = wx - vx, wy - vy, wz - vz
         if position is not None:
-            k, (sx, sy, sz), (px, py, pz) = p.proportional, position, estimate.position
+            k = p.proportional
+            sx, sy, sz = position
+            px, py, pz = estimate.position
             gap = (k * (sx - px), k * (sy - py), k * (sz - pz))
             cx, cy, cz = shortened(gap, p.correction)
             ex, ey, ez = ex + cx, ey + cy, ez + cz
@@ -90,5 +93,6 @@ class Velocity(Tracker[VelocityParams]):
             ix = most if ix > most else -most if ix < -most else ix
             iy = most if iy > most else -most if iy < -most else iy
             self._integral = (ix, iy)
-        d, drag, (ax, ay, az) = p.derivative, self._drag, acceleration or ZERO
+        d, drag = p.derivative, self._drag
+        ax, ay, az = acceleration or ZERO
         return (ax + d * ex + ix + drag * wx, ay + d * ey + iy + drag * wy, az + d * ez + GRAVITY)
