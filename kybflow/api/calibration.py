@@ -1,4 +1,5 @@
-"""The files around a camera's calibration: recorded poses in, corrections of the mission out."""
+"""The files of a camera's calibration: reads the recorded poses, and formats the corrections of the
+mission."""
 
 from __future__ import annotations
 
@@ -29,12 +30,12 @@ if TYPE_CHECKING:
 
 
 def read_recorded_poses(folder: Path, vehicle: str) -> NDArray[numpy.float64]:
-    """Return the motion-capture poses of a vehicle in a run folder, in order of time: rows of time
-    in seconds, position, attitude, (n, 8). Raises RunFolderError for a folder without a
-    recording."""
+    """Return a vehicle's motion-capture poses from a run folder, shape (n, 8), in order of time. A
+    row holds the time in seconds, the position and the attitude. Raises RunFolderError if the
+    folder has no recording."""
     topic, found, path = f"/{vehicle}/pose", [], folder / LOG
     try:
-        with path.open("rb") as file, suppress(EndOfFile, struct.error):  # of a run that was killed
+        with path.open("rb") as file, suppress(EndOfFile, struct.error):  # after a kill
             messages = NonSeekingReader(file).iter_messages([topic], log_time_order=False)
             for _, _, message in messages:
                 found.append(message.data)
@@ -47,12 +48,13 @@ def read_recorded_poses(folder: Path, vehicle: str) -> NDArray[numpy.float64]:
 
 
 def is_of_a_run(frames: Path) -> bool:
-    """Return whether frames belong to a run folder, which keeps only a few, scaled and drawn on."""
+    """Return whether the folder `frames` is part of a run folder. Such frames are unfit for a
+    calibration: they are few, scaled down and drawn on."""
     return any((above / EVENTS).is_file() for above in (frames, *frames.resolve().parents))
 
 
 def recorded_track(path: Path, vehicle: str) -> RecordedTrack:
-    """Read the poses of a vehicle from a table or from a run folder. Raises FileError."""
+    """Read a vehicle's poses from a pose table or a run folder. Raises FileError."""
     try:
         if path.is_dir():
             rows = read_recorded_poses(path, vehicle)
@@ -70,8 +72,8 @@ def recorded_track(path: Path, vehicle: str) -> RecordedTrack:
 
 
 def corrections(plan: Plan, found: WalkCalibration, folder: Path, mission: Path) -> dict[str, str]:
-    """Return the files to write into `folder`, by name: the corrected tag map, the lens, and the
-    changes of the mission."""
+    """Return the contents of the files to write into `folder`, by file name: the corrected tag map,
+    the lens, and the keys to change in the mission."""
     tags, lens = "tags.csv", f"{found.camera.name}.yaml"
     place = os.path.relpath(folder, mission.parent)
     corrected = {tag.key: tag for tag in found.tags}

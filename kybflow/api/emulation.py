@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 RATE, STILL_RATE = 250, 120
 APART = 2.0
-"""Metres between vehicles without a mission."""
+"""Distance between the vehicles if no mission is given, metres."""
 MISSION = """kybflow: 1
 mission: emulated
 import: {std: kybflow/airframes}
@@ -47,7 +47,7 @@ VEHICLE = """  v{number}:
 
 
 def plan_of(airframe: str, count: int) -> Plan | None:
-    """Return the plan of `count` vehicles side by side, None where the standard library has no such
+    """Return the plan of `count` vehicles side by side, or None if the standard library has no such
     airframe."""
     vehicles = (VEHICLE.format(number=n + 1, airframe=airframe, y=APART * n) for n in range(count))
     with TemporaryDirectory() as folder:
@@ -57,15 +57,18 @@ def plan_of(airframe: str, count: int) -> Plan | None:
 
 
 def seats_of(plan: Plan, driver: str) -> list[Seat]:
-    """Return the plan's vehicles as seats of a driver with default parameters."""
+    """Return a seat for each vehicle of the plan, with the driver's default parameters."""
     params = load_catalog().get("drivers", driver).params()
     return [Seat(context_of(plan, vehicle), params) for vehicle in plan.vehicles]
 
 
 class Wires(NamedTuple):
-    """The links of emulated autopilots. addresses: those of the first autopilot, by default the
-    addresses of the firmware's own simulator. system: the first system id. secret: the key of
-    signed messages."""
+    """The links of emulated autopilots.
+
+    addresses: the addresses of the first autopilot; if empty, those that the firmware's own
+    simulator uses. system: the system id of the first autopilot. secret: the key that signs
+    messages.
+    """
 
     addresses: Sequence[str] = ()
     system: int = 1
@@ -80,8 +83,8 @@ def autopilots(
     seed: int,
     started: Callable[[str, int, list[str]], None],
 ) -> Iterator[Fleet[MavlinkEndpoint]]:
-    """Start autopilots of one firmware. started: called with each name, system id and addresses.
-    Raises DriverError."""
+    """Start autopilots that run one firmware. started: called with the name, system id and
+    addresses of each. Raises DriverError."""
     from kybflow.drivers.emulated_autopilot.firmware import check_names, emulated_firmware
     from kybflow.drivers.mavlink.transport import open_wire
 
@@ -105,8 +108,8 @@ def autopilots(
 
 
 def _own_address(firmware: str, number: int = 0) -> str:
-    """Return the address at which the firmware's own simulator serves its driver. number: that of
-    the vehicle, from 0."""
+    """Return the address at which the firmware's own simulator serves its driver. number: the
+    vehicle's number, from 0."""
     from kybflow.drivers.mavlink.firmware import profile_of
     from kybflow.drivers.mavlink.transport.address import read_address
 
@@ -115,9 +118,9 @@ def _own_address(firmware: str, number: int = 0) -> str:
 
 
 def _shifted(place: str, number: int) -> str:
-    """Return a vehicle's address from that of the first vehicle: the simulator's next port for a
-    simulator's address, 10 ports further for an address that listens, else the address itself,
-    because all vehicles share a ground station."""
+    """Return a vehicle's address, given the address of the first vehicle. For an address of the
+    firmware's simulator it is the simulator's next port; for an address that listens, a port 10
+    higher per vehicle; any other address is a ground station, which all vehicles share."""
     from kybflow.drivers.mavlink.transport.address import LISTENING, read_address
 
     for firmware in firmware_names("emulated_autopilot"):
@@ -138,9 +141,9 @@ def drones(
     *,
     video: bool = False,
 ) -> Iterator[Fleet[DroneEndpoint]]:
-    """Start AR.Drones, the first at the loopback address `host`, the others at the next ones.
-    video: whether they send camera images. started: called with each name and address. Raises
-    DriverError."""
+    """Start AR.Drones, the first at the loopback address `host`, the others at the addresses after
+    it. video: whether they send camera images. started: called with the name and address of each.
+    Raises DriverError."""
     from kybflow.drivers.emulated_ardrone import EmulatedArdrone
     from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
     from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
@@ -162,15 +165,15 @@ def drones(
 def serve(
     fleet: Fleet[Any], breaks: Sequence[Break], speed: float, began: Callable[[Break, Time], None]
 ) -> None:
-    """Run the fleet until a KeyboardInterrupt. speed: 1 for real time. began: called with each
-    failure when it begins."""
+    """Run the fleet until a KeyboardInterrupt. speed: factor of real time. began: called with each
+    failure when it begins, and the time."""
     clock = SimulatedClock(RATE, speed)
     fleet.serve(iter(clock.step, None), breaks, began)
 
 
 def publish_at_rest(places: dict[str, Vec3], server: Server, seed: int) -> NoReturn:
-    """Publish bodies at rest, with the default noise of the simulator's motion capture, until a
-    KeyboardInterrupt. Raises CodecError for names that VRPN can't send."""
+    """Publish the poses of bodies at rest until a KeyboardInterrupt, with the default noise of the
+    simulator's motion capture. Raises CodecError if VRPN can't send a name."""
     from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
 
     sim = load_catalog().get("drivers", "sim").params()

@@ -1,5 +1,5 @@
-"""Judges the values that a command gives for a state. The compiler's checks run on the mission as
-if the vehicle began in that state, with those values, where it is now."""
+"""Checks the values that a command gives for a state. The compiler's checks run on the mission as
+if the vehicle began in that state, with those values, at its present position."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar
 from kybflow.parts.catalog import Catalog
 
 _HERE = Span("the command", 1, 1, 1, 1)
-"""The place of values that a command gives."""
+"""The source location of values that a command gives."""
 
 
 class PlanEntryJudge:
-    """The judge (`kybflow.runtime.vehicle.requests.EntryJudge`) of a run."""
+    """The implementation of `kybflow.runtime.vehicle.requests.EntryJudge` for a run."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan

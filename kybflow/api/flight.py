@@ -1,4 +1,4 @@
-"""Flies a plan and writes its run folder; or only runs the preflight checks."""
+"""Flies a plan and writes its run folder, or only runs the preflight checks."""
 
 from __future__ import annotations
 
@@ -49,24 +49,24 @@ from kybflow.world.ground import STANDS, height_above_ground
 from kybflow.world.vehicle_context import LEGS
 
 Server = Callable[[CommandQueue, Path], AbstractContextManager[object]]
-"""Makes a context that takes commands for the run in the given folder."""
+"""Returns a context manager that accepts commands for the run in the given folder."""
 FAULT = "fault"
 COLLECTED_IN_FLIGHT = (700, 10, 10)
-"""Thresholds of the garbage collector in flight: Python's defaults, because the command line raises
-them for a quick start."""
+"""The garbage collector's thresholds in flight: Python's defaults. The command line raises them to
+start faster."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """The settings of a run beside its plan.
+    """The settings of a run that are not in its plan.
 
-    out: the run folder, None for one under `runs/`. speed: pace of a simulated clock, 1 for real
-    time, None for as fast as the sensors and inputs allow. options: changes of parts' parameters
+    out: the run folder; None for a new one in `runs/`. speed: pace of a simulated clock, 1 for real
+    time; None for as fast as the sensors and inputs allow. options: parameters of parts to change
     before take-off, as (name, value). emitted: the operator's events, as (seconds, name). sets: the
-    `NAME=VALUE` that the plan was compiled with, for `provenance.json` only. again: the commands of
-    an earlier run, repeated at the same ticks. inputs: the records of an earlier run, by input,
-    that replace the devices. skips_rehearsal: hardware flies without a rehearsal; the run emits an
-    event about it.
+    `NAME=VALUE` arguments with which the plan was compiled, for `provenance.json` only. again: the
+    commands of an earlier run, to repeat in the same ticks. inputs: the recorded table of each
+    input that replaces its device. skips_rehearsal: whether hardware flies without a rehearsal; the
+    run then emits an event that says so.
     """
 
     seed: int = 0
@@ -80,7 +80,7 @@ class RunRequest:
     skips_rehearsal: bool = False
 
     def record(self) -> dict[str, Any]:
-        """Return the content of `provenance.json`, with options as on the command line."""
+        """Return the request for `provenance.json`, with options as on the command line."""
         return {
             "seed": self.seed,
             "speed": self.speed,
@@ -92,7 +92,8 @@ class RunRequest:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A run that has ended. never_given: the operator's events that were due after its end."""
+    """A finished run. summary: the content of `summary.json`. never_given: the operator's events
+    that were due only after the run's end."""
 
     folder: Path
     summary: dict[str, Any]
@@ -113,9 +114,9 @@ def fly(
     """Fly `plan`.
 
     listeners: called with every event. observers: called with the engine after every tick. servers:
-    give commands. Raises RunFolderError when the folder can't be used, RunUnwritten when it can't
-    be written, OptionRefused for an option that can't be changed, EventRefused for an event that
-    nothing waits for. The summary holds every later failure.
+    accept commands for the run. Raises RunFolderError if the folder can't be used, RunUnwritten if
+    it can't be written, OptionRefused for an option that can't be changed, and EventRefused for an
+    event that nothing waits for. Later failures are not raised but listed in the summary.
     """
     began, started = time.monotonic(), datetime.now().astimezone()
     check_options(plan, request.options)
@@ -150,13 +151,13 @@ def fly(
 def _served(
     servers: Sequence[Server], commands: CommandQueue, folder: Path, events: Events
 ) -> Iterator[None]:
-    """Enter the servers. One that can't start emits an event and is left out. At the end every
-    pending command is answered."""
+    """Start the command servers. A server that can't start emits an event and is left out. On exit,
+    answer every pending command."""
     with ExitStack() as stack:
         for serve in servers:
             try:
                 stack.enter_context(serve(commands, folder))
-            except Exception as error:  # who serves commands must not stop the flight
+            except Exception as error:  # a command server must not stop the flight
                 events.emit(CommandsFailed(reason=described(error)))
         stack.callback(commands.close)
         yield
@@ -164,7 +165,7 @@ def _served(
 
 class _Record:
     """The recording and the folder of a run. As an observer of the engine it checks once a second
-    that both still exist, and emits an event for the first loss."""
+    that both still exist; if one is lost, it emits an event and checks no more."""
 
     def __init__(self, plan: Plan, request: RunRequest, started: datetime) -> None:
         self.folder = create_run_folder(plan, request.out, started)
@@ -191,22 +192,22 @@ class _Record:
             engine.events.emit(RecordingStopped(reason=self.failed))
 
     def close(self) -> None:
-        """Close both; may be called again."""
+        """Close the recording and the folder; may be called again."""
         self.recorder.close()
         self.folder.close()
 
 
 class Inspected(NamedTuple):
     """The preflight checks of every vehicle. driver_failed: the error of a link that failed during
-    the checks, for example because no autopilot answers; None where all links work."""
+    the checks, for example because no autopilot answers; None if all links work."""
 
     lines: list[PreflightResult]
     driver_failed: str | None
 
 
 def inspect(plan: Plan, seed: int = 0) -> Inspected:
-    """Run the preflight checks of every vehicle; no vehicle arms and nothing is recorded. Raises
-    DriverError where a device can't be opened, PartFailed where a part can't be made."""
+    """Run the preflight checks of every vehicle. No vehicle arms and nothing is recorded. Raises
+    DriverError if a device can't be opened, PartFailed if a part can't be made."""
     devices = open_devices(plan, seed)
     try:
         clock = clock_for(plan, pace_of(plan, None))
@@ -219,8 +220,9 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
 
 
 def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
-    """Whether a vehicle is in the air by its own state, or by a simulator's truth where it believes
-    itself on the ground. vehicles: all, because it may lie on another or on a payload."""
+    """Return whether a vehicle is in the air by its own state or, if it believes itself on the
+    ground, by a simulator's truth. vehicles: all vehicles, because it may lie on another one or on
+    a payload."""
     truth = vehicle.truth
     if vehicle.runner.off_ground or truth is None:
         return vehicle.runner.off_ground
@@ -236,8 +238,8 @@ def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
 
 
 def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
-    """Yield the true positions of a vehicle and its payload, each with the height of what would lie
-    on it."""
+    """Yield the true position of a vehicle and of its payload, each with the height (m) at which
+    another vehicle on top of it would be."""
     truth, parcel = vehicle.truth, vehicle.context.payload
     if truth is not None:
         yield truth.position, truth.position[2] + LEGS
@@ -247,8 +249,8 @@ def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
 
 @contextmanager
 def _frozen_garbage() -> Iterator[None]:
-    """Exclude the objects made so far from garbage collection, because searching them takes 0.1 s
-    on a slow machine, and collect often, so that each collection is short."""
+    """Exclude the existing objects from garbage collection, because scanning them takes 0.1 s on a
+    slow machine, and collect often, so that each collection is short."""
     before = gc.get_threshold()
     gc.freeze()
     gc.set_threshold(*COLLECTED_IN_FLIGHT)
@@ -260,7 +262,7 @@ def _frozen_garbage() -> Iterator[None]:
 
 
 class _Run:
-    """A run, and how it ended. `interrupts` counts signals while no engine flies."""
+    """A run and its result. interrupts: the number of signals received while no engine flies."""
 
     def __init__(
         self,
@@ -280,7 +282,7 @@ class _Run:
         self._verdicts: tuple[Verdict, ...] = ()
 
     def fly(self, observers: Sequence[Observer]) -> None:
-        """Open the drivers, fly to the end, close them."""
+        """Open the drivers, fly to the end and close the drivers."""
         devices: Devices | None = None
         try:
             again = self._request.inputs
@@ -353,10 +355,12 @@ class _Run:
 
 
 def expected_faults(expectations: Iterable[ExpectationPlan]) -> frozenset[str]:
-    """Return the vehicles that the mission expects to end in `fault`; the run then doesn't fail.
+    """Return the vehicles that the mission expects to end in `fault`. Their faults don't fail the
+    run.
 
-    An expectation names them as `finally sick in fault` or `eventually sick in fault`, also with
-    `sick.behavior == fault`, with a group, and inside `and` and `or`, but not under `not`.
+    An expectation names such a vehicle as `finally sick in fault`, `eventually sick in fault` or
+    `sick.behavior == fault`, also as a member of a group and inside `and` and `or`, but not under
+    `not`.
     """
     return frozenset(name for plan in expectations for name in _expected(plan.expression))
 

@@ -1,4 +1,4 @@
-"""The libraries and missions that installed packages ship, and the imports of a file."""
+"""Lists the libraries and missions that installed packages ship, and the imports of a file."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from kybflow.dsl.resolving.exports import SECTIONS
 from kybflow.dsl.resolving.library_files import GROUP, LibraryPath, find, installed
 
 OWN = "kybflow"
-"""The package whose missions need no package before their name."""
+"""The package whose missions are named without a package."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """A YAML file that missions import or copy. name: how they refer to it."""
+    """A YAML file that missions can import or copy. name: the name by which they refer to it."""
 
     name: str
     source: ParsedFile
@@ -32,19 +32,19 @@ class Shipped:
 
     @property
     def root(self) -> Mapping | None:
-        """Its top level; None where it can't be read."""
+        """The top-level mapping; None if the file can't be read."""
         root = self.source.root
         return root if isinstance(root, Mapping) else None
 
     def entries(self) -> Iterator[tuple[str, str, MappingEntry]]:
-        """Yield (section, name, entry) for everything that a mission can import from it."""
+        """Yield (section, name, entry) for everything that a mission can import from the file."""
         for section in SECTIONS if self.root else ():
             for name, entry in entries_of(self.root.get(section)).items() if self.root else ():
                 yield section, name, entry
 
 
 def libraries() -> list[Shipped]:
-    """Return the libraries of every package."""
+    """Return the libraries of every installed package."""
     return [read_file(name, path) for name, path in _library_files()]
 
 
@@ -55,7 +55,8 @@ def _library_files() -> Iterator[tuple[str, Path]]:
 
 
 def missions() -> list[Shipped]:
-    """Return the missions of every package, as PACKAGE/NAME except for kybflow's own."""
+    """Return the missions of every installed package, named PACKAGE/NAME, or NAME for kybflow's
+    own."""
     return [
         read_file(path.stem if package == OWN else f"{package}/{path.stem}", path)
         for package, folder in _homes()
@@ -64,7 +65,7 @@ def missions() -> list[Shipped]:
 
 
 def hollow() -> list[str]:
-    """Return the packages that declare libraries but install none of their files."""
+    """Return the packages that declare libraries but install no library or mission."""
     shipped = {one.name.partition("/")[0] for one in (*libraries(), *missions())}
     return sorted({entry.name for entry in entry_points(group=GROUP)} - shipped - {OWN})
 
@@ -78,13 +79,12 @@ def _homes() -> Iterator[tuple[str, Path]]:
 
 
 def read_file(name: str, path: Path) -> Shipped:
-    """Read the file at `path`."""
     return Shipped(name, read(path, str(path)), path)
 
 
 class Import(NamedTuple):
-    """An import: its name in the file, the library as written there, and that library, None where
-    it doesn't exist."""
+    """One import of a file. name: its name in the file. written: the library as the file names it.
+    library: that library, None if it doesn't exist."""
 
     name: str
     written: str
@@ -101,11 +101,12 @@ def imports_of(one: Shipped) -> Iterator[Import]:
 
 
 def _library(written: str, place: LibraryPath) -> Shipped:
-    """Return the library at `place`, under the name by which any mission may import it."""
+    """Return the library at `place`. Its name is the one by which any mission can import it, or
+    else `written`."""
     shipped = (name for name, path in _library_files() if path.samefile(place.path))
     return read_file(next(shipped, written), place.path)
 
 
 def text_of(node: Node | None) -> str:
-    """Return the text of a scalar, an empty one for anything else."""
+    """Return the text of a scalar node, or an empty string for any other node."""
     return node.text if isinstance(node, Scalar) else ""

@@ -1,5 +1,5 @@
-"""Opens and assembles what a plan needs to fly: the drivers' sessions, the sensors beside them, a
-clock, the vehicles, and the engine."""
+"""Opens and assembles what a plan needs to fly: the sessions of the drivers, the other sensors, a
+clock, the vehicles and the engine."""
 
 from __future__ import annotations
 
@@ -43,16 +43,17 @@ _SIMULATED = PartPlan(
     SimulatedMotionCaptureParams(),
     "simulated_motion_capture",
 )
-"""The motion capture for moving obstacles where all vehicles are simulated and none is tracked by a
-system that could see them."""
+"""The motion capture that tracks moving obstacles if all vehicles are simulated and no vehicle has
+a system that could see the obstacles."""
 
 
 class Devices(NamedTuple):
     """The open devices.
 
-    sessions: the drivers'. sensors: those of each vehicle that its driver doesn't open. inputs: by
-    name. vehicles: those that are built on the devices; inputs may read their sticks. watching: the
-    pose stream of each moving obstacle, by name.
+    sessions: the sessions of the drivers. sensors: for each vehicle, the sensors that its driver
+    doesn't open. inputs: the input devices, by name. vehicles: the vehicles that use the devices,
+    by name; inputs may read their sticks. watching: the pose stream of each moving obstacle, by
+    name.
     """
 
     sessions: list[Session]
@@ -62,7 +63,7 @@ class Devices(NamedTuple):
     watching: dict[str, Stream]
 
     def close(self) -> list[str]:
-        """Close everything; return a message for each device that can't be closed."""
+        """Close all devices and return a message for each one that can't be closed."""
         streams = [sensor.stream for opened in self.sensors.values() for sensor in opened]
         devices: list[Stream | Session | InputLink] = [
             *self.inputs.values(), *streams, *self.watching.values(), *self.sessions,
@@ -77,7 +78,8 @@ class Devices(NamedTuple):
 
 
 def with_window(plan: Plan) -> Plan:
-    """Switch on the drivers' own view. Raises KybflowError where a driver has none."""
+    """Return the plan with each driver's own view switched on. Raises KybflowError if a driver has
+    none."""
     vehicles = []
     for vehicle in plan.vehicles:
         driver = vehicle.driver
@@ -89,8 +91,8 @@ def with_window(plan: Plan) -> Plan:
 
 
 def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan | None:
-    """Return a sensor, an input or a driver that needs real time although all vehicles are
-    simulated, None where there is none. again: the inputs that are replayed from a record."""
+    """Return a sensor, input or driver that needs real time although all vehicles are simulated, or
+    None. again: the inputs that are replayed from a record."""
     if not plan.simulated:
         return None
     sensors = (s.part for v in plan.vehicles for s in v.sensors)
@@ -100,8 +102,8 @@ def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan |
 
 
 def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING) -> float | None:
-    """Return the pace of the simulated clock: real time where a part needs that, else what was
-    asked for. Raises DriverError where the two differ."""
+    """Return the pace of the simulated clock: real time if a part needs it, otherwise `asked`.
+    Raises DriverError if a part needs real time but another pace was asked for."""
     part = real_time_part(plan, again)
     if part is None:
         return asked
@@ -112,8 +114,8 @@ def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING)
 
 
 def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> Devices:
-    """Open everything that the plan names. again: the record of each input that is replayed rather
-    than opened. Raises DriverError, with nothing left open."""
+    """Open all devices of the plan. again: the recorded table of each input that is replayed
+    instead of opened. Raises DriverError and then leaves no device open."""
     devices = Devices([], {}, {}, {}, {})
     try:
         _open_sessions(plan, seed, devices.sessions)
@@ -170,7 +172,8 @@ def _links(devices: Devices) -> dict[str, Link]:
 
 
 def _open_sessions(plan: Plan, seed: int, sessions: list[Session]) -> None:
-    """Add a session for each driver, with every vehicle that flies on it."""
+    """Open a session for each driver, with all vehicles that fly with it, and append it to
+    `sessions`."""
     generator = random.Random(seed)
     by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
     for vehicle in plan.vehicles:
@@ -181,7 +184,7 @@ def _open_sessions(plan: Plan, seed: int, sessions: list[Session]) -> None:
 
 
 def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
-    """Return what a vehicle's parts may know of it and its surroundings."""
+    """Return the facts about a vehicle and its surroundings that its parts may use."""
     return VehicleContext(
         vehicle.name,
         vehicle.airframe,
@@ -219,12 +222,13 @@ def assemble(
     options: Sequence[tuple[str, str]] = (),
     interrupts: int = 0,
 ) -> Engine:
-    """Build the engine that flies, inspects or rehearses `plan` on the open devices.
+    """Build the engine that flies, inspects or rehearses `plan` with the open devices.
 
-    vehicle_observer: makes the observer of the vehicle of that name. judge: checks the values that
-    a state is requested with. note: receives the readings of the inputs. options: values of options
-    as (name, value). interrupts: the number of signals so far. Raises PartFailed where a part can't
-    be made, OptionRefused for an option that can't be changed.
+    vehicle_observer: returns the observer of the vehicle with the given name. judge: checks the
+    values given with a request for a state. note: receives the readings of the inputs. options:
+    parameters of parts to change, as (name, value). interrupts: the number of signals received so
+    far. Raises PartFailed if a part can't be made, OptionRefused for an option that can't be
+    changed.
     """
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
     inputs = Inputs(plan.inputs, devices.inputs, events, note)

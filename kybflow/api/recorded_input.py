@@ -20,15 +20,17 @@ from kybflow.runtime.fleet.inputs import Inputs
 RATE = 250
 """Sampling rate, Hz."""
 Shown = Callable[[Time, InputReading | None, str], None]
-"""Receives each change: the reading, or None and the reason why there is none."""
+"""Called with each change: the time, the reading (None if there is none), and why there is none."""
 
 
 class InputUnknown(KybflowError):
-    """The mission has no such input, or several and none was named."""
+    """The mission has no input of the given name; or no name was given, and it has none or
+    several."""
 
 
 def input_named(plan: Plan, name: str | None) -> InputPlan:
-    """Return the plan's input of that name, or its only one. Raises InputUnknown."""
+    """Return the plan's input with the given name; without a name, its only input. Raises
+    InputUnknown."""
     inputs = {own.name: own for own in plan.inputs}
     if name is None and len(inputs) == 1:
         [name] = inputs
@@ -48,9 +50,9 @@ def record_input(
     shown: Shown,
     clock: Clock | None = None,
 ) -> int:
-    """Record an input into the table `out` until `seconds` have passed or a KeyboardInterrupt;
-    return the number of rows. Raises DriverError where the device can't be opened, RunUnwritten
-    where the table can't be written."""
+    """Record an input into the table `out` and return the number of rows. Recording ends after
+    `seconds` or with a KeyboardInterrupt. Raises DriverError if the device can't be opened,
+    RunUnwritten if the table can't be written."""
     axes: tuple[str, ...] = plan.part.cls.axes(plan.part.params)
     rows = 0
 

@@ -1,4 +1,4 @@
-"""`kybflow new`: copies a mission that an installed package ships."""
+"""`kybflow new`: copies a mission that an installed package provides."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
 from kybflow.parts.catalog import load_catalog
 
 SCHEMA = "mission.schema.json"
-"""The JSON schema for editors, in the folder of the missions."""
+"""The JSON schema for editors, in the same folder as the missions."""
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,59}\Z", re.ASCII)
 _LINE = f"# yaml-language-server: $schema={SCHEMA}\n"
 
@@ -29,9 +29,9 @@ class _Change(NamedTuple):
 
 
 def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
-    """Copy the shipped mission `origin` into `folder` as `name`, with the files that it uses, and
-    the schema for editors where there is none. Return the files written: attached files, mission,
-    schema. Never overwrites a file. Raises KybflowError."""
+    """Copy the shipped mission `origin` into `folder` under the name `name`, with the files that it
+    uses, and the JSON schema for editors if `folder` has none. Return the written files: attached
+    files, mission, schema. Never overwrites a file. Raises KybflowError."""
     if not _NAME.match(name):
         raise KybflowError(f"`{name}` can't be the name of a mission: letters, digits and `_`")
     path, schema, known = folder / f"{name}.yaml", folder / SCHEMA, {m.name: m for m in missions()}
@@ -56,7 +56,7 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
 
 
 def _attached(one: Shipped) -> Iterator[str]:
-    """Yield the files that the mission uses, relative to its folder."""
+    """Yield the paths of the files that the mission uses, relative to its folder."""
     plan = compile_mission(one.path, catalog=load_catalog()).plan
     for source in plan.sources if plan is not None else ():
         path = Path(source.path)
@@ -76,7 +76,8 @@ def _write(path: Path, text: str) -> None:
 
 
 def _rewritten(one: Shipped, name: str) -> str:
-    """Return the mission's text with its new name, imports by package and the schema line."""
+    """Return the mission's text with its new name, with libraries imported by package, and with the
+    line that names the schema."""
     lines = one.source.text.splitlines(keepends=True)
     for change in sorted(_changes(one, name), key=lambda c: c.span.column, reverse=True):
         span, at = change.span, change.span.line - 1

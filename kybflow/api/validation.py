@@ -1,4 +1,4 @@
-"""Validation: the compiler's findings in missions, as text for people and for programs."""
+"""Validates missions and formats the compiler's findings for people and programs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kybflow.parts.catalog import load_catalog
 
 @dataclass(frozen=True, slots=True)
 class ValidatedFile:
-    """A file after its validation. milliseconds: the time that the validation took."""
+    """A validated file. milliseconds: the duration of the validation."""
 
     path: str
     result: Result
@@ -28,7 +28,7 @@ class ValidatedFile:
 
     @property
     def reports(self) -> list[str]:
-        """A text for each finding and, for a valid file, a line that says so."""
+        """The text of each finding and, for a valid file, a line that says so."""
         texts = render_all(self.result.diagnostics, self.result.texts)
         count = len(texts)
         if self.valid:
@@ -38,7 +38,7 @@ class ValidatedFile:
 
     @property
     def annotations(self) -> list[str]:
-        """A GitHub Actions command for each finding."""
+        """The GitHub Actions command of each finding."""
         from kybflow.api.findings.formats import to_annotation
 
         return [to_annotation(d) for d in self.result.diagnostics]
@@ -54,7 +54,8 @@ class ValidatedFile:
 
 
 def findings(result: Result, path: Path) -> list[str]:
-    """Return a text for each finding of a compilation that needs a mission: a library is none."""
+    """Return the text of each finding of a compilation. A library counts as a finding, because a
+    mission is needed."""
     found = render_all(result.diagnostics, result.texts)
     if result.plan is None and result.valid:
         found.append(f"{path} is a library, no mission")
@@ -64,7 +65,8 @@ def findings(result: Result, path: Path) -> list[str]:
 def validate_paths(
     paths: Iterable[Path], target: str | None, sets: Sequence[str]
 ) -> Iterator[ValidatedFile]:
-    """Validate each of `paths`; a folder stands for the missions and libraries in it and below."""
+    """Validate each of `paths`. In a folder, validate the missions and libraries in it and its
+    subfolders."""
     catalog = load_catalog()
     files = (mission_files(path) if os.path.isdir(path) else (path,) for path in paths)
     for path in chain.from_iterable(files):
@@ -90,4 +92,4 @@ def _as_sarif(files: Sequence[ValidatedFile]) -> str:
 
 
 WHOLE: dict[str, Callable[[Sequence[ValidatedFile]], str]] = {"json": _as_json, "sarif": _as_sarif}
-"""The formats that hold all files in one text."""
+"""The output formats that hold all files in a single text."""

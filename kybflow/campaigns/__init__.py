@@ -1,4 +1,5 @@
-"""`kybflow test`: flies missions as tests. `cases` flies one, `session` flies many in parallel
-processes, `coverage` finds the states and transitions that no flight took, `junit` writes the
-results for CI.
+"""`kybflow test`: flies missions as tests.
+
+`cases` flies one case, `session` flies many in parallel processes, `coverage` finds the states and
+transitions that no flight took, and `junit` writes the results for CI.
 """

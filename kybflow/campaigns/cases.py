@@ -1,4 +1,4 @@
-"""Missions as test cases, and the flight of one case."""
+"""Missions as test cases, and the flight of a single case."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Verdict = Outcome | Literal["invalid"]
 
 @dataclass(frozen=True, slots=True)
 class FlightCase:
-    """A mission to fly with a seed. out: its run folder, kept after a failure, or always with
-    `keep`."""
+    """A mission to fly with a seed. out: its run folder, which is deleted after a success unless
+    `keep` is set."""
 
     path: Path
     seed: int
@@ -46,8 +46,11 @@ class FlightCase:
 
 @dataclass(frozen=True, slots=True)
 class FlightResult:
-    """The result of a case. reason: the lines that say why it did not succeed. seconds: wall time.
-    items, taken: the mission's states and transitions, and those that this flight took."""
+    """The result of a case.
+
+    reason: lines that say why it did not succeed. seconds: wall time. folder: the run folder, if it
+    is kept. items: all states and transitions of the mission. taken: those that this flight took.
+    """
 
     case: FlightCase
     verdict: Verdict
@@ -63,8 +66,8 @@ class FlightResult:
 
 
 def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
-    """Yield `paths`, and of each folder the missions in it and below, without libraries and the
-    files of runs."""
+    """Yield `paths`, replacing each folder by the missions in it and its subfolders, without
+    libraries and files of runs."""
     for path in paths:
         if not os.path.isdir(path):
             yield path
@@ -76,7 +79,7 @@ def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
 
 
 def fly_case(case: FlightCase) -> FlightResult:
-    """Compile and fly a case. Never raises for an error of the mission or a full disk."""
+    """Compile and fly a case. Errors of the mission or a full disk are results, not exceptions."""
     began = time.monotonic()
     result = compile_mission(case.path, catalog=load_catalog(), target=case.target, sets=case.sets)
     if result.plan is None:
@@ -108,7 +111,7 @@ def fly_case(case: FlightCase) -> FlightResult:
 
 
 def _reasons(flown: Flown) -> tuple[str, ...]:
-    """Return why a flight did not succeed, with a line for each broken expectation."""
+    """Return why a flight did not succeed, with a line for each expectation that did not hold."""
     summary = flown.summary
     if summary["outcome"] == "succeeded":
         return ()

@@ -1,4 +1,4 @@
-"""The states and transitions of a mission that no run has taken.
+"""Finds the states and transitions of a mission that no run has taken.
 
 Transitions from one state with equal cause, target and mission line count as one, because the
 events of a run don't distinguish them. Implied transitions and built-in states don't count.
@@ -13,7 +13,7 @@ from kybflow.core.signals import Event
 from kybflow.dsl.plan import Plan
 
 _CAUSES = {"done": "then", "refused": "failed"}
-"""The cause of a transition for a behavior's `how`, where the names differ."""
+"""The cause of the transition for each `how` of an ended behavior, where the two differ."""
 
 
 class StateItem(NamedTuple):
@@ -80,7 +80,7 @@ def coverage_items(plan: Plan) -> list[CoverageItem]:
 
 
 class Coverage(NamedTuple):
-    """The states and transitions of a mission that its runs missed, of `total`."""
+    """The states and transitions of a mission that its runs `missed`, out of a `total`."""
 
     total: int
     missed: tuple[CoverageItem, ...]
@@ -91,7 +91,7 @@ class Coverage(NamedTuple):
 
 
 def covered(items: Iterable[CoverageItem], taken: Iterable[CoverageItem]) -> Coverage:
-    """Return the coverage of `items` by `taken`, in which states have no mission line."""
+    """Return how much of `items` is `taken`. States in `taken` have no mission line."""
     everything, known = tuple(items), set(taken)
     missed = tuple(
         one

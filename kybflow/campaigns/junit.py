@@ -10,7 +10,8 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 from kybflow.campaigns.cases import FlightResult
 
 _FORBIDDEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd]")
-"""Characters that XML 1.0 forbids, and those beyond the basic plane, which some readers drop."""
+"""The characters that XML 1.0 forbids, and those outside the basic plane, which some readers drop.
+"""
 
 
 def write_junit(path: Path, results: Sequence[FlightResult]) -> None:
@@ -51,7 +52,8 @@ def _suite(root: Element, name: str, cases: Sequence[FlightResult]) -> None:
 
 
 def _is_failure(result: FlightResult) -> bool:
-    """Whether the mission failed; an invalid mission or a failed driver is an error instead."""
+    """Return whether the mission failed. An invalid mission or a failed driver counts as an error
+    instead."""
     return result.verdict == "failed"
 
 

@@ -1,7 +1,7 @@
-"""Flies the cases of `kybflow test` in parallel processes, so that a crash ends one flight only.
+"""Flies the cases of `kybflow test` in parallel processes, so that a crash ends only one flight.
 
-A worker receives cases through its connection and sends results back. It lands and ends when the
-connection closes, as after Ctrl-C, so that no worker outlives its session.
+A worker process receives cases through its connection and sends results back. When the connection
+closes, as after Ctrl-C, the worker lands and ends, so that no worker outlives the session.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _EXIT: tuple[tuple[Verdict, int], ...] = (
     ("driver_failed", DRIVER_FAILED),
     ("failed", FAILED),
 )
-"""The exit codes, the most serious first."""
+"""The exit code of each verdict, most serious first."""
 
 
 def run_cases(
@@ -41,9 +41,9 @@ def run_cases(
     done: Callable[[FlightResult], None],
     fly: Fly = fly_case,
 ) -> list[FlightResult]:
-    """Fly every case, `jobs` at a time, and return the results in the order of `cases`. done:
-    called with each result. An interrupt lands the running flights, which have no result, and
-    starts no more; a second one kills them."""
+    """Fly all cases, `jobs` at a time, and return the results in the order of `cases`. done: called
+    with each result. A first interrupt lands the running flights, which give no result, and starts
+    no others; a second one kills them."""
     results: dict[FlightCase, FlightResult] = {}
 
     def keep(result: FlightResult) -> None:
@@ -55,7 +55,8 @@ def run_cases(
 
 
 def exit_code(results: Sequence[FlightResult], asked: int) -> int:
-    """Return 0 when all `asked` flights succeeded, else the code of the most serious verdict."""
+    """Return 0 if all `asked` flights succeeded, otherwise the code of the most serious verdict, or
+    INTERRUPTED if results are missing."""
     if len(results) < asked:
         return INTERRUPTED
     verdicts = {one.verdict for one in results}
@@ -63,7 +64,8 @@ def exit_code(results: Sequence[FlightResult], asked: int) -> int:
 
 
 def coverage_of(results: Sequence[FlightResult]) -> dict[Path, Coverage]:
-    """Return the coverage of each mission by all its flights, without missions that never flew."""
+    """Return the coverage of each mission by all its flights; a mission that never flew has
+    none."""
     coverage: dict[Path, Coverage] = {}
     for path in dict.fromkeys(one.case.path for one in results):
         flights = [one for one in results if one.case.path == path and one.taken]
@@ -74,8 +76,8 @@ def coverage_of(results: Sequence[FlightResult]) -> dict[Path, Coverage]:
 
 
 class Pool:
-    """Flies cases, `jobs` at a time. interrupts: the number of signals. The first one lands the
-    running flights and starts no more; the second one kills the workers."""
+    """Flies cases, `jobs` at a time. interrupts: the number of signals received. The first one
+    lands the running flights and starts no others; the second one kills the workers."""
 
     def __init__(
         self, jobs: int, done: Callable[[FlightResult], None], fly: Fly = fly_case
@@ -86,7 +88,7 @@ class Pool:
         self._is_landing = False
 
     def run(self, cases: Sequence[FlightCase]) -> None:
-        """Fly `cases` and call `done` with each result. Main thread only."""
+        """Fly `cases` and call `done` with each result. Must run in the main thread."""
         waiting = deque(cases)
         with Interrupts(self):
             try:
@@ -97,7 +99,7 @@ class Pool:
                     worker.kill()
 
     def _step(self, waiting: deque[FlightCase]) -> bool:
-        """Wait for a result; return whether there is more to do."""
+        """Assign cases, then wait shortly for results; return whether there is more to do."""
         if self.interrupts > 1:
             return False
         if not self.interrupts:
@@ -114,7 +116,7 @@ class Pool:
         return bool(busy)
 
     def _assign(self, waiting: deque[FlightCase]) -> None:
-        """Give cases to idle workers, and start workers for more."""
+        """Give cases to idle workers, and start more workers if there is need."""
         idle = [worker for worker in self._workers if worker.case is None]
         while waiting and (idle or len(self._workers) < self._jobs):
             if not idle:
@@ -133,8 +135,8 @@ class Pool:
 
 
 class _Worker:
-    """A process that flies cases. It has its own session, so that Ctrl-C in the terminal doesn't
-    reach it. case: what it flies."""
+    """A process that flies cases. It runs in its own session, so that Ctrl-C in the terminal
+    doesn't reach it. case: the case that it is flying."""
 
     def __init__(self) -> None:
         self.case: FlightCase | None = None
@@ -156,11 +158,11 @@ class _Worker:
         self._send((fly, case))
 
     def land(self) -> None:
-        """Land the flight, and end."""
+        """Land the flight and end the process."""
         self._send(None)
 
     def _send(self, what: object) -> None:
-        with suppress(OSError):  # it has died, and `result` will report it
+        with suppress(OSError):  # the process has died, and `result` will report it
             self.line.send(what)
 
     def result(self) -> FlightResult:
@@ -186,7 +188,7 @@ class _Worker:
 
 
 def work(descriptor: int) -> None:
-    """Run a worker: fly the cases of its connection and send their results."""
+    """Run a worker: fly the cases that the connection delivers and send back their results."""
     line = Connection(descriptor)
     jobs: SimpleQueue[tuple[Fly, FlightCase] | None] = SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
@@ -203,7 +205,8 @@ def work(descriptor: int) -> None:
 
 
 def _listen(line: Connection, jobs: SimpleQueue[tuple[Fly, FlightCase] | None]) -> None:
-    """Queue the cases of the connection; when it closes, land the flight and end the process."""
+    """Queue the cases that the connection delivers. When it closes, land the flight and end the
+    process."""
     try:
         while (job := line.recv()) is not None:
             jobs.put(job)

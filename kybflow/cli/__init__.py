@@ -1,4 +1,5 @@
-"""The command line. Each module of `commands/` is a command; `printing/` formats longer outputs;
-`keys/` reads the keyboard during a run; `arguments` and `output` are shared; `app` joins the
-commands.
+"""The command line.
+
+Each module in `commands/` is a command; `printing/` formats longer outputs; `keys/` reads the
+keyboard during a run; `arguments` and `output` are shared by the commands; `app` assembles them.
 """

@@ -1,5 +1,5 @@
 """The command line: finds the commands in `kybflow.cli.commands` and handles their errors. Large
-modules are imported where they are needed."""
+modules are imported only where they are used."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
 
 YOUNG = 200_000
 """New objects between two garbage collections. A command creates many objects and drops few; with
-Python's 700 it would spend a tenth of its start on collections. A flight sets its own
+Python's default of 700, a tenth of its start would be collections. A flight sets its own
 thresholds."""
 UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
-"""Features that libraries need not start: a flight multiplies no large matrices, and MuJoCo's
-window has its own OpenGL. The environment overrides them."""
+"""Environment variables that switch off library features to start faster: a flight multiplies no
+large matrices, and MuJoCo's window has its own OpenGL. A value set by the user takes precedence."""
 _SHOWN = 100
 _NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
 
 
 def _useless(value: object) -> str:
-    """Return why no command accepts a value, a number that isn't finite or an impossible path;
-    empty for any other value."""
+    """Return why no command can accept this value: a number that isn't finite, or an impossible
+    path. Empty for any other value."""
     if isinstance(value, float) and not math.isfinite(value):
         return f"{value} is not finite"
     if isinstance(value, Path):
@@ -53,7 +53,7 @@ def _useless(value: object) -> str:
 
 
 class Commands(TyperGroup):
-    """The commands of a package. The module of a command is imported when the command runs."""
+    """The commands of a package. A command's module is imported only when the command runs."""
 
     def __init__(self, package: ModuleType = commands, **settings: Any) -> None:
         super().__init__(**settings)
@@ -66,7 +66,7 @@ class Commands(TyperGroup):
                 is_text = b"\0" not in os.fsencode(word)
             except UnicodeError:
                 is_text = False
-            if not is_text:  # no shell gives it, and paths in typer would raise
+            if not is_text:  # a shell can't pass it, and typer's paths would raise
                 raise BadParameter(f"{word[:_SHOWN]!r} is not valid text")
         return super().parse_args(ctx, args)
 
@@ -147,7 +147,8 @@ def main() -> None:
 
 
 def _counted_interrupts() -> list[int]:
-    """Raise KeyboardInterrupt for SIGTERM and SIGHUP as for Ctrl-C; return the list of signals."""
+    """Make SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does. Return the list to which
+    every received signal is appended."""
     numbers: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  # as handlers are
@@ -155,13 +156,13 @@ def _counted_interrupts() -> list[int]:
         raise KeyboardInterrupt
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` and `&` have it
+        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored under `nohup` and `&`
             signal.signal(number, interrupt)
     return numbers
 
 
 def _open(stream: TextIO | None) -> TextIO:
-    """Return a stream that can write every character, /dev/null for a closed one (`>&-`)."""
+    """Return a stream that can write every character; /dev/null if the stream is closed (`>&-`)."""
     if stream is None:
         return open(os.devnull, "w", encoding="utf-8")
     reconfigure = getattr(stream, "reconfigure", None)

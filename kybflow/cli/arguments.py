@@ -1,4 +1,4 @@
-"""The parameters that commands share, and the handling of their values and errors."""
+"""Parameters shared by several commands, and helpers that parse values and report errors."""
 
 from __future__ import annotations
 
@@ -22,33 +22,34 @@ if TYPE_CHECKING:
 
 
 class WrongUsage(BadParameter):
-    """Parameters that don't go together. Its message has no prefix."""
+    """An invalid combination of parameters. Its message has no prefix."""
 
     def format_message(self) -> str:
         return self.message
 
 
 def wrong(option: str | None, message: str) -> BadParameter:
-    """Return an error about an option or argument; None where the context names it."""
+    """Return an error about an option or argument. option: None if the context names it already."""
     return BadParameter(message, param_hint=option)
 
 
 class Emitted(NamedTuple):
-    """An event to give at a time of the run."""
+    """An event to emit at a time of the run."""
 
     seconds: float
     name: str
 
 
 class Change(NamedTuple):
-    """A value for a parameter of a part."""
+    """A new value for a parameter of a part."""
 
     name: str
     value: str
 
 
 def quantity(text: str, dimension: Dimension, option: str | None = None) -> float:
-    """Parse a quantity to SI. option: its option, where the context doesn't name it."""
+    """Parse a quantity to SI units. option: the option that it belongs to, if the context doesn't
+    name it."""
     try:
         return parse_quantity(text, dimension)
     except UnitError as error:
@@ -83,7 +84,7 @@ def change(text: str) -> Change:
 
 
 def repeated(flag: str, **settings: Any) -> Any:
-    """Return an option that may be repeated; its default is an empty list."""
+    """Return an option that can be repeated; its default is an empty list."""
     return Option(flag, default_factory=list, show_default=False, **settings)
 
 
@@ -123,7 +124,7 @@ Check = Annotated[Path | None, Option(help="Fail if this file is out of date.")]
 def compiled(
     mission: Path, target: str | None = None, sets: Sequence[str] = ()
 ) -> tuple[Plan, Result]:
-    """Compile a mission and print its findings. Exits with INVALID where it is invalid."""
+    """Compile a mission and print its findings. Exits with INVALID if the mission is invalid."""
     from kybflow.api.validation import findings
     from kybflow.dsl.compiler import compile_mission
     from kybflow.parts.catalog import load_catalog
@@ -138,7 +139,7 @@ def compiled(
 
 @contextmanager
 def failing(code: int, *errors: type[KybflowError], word: str = "error: ") -> Iterator[None]:
-    """Print an error of these types after `word`, and exit with `code`."""
+    """Print an error of these types, preceded by `word`, and exit with `code`."""
     try:
         yield
     except errors as error:
@@ -148,7 +149,7 @@ def failing(code: int, *errors: type[KybflowError], word: str = "error: ") -> It
 
 @contextmanager
 def refusing(option: str, *errors: type[KybflowError]) -> Iterator[None]:
-    """Turn an error of these types into one about `option`."""
+    """Turn an error of these types into an error about `option`."""
     try:
         yield
     except errors as error:
@@ -157,7 +158,7 @@ def refusing(option: str, *errors: type[KybflowError]) -> Iterator[None]:
 
 @contextmanager
 def writing(path: Path, option: str) -> Iterator[None]:
-    """Turn an OSError into one about `option`, which names `path`."""
+    """Turn an OSError into an error about `option` that names `path`."""
     try:
         yield
     except OSError as error:
@@ -167,8 +168,8 @@ def writing(path: Path, option: str) -> Iterator[None]:
 def published(
     make: Callable[[], str], command: str, write_to: Path | None, check: Path | None
 ) -> bool:
-    """Write the text to `write_to`, or exit with INVALID unless `check` has this text; return
-    whether either is given. command: that makes the text, for the message."""
+    """Write the text to `write_to`, or exit with INVALID if `check` holds another text. Return
+    whether either is given. make: returns the text. command: the command to name in the message."""
     if write_to is not None:
         with writing(write_to, "--write"):
             write_whole(write_to, make().encode())
@@ -181,5 +182,6 @@ def published(
 
 
 def unknown(what: str, name: str, known: Iterable[str], option: str) -> BadParameter:
-    """Return an error about an unknown name. what: such as `there is no camera`."""
+    """Return an error about an unknown name. what: the start of its message, such as `there is no
+    camera`."""
     return wrong(option, f"{what} `{name}`; {did_you_mean(name, known)}")

@@ -1,4 +1,5 @@
-"""Output of the commands: to streams whose reader may go away, in colour on a terminal."""
+"""Prints the output of the commands: in colour on a terminal, and to streams that may be closed at
+their other end."""
 
 from __future__ import annotations
 
@@ -28,9 +29,9 @@ class Unwritable(OSError):
 
 
 class GuardedStream:
-    """A stream that drops all output after its first error, so that a reader that goes away
-    (`| head`) or a full disk neither ends a flight nor changes its exit code. The first error that
-    isn't `ignored` raises Unwritable."""
+    """A stream that drops all output after its first error. A reader that goes away (`| head`) or a
+    full disk thus neither ends a flight nor changes its exit code. An error that is not of the type
+    `ignored` raises Unwritable."""
 
     def __init__(self, stream: IO[str], ignored: type[OSError] = OSError) -> None:
         self._stream, self._ignored = stream, ignored
@@ -76,7 +77,7 @@ def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
 
 
 def columns(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:
-    """Format rows of cells as lines with aligned columns; the last cell has no padding."""
+    """Format rows of cells as lines with aligned columns; the last cell of a row is not padded."""
     cells = list(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)][:-1]
     filled = ([*(f"{c:<{w}}" for c, w in zip(r, widths, strict=False)), r[-1]] for r in cells)
@@ -84,7 +85,8 @@ def columns(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:
 
 
 def printer(stream: IO[str]) -> Callable[[str], None]:
-    """Return a function that prints a line, and raises no error of the stream in a flight."""
+    """Return a function that prints a line and never raises an error of the stream, for use in
+    flight."""
     guarded = GuardedStream(stream)
 
     def write(line: str) -> None:
@@ -95,7 +97,7 @@ def printer(stream: IO[str]) -> Callable[[str], None]:
 
 
 def console(stream: IO[str]) -> Console:
-    """Return a console that raises no error of the stream in a flight."""
+    """Return a console that never raises an error of the stream, for use in flight."""
     from rich.console import Console
 
     return Console(file=cast(IO[str], GuardedStream(stream)), emoji=False)

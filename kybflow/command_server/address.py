@@ -1,8 +1,8 @@
-"""Creates the socket of a run, and finds it again.
+"""Creates the socket of a run and finds it again.
 
-The folder of sockets is `$XDG_RUNTIME_DIR/kybflow`, or `/tmp/kybflow-UID` where the user has no
-such directory; only the user may enter it. A socket has the name of its run folder, and the file
-`control.json` there holds its path. The next run removes the socket of a run that was killed.
+The folder of sockets is `$XDG_RUNTIME_DIR/kybflow`, or `/tmp/kybflow-UID` if the user has no such
+directory; only the user may enter it. A socket is named after its run folder, where the file
+`control.json` holds the socket's path. If a run was killed, the next run removes its socket.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from kybflow.core.files import CONTROL, write_whole
 
 SUFFIX = ".sock"
 LONGEST_PATH = 107
-"""The most bytes of a socket's path (`sun_path` in unix(7), without the final zero)."""
+"""The most bytes in a socket's path (`sun_path` in unix(7), without the final zero byte)."""
 _ROOM = 40
-"""Bytes that a folder's path must leave for the name of a socket."""
+"""Bytes of the longest path that must remain for the name of a socket."""
 _TEMPORARY = "/tmp"
 _PEER = struct.Struct("3i")
-"""SO_PEERCRED of socket(7): pid, uid, gid."""
+"""The format of SO_PEERCRED, socket(7): pid, uid, gid."""
 
 
 class AddressError(KybflowError):
-    """No socket can be created; the message says why."""
+    """A socket can't be created; the message says why."""
 
 
 class RunNotFound(KybflowError):
-    """No run, or more than one, has the given name; the message lists the runs."""
+    """No run has the given name, or more than one has; the message lists the runs."""
 
 
 class PeerProcess(NamedTuple):
@@ -48,14 +48,14 @@ class PeerProcess(NamedTuple):
 
 
 def peer_of(connected: socket.socket) -> PeerProcess:
-    """Return the process at the other end. Raises OSError."""
+    """Return the process at the other end of a socket. Raises OSError."""
     data = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
     pid, uid, _ = _PEER.unpack(data)
     return PeerProcess(pid, uid)
 
 
 def folders() -> Iterator[Path]:
-    """Yield the folders where this user's sockets may be, the preferred one first."""
+    """Yield the folders where this user's sockets may be, preferred one first."""
     given = os.environ.get("XDG_RUNTIME_DIR", "")
     if os.path.isabs(given) and _is_own(given):
         path = Path(given, "kybflow")
@@ -77,7 +77,7 @@ def _is_private(path: Path) -> bool:
 
 
 def private_folder() -> Path:
-    """Return the folder of sockets, and create it if necessary. Raises AddressError."""
+    """Return the folder of sockets; create it if necessary. Raises AddressError."""
     reasons = []
     for path in folders():
         try:
@@ -113,7 +113,8 @@ def listen(name: str, backlog: int) -> tuple[socket.socket, Path]:
 
 
 def _published(temporary: Path, folder: Path, name: str) -> Path:
-    """Link a socket to its name, with a number where another run has that name."""
+    """Link a socket to its name, with a number appended if another run has the name. Return the
+    path."""
     room = LONGEST_PATH - len(os.fsencode(folder)) - len(f"/-99{SUFFIX}")
     short = os.fsdecode(os.fsencode(name)[:room])
     for number in range(1, 100):
@@ -133,7 +134,7 @@ def remove_stale(folder: Path) -> None:
 
 
 def is_served(path: Path) -> bool:
-    """Return whether a process listens at a socket, without waiting."""
+    """Return whether a process listens at a socket. Never waits."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         try:
             return probe.connect_ex(os.fspath(path)) in (0, errno.EAGAIN)
@@ -148,8 +149,8 @@ def write_address(folder: Path, path: Path) -> None:
 
 
 def find_run(run: str | None) -> Path:
-    """Return the socket of a run. run: its folder, its name, or the name's beginning before a `-`;
-    None for the only running one. Raises RunNotFound."""
+    """Return the path of a run's socket. run: the run's folder, its name, or the beginning of its
+    name before a `-`; None for the only running one. Raises RunNotFound."""
     if run is not None and os.path.exists(Path(run) / CONTROL):
         return _address_in(Path(run))
     flying = sorted({path for folder in folders() for path in _served_in(folder)})

@@ -1,4 +1,4 @@
-"""Commands a run from another program."""
+"""Sends commands to a run from another program."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.runtime.commanding.orders import Answer
 
 TIMEOUT = 60.0
-"""Seconds to wait for an answer. A run answers within two ticks once its devices are open."""
+"""The time to wait for an answer, s. A run answers within two ticks once its devices are open."""
 _LONGEST_REPLY = 1 << 24
 _AT_ONCE = 1 << 16
 _TIMEVAL = struct.Struct("ll")
@@ -33,12 +33,12 @@ class RunUnreachable(KybflowError):
 
 
 class RunClient:
-    """A connection to a run, to be used as a context. Every command returns the Answer of an
-    accepted command. It raises CommandRefused for a refused one, and RunUnreachable when the run no
-    longer answers.
+    """A connection to a run, used as a context manager. Each command returns the run's Answer; it
+    raises CommandRefused if the run refuses the command, and RunUnreachable if the run no longer
+    answers.
 
-    name: the client's name in the run's record and for other clients. keeps_lease: the client keeps
-    the lease when the connection closes.
+    name: the client's name in the run's record and for other clients. keeps_lease: whether the
+    client keeps the lease when the connection closes.
     """
 
     def __init__(self, address: Path, name: str, *, keeps_lease: bool = False) -> None:
@@ -60,25 +60,25 @@ class RunClient:
         self.close()
 
     def close(self) -> None:
-        """Close the connection and, without `keeps_lease`, free the lease."""
+        """Close the connection; this frees the lease unless `keeps_lease` is set."""
         self._channel.close()
 
     def command(self, words: str, *, take: bool = False) -> Answer:
-        """Give a command in the words of the command line, such as `switch mk hold`."""
+        """Send a command as on the command line, such as `switch mk hold`."""
         return _accepted(self._asked(protocol.command(self._next_id(), words, take=take)))
 
     def emit(self, event: str, *, take: bool = False) -> Answer:
-        """Give the mission an event that it waits for."""
+        """Emit an event that the mission waits for."""
         return self.command(f"emit {event}", take=take)
 
     def switch(self, vehicle: str, state: str, *, take: bool = False, **values: object) -> Answer:
-        """Let a vehicle enter a state. values: of its parameters, such as `position=[1, 0, 1]` or
-        `speed="50 cm/s"`."""
+        """Let a vehicle enter a state. values: parameters of the state, such as `position=[1, 0,
+        1]` or `speed="50 cm/s"`."""
         written = (f" {name}={_written(value)}" for name, value in values.items())
         return self.command(f"switch {vehicle} {state}{''.join(written)}", take=take)
 
     def set(self, option: str, value: object, *, take: bool = False) -> Answer:
-        """Change a parameter, with its unit: `set("mk.processors.limit_speed.speed", "1 m/s")`."""
+        """Set a parameter of a part: `set("mk.processors.limit_speed.speed", "1 m/s")`."""
         return self.command(f"set {option} {value}", take=take)
 
     def enable(self, processor: str, *, take: bool = False) -> Answer:
@@ -94,23 +94,24 @@ class RunClient:
         return self.command(f"phase {flow} {phase}", take=take)
 
     def pause(self, *vehicles: str) -> Answer:
-        """Hold vehicles, all where none is named."""
+        """Hold the given vehicles, or all if none is given."""
         return self.command(" ".join(("pause", *vehicles)))
 
     def resume(self, *vehicles: str, take: bool = False) -> Answer:
-        """Let vehicles go on, all where none is named."""
+        """Let the given vehicles continue, or all if none is given."""
         return self.command(" ".join(("resume", *vehicles)), take=take)
 
     def reset(self, *vehicles: str, take: bool = False) -> Answer:
-        """Take vehicles on the ground, all where none is named, out of `fault`."""
+        """Take the given vehicles out of `fault`, or all if none is given. They must be on the
+        ground."""
         return self.command(" ".join(("reset", *vehicles)), take=take)
 
     def land(self, *vehicles: str) -> Answer:
-        """Land vehicles, all where none is named, for the rest of the run."""
+        """Land the given vehicles for the rest of the run, or all if none is given."""
         return self.command(" ".join(("land", *vehicles)))
 
     def stop(self, reason: str = "") -> Answer:
-        """Land everything and end the run."""
+        """Land all vehicles and end the run."""
         return self.command(f"stop {reason}")
 
     def release(self) -> Answer:
@@ -118,16 +119,17 @@ class RunClient:
         return self.command("release")
 
     def state(self) -> dict[str, Any]:
-        """Return the state of the run and its legal commands, as `kybflow command state --json`."""
+        """Return the run's state and legal commands: the JSON that `kybflow command state`
+        prints."""
         reply = self._asked(protocol.question(self._next_id(), "state"))
         _accepted(reply)
         state: dict[str, Any] = reply["state"]
         return state
 
     def watch(self) -> Iterator[dict[str, Any]]:
-        """Yield each event from now on until the run is over, as in `events.jsonl`. A record of the
-        event `missed` replaces those that came too fast. The events have their own connection, so
-        that this one can give commands meanwhile."""
+        """Yield each event from now until the end of the run, as in `events.jsonl`. If events come
+        too fast, an event `missed` with their `count` replaces them. The events use a separate
+        connection, so that this one can send commands at the same time."""
         watcher = RunClient(self._address, "watcher")
         _accepted(watcher._asked(protocol.question(watcher._next_id(), "watch")))
         return watcher._watched()
@@ -152,14 +154,14 @@ class RunClient:
         except TimeoutError:
             raise RunUnreachable(f"the run reads nothing for {TIMEOUT:g} s") from None
         except OSError:
-            pass  # its last message may say why it hung up
+            pass  # the run's last message may say why it hung up
         while (reply := self._read()) is not None:
             if reply.get("id") in (self._last_id, None):
                 return reply
         raise RunUnreachable("the run is over")
 
     def _read(self) -> dict[str, Any] | None:
-        """Return the next message of the run, None when it hangs up."""
+        """Return the next message of the run, or None if the run has hung up."""
         while (reply := self._next_reply()) is None:
             try:
                 data = self._channel.recv(_AT_ONCE)
@@ -173,7 +175,7 @@ class RunClient:
         return reply
 
     def _next_reply(self) -> dict[str, Any] | None:
-        """Return the next received message, None where there is none."""
+        """Return the next message received so far, or None."""
         try:
             line = self._lines.next()
             return None if line is None else protocol.read_reply(line)
@@ -182,8 +184,9 @@ class RunClient:
 
 
 def connect(run: str | Path | None = None, name: str | None = None) -> RunClient:
-    """Connect to a run. run: its folder, the folder's name, the name's part before a `-` (the
-    mission's name), or None for the only run. Raises RunNotFound or RunUnreachable."""
+    """Connect to a run. run: its folder, the folder's name, or the beginning of the name before a
+    `-` (the mission's name); None for the only run. name: the client's name. Raises RunNotFound or
+    RunUnreachable."""
     program = os.path.basename(sys.argv[0]) or "python"
     own = printable(f"{user_name(os.geteuid())}, {program}, process {os.getpid()}")
     address = find_run(None if run is None else os.fspath(run))
@@ -191,8 +194,8 @@ def connect(run: str | Path | None = None, name: str | None = None) -> RunClient
 
 
 def commander_here() -> str:
-    """Return a client's name from the user and the terminal or session, so that all commands of one
-    shell share a lease."""
+    """Return a client name made of the user and the terminal or session, so that all commands from
+    one shell share a lease."""
     try:
         place = f"at {os.ttyname(0).removeprefix('/dev/')}"
     except OSError:
@@ -201,7 +204,7 @@ def commander_here() -> str:
 
 
 def printable(name: str) -> str:
-    """Make a text a valid name of a client."""
+    """Return a text as a valid client name: shortened, with `?` for each unprintable letter."""
     shown = "".join(letter if letter.isprintable() else "?" for letter in name)
     return shown[: protocol.LONGEST_NAME]
 

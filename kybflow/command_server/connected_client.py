@@ -1,4 +1,4 @@
-"""One client of the command server: its name, its received lines and its pending output."""
+"""A client of the command server: its name, its received lines and its pending output."""
 
 from __future__ import annotations
 
@@ -15,17 +15,21 @@ from kybflow.command_server.protocol import (
 )
 
 MOST_UNANSWERED = 8
-"""The most pending answers of one client; the server reads no more of it until they are sent."""
+"""The most pending answers of a client; the server reads nothing more from it until they are sent.
+"""
 MOST_UNREAD = 1 << 20
-"""Bytes of unread output at which the server drops a client."""
+"""Bytes of unsent output above which the server drops a client."""
 _MOST_PENDING = 1 << 16
-"""Bytes of unread output at which the server stops reading from a client."""
+"""Bytes of unsent output from which on the server stops reading from a client."""
 _AT_ONCE = 1 << 14
 
 
 class ConnectedClient:
-    """A connected client. channel: non-blocking. since: time of its connection, s. is_restricted:
-    it connected when the server was full, and may only make the flight safer."""
+    """A connected client.
+
+    channel: a non-blocking socket. since: when it connected, s. is_restricted: whether it connected
+    when the server was full, and may only send commands that make the flight safer.
+    """
 
     def __init__(self, channel: socket.socket, peer: PeerProcess, since: float) -> None:
         self.since = since
@@ -50,7 +54,7 @@ class ConnectedClient:
 
     @property
     def has_lines(self) -> bool:
-        """Whether a received line can be read now."""
+        """Whether a received line can be processed now."""
         return (self._has_lines or self.held is not None) and self._may_speak
 
     @property
@@ -67,13 +71,13 @@ class ConnectedClient:
 
     @property
     def is_done(self) -> bool:
-        """Whether it has hung up and nothing is pending."""
+        """Whether the client has hung up and nothing is pending."""
         left = self._has_lines or self.held is not None or self.unanswered or self._out
         return self.is_gone or (self._ended and not left)
 
     @property
     def was_cut(self) -> bool:
-        """Whether it hung up in the middle of a message."""
+        """Whether the client hung up in the middle of a message."""
         return self._lines.has_more
 
     @property
@@ -81,7 +85,7 @@ class ConnectedClient:
         return len(self._out) > MOST_UNREAD
 
     def receive(self) -> None:
-        """Receive what has arrived."""
+        """Receive the data that has arrived."""
         try:
             data = self._channel.recv(_AT_ONCE)
         except BlockingIOError:
@@ -93,7 +97,7 @@ class ConnectedClient:
         self._has_lines = bool(data)
 
     def next_request(self) -> Request | None:
-        """Return the next request, None where there is none. Raises MessageUnreadable."""
+        """Return the next request, or None. Raises MessageUnreadable."""
         if self.held is not None:
             request, self.held = self.held, None
             return request
@@ -104,12 +108,12 @@ class ConnectedClient:
         return read_request(line)
 
     def send(self, line: bytes) -> None:
-        """Send a line, as soon as the client reads."""
+        """Queue a line and send as much as the client reads now."""
         self._out += line
         self.flush()
 
     def flush(self) -> None:
-        """Send pending output, as far as the client reads."""
+        """Send as much of the pending output as the client reads now."""
         try:
             while self._out:
                 del self._out[: self._channel.send(self._out)]
@@ -125,7 +129,7 @@ class ConnectedClient:
 
 
 def user_name(uid: int) -> str:
-    """Return a user's name, or `user NUMBER` for one without a name."""
+    """Return a user's name, or `user NUMBER` if the user has none."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

@@ -26,14 +26,15 @@ from kybflow.core.errors import CommandUnreadable
 from kybflow.runtime.commanding.orders import Answer, Order, parse
 
 LONGEST_LINE = 16 * 1024
-"""The most bytes of a line to the server: the longest command with every letter escaped."""
+"""The most bytes in a line to the server: enough for the longest command with every letter escaped.
+"""
 LONGEST_NAME = 80
-"""The most letters of a client's name."""
+"""The most letters in a client's name."""
 MOST_ID = 2**53
 
 
 class MessageUnreadable(ValueError):
-    """A line is no request; the message says why. id: that of the request, where it is known."""
+    """A line is not a valid request; the message says why. id: the request's id, if it is known."""
 
     def __init__(self, reason: str, id: int | None = None) -> None:
         super().__init__(reason)
@@ -42,7 +43,7 @@ class MessageUnreadable(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Introduction:
-    """Names the client. keeps_lease: it keeps the lease when it disconnects."""
+    """Names the client. keeps_lease: whether it keeps the lease when it disconnects."""
 
     id: int
     name: str
@@ -51,7 +52,7 @@ class Introduction:
 
 @dataclass(frozen=True, slots=True)
 class OrderRequest:
-    """A command. take: take the lease from another client."""
+    """A command. take: whether to take the lease from another client."""
 
     id: int
     order: Order
@@ -79,12 +80,12 @@ _ASKED: Mapping[str, type[StateRequest | WatchRequest]] = {
     "watch": WatchRequest,
 }
 _MAY_HAVE: Mapping[str, str | None] = {"name": "keeps_lease", "command": "take", "ask": None}
-"""The key of each kind of request, and its optional key."""
+"""The key that marks each kind of request, and its optional key."""
 
 
 class LineBuffer:
-    """Cuts a stream of bytes into lines. It buffers at most one line beside the newest data, and
-    drops a line that is too long."""
+    """Splits a stream of bytes into lines. A line that is too long is dropped, so that the buffer
+    never holds more than one line and the newest data."""
 
     def __init__(self, longest: int) -> None:
         self._longest = longest
@@ -96,8 +97,8 @@ class LineBuffer:
         self._bytes += data
 
     def next(self) -> bytes | None:
-        """Return the next non-empty line without its end, None where there is none. Raises
-        MessageUnreadable for a line that is too long."""
+        """Return the next non-empty line without its line feed, or None. Raises MessageUnreadable
+        for a line that is too long."""
         while True:
             end = self._bytes.find(b"\n", self._searched)
             if end < 0:
@@ -195,42 +196,43 @@ def _shown(key: str) -> str:
 
 
 def introduction(id: int, name: str, *, keeps_lease: bool = False) -> bytes:
-    """Write a client's name."""
+    """Return the line that names a client."""
     return _line({"id": id, "name": name, "keeps_lease": keeps_lease})
 
 
 def command(id: int, words: str, *, take: bool = False) -> bytes:
-    """Write a command."""
+    """Return the line of a command."""
     return _line({"id": id, "command": words, "take": take})
 
 
 def question(id: int, about: str) -> bytes:
-    """Ask for `state` or `watch`."""
+    """Return the line that asks for `state` or `watch`."""
     return _line({"id": id, "ask": about})
 
 
 def answer(id: int | None, answer: Answer) -> bytes:
-    """Write the answer to any request."""
+    """Return the line that answers a request. id: None if the request was unreadable."""
     return _line({"id": id, "accepted": answer.accepted, "reason": answer.reason})
 
 
 def state(id: int, state: str) -> bytes:
-    """Write the answer to `state`. state: as JSON, because many clients may get it."""
+    """Return the line that answers `state`. state: already JSON, because many clients may receive
+    it."""
     return f'{{"id": {id}, "accepted": true, "reason": "", "state": {state}}}\n'.encode()
 
 
 def event(record: Mapping[str, Any]) -> bytes:
-    """Write an event as in `events.jsonl`."""
+    """Return the line of an event, which is as in `events.jsonl`."""
     return _line({"event": record})
 
 
 def missed(count: int) -> bytes:
-    """Write the number of events that a watching client didn't get."""
+    """Return the line with the number of events that a watching client didn't receive."""
     return _line({"missed": count})
 
 
 def read_reply(line: bytes) -> dict[str, Any]:
-    """Read a message of the server. Raises MessageUnreadable."""
+    """Read a message from the server. Raises MessageUnreadable."""
     return _object(line)
 
 

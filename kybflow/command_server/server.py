@@ -1,9 +1,9 @@
 """Serves the commands of a run over a local socket.
 
-One thread accepts clients, puts their commands into the run's command queue and sends the answers
-of the tick. The tick only appends to a deque; it never waits for the thread and uses no socket. The
-thread works in bounded rounds, so that a client that floods the socket slows down its own answers
-but not the flight.
+One thread accepts clients, puts their commands into the run's command queue, and sends back the
+answers that the tick gives. The tick only appends to a deque; it never waits for the thread and
+never uses a socket. The thread works in bounded rounds: a client that floods the socket slows down
+its own answers but not the flight.
 """
 
 from __future__ import annotations
@@ -40,24 +40,26 @@ from kybflow.runtime.commanding.orders import Answer
 from kybflow.runtime.commanding.situation import Situation
 
 MOST_CLIENTS, MOST_RESTRICTED = 64, 8
-"""The most clients, and the most restricted ones beyond them. A restricted client may only give
-commands that make the flight safer, so that a landing is possible however many clients connect."""
+"""The most clients, and the most restricted clients in addition. A restricted client may only send
+commands that make the flight safer. A landing is therefore possible however many clients connect.
+"""
 BACKLOG = 16
 ROUND = 0.004
-"""Seconds from one round of work to the next."""
+"""The least time between rounds of work, s."""
 LINES, COMMANDS, NEWCOMERS = 16, 1, 8
-"""The most messages, commands and new clients in a round."""
+"""The most messages, commands and new clients per round."""
 ANSWER_PERIOD, WATCH_PERIOD, STATE_PERIOD = 0.002, 0.02, 0.05
-"""Seconds between checks for answers while any is pending, between checks for events while a client
-watches, and between two requests for the situation."""
+"""Seconds between checks for answers while one is pending, between checks for events while a client
+watches, and between requests for the run's situation."""
 IDLE_CLIENT = 1.0
-"""Seconds after which a client without a request, or a restricted one, makes room for another."""
+"""Seconds after which a client that has made no request, or a restricted one, can be dropped for a
+new one."""
 MOST_EVENTS = 2000
-"""The most events that wait to be sent to watching clients."""
+"""The most events that can wait to be sent to watching clients."""
 REPORT_PERIOD = 10.0
-"""Seconds between two events that report refusals."""
+"""Seconds between events that report refusals."""
 CLOSE_TIME = 0.3
-"""Seconds that clients have to read their last messages after the run."""
+"""Seconds that clients have to read their last messages after the end of the run."""
 
 UNREADABLE = "messages that can't be read"
 CUT_OFF = "clients that hung up in the middle of a message"
@@ -67,8 +69,8 @@ SLOW_READERS = "clients that didn't read what they asked for"
 
 
 class CommandServer:
-    """Serves a run: give `fly` its `on_event` as a listener and its `serve` as a server. refused:
-    the number of refusals by cause, in the words of the event `clients_refused`."""
+    """Serves a run. Pass its `on_event` to `fly` as a listener and its `serve` as a server.
+    refused: the number of refusals by cause, worded as in the event `clients_refused`."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
@@ -79,7 +81,7 @@ class CommandServer:
         self._is_watched = False
 
     def on_event(self, event: Event) -> None:
-        """Keep an event for the clients that watch."""
+        """Keep an event for the clients that watch, if there are any."""
         if self._is_watched:
             if len(self._events) < MOST_EVENTS:
                 self._events.append(event)
@@ -115,18 +117,18 @@ class CommandServer:
         return self.refused != self._reported
 
     def unreported(self) -> str:
-        """Return the refusals since the last report in words, empty for none."""
+        """Return the refusals since the last report in words; empty if there are none."""
         with self._report_lock:
             fresh = self.refused - self._reported
             self._reported += fresh
         return ", ".join(f"{count} {what}" for what, count in fresh.items())
 
     def watched(self, is_watched: bool) -> None:
-        """Start or stop keeping events."""
+        """Start or stop keeping events for clients."""
         self._is_watched = is_watched
 
     def events(self) -> Iterator[bytes]:
-        """Yield the kept events as lines, and forget them."""
+        """Yield the kept events as lines and remove them."""
         for _ in range(len(self._events)):
             yield protocol.event(event_record(self._events.popleft()))
         if self._missed:
@@ -135,7 +137,7 @@ class CommandServer:
 
 
 class _Loop:
-    """The loop of the thread. The tick puts its answers into `_inbox`."""
+    """The loop of the server's thread. The tick puts its answers into `_inbox`."""
 
     def __init__(
         self,
@@ -158,8 +160,8 @@ class _Loop:
         self._round_at = 0.0
 
     def run(self) -> None:
-        """Serve until the run is over. An error ends the service and is reported; the flight goes
-        on."""
+        """Serve until the run is over. An error is reported and ends the service, but not the
+        flight."""
         try:
             self._serve()
         except Exception as error:  # the command server must not stop the flight
@@ -181,8 +183,8 @@ class _Loop:
             self._selector.close()
 
     def _wait(self) -> set[object]:
-        """Wait for the next round and for something to do; return what is ready to read or
-        write."""
+        """Wait until the next round is due and there is something to do. Return the objects that
+        are ready to read or write."""
         early = self._round_at + ROUND - time.monotonic()
         if early > 0:
             time.sleep(early)
@@ -247,8 +249,8 @@ class _Loop:
         return sum(not client.is_restricted for client in self._connections) >= MOST_CLIENTS
 
     def _objection(self, channel: socket.socket) -> str | None:
-        """Return why a client may not connect, None where it may. Where the server is full, the
-        oldest client without a request makes room, or else the oldest restricted one."""
+        """Return why a client may not connect, or None. If the server is full, drop the oldest
+        client that has made no request, or else the oldest restricted one."""
         if peer_of(channel).uid != os.geteuid():
             return OTHER_USERS
         if not self._is_full:
@@ -266,7 +268,7 @@ class _Loop:
         return None
 
     def _read_requests(self) -> None:
-        """Read a message of each client in turn, up to the bounds of a round."""
+        """Read messages from the clients in turn, within the limits of a round."""
         lines, commands = LINES, COMMANDS
         silent = 0
         while lines and silent < len(self._connections):
@@ -323,7 +325,8 @@ class _Loop:
                 connection.send(protocol.answer(id, Answer(True)))
 
     def _request_state(self) -> None:
-        """Request the situation from the tick, once for all clients that ask for it."""
+        """Request the run's situation from the tick, once for all clients that ask for the
+        state."""
         now = time.monotonic()
         is_due = now - self._state_asked_at >= STATE_PERIOD
         if self._state_requests and not self._awaits_state and is_due:
@@ -331,7 +334,8 @@ class _Loop:
             self._commands.look(self._situations.append)
 
     def _deliver(self) -> None:
-        """Send the answers of the tick, and the events to the clients that watch."""
+        """Send the answers from the tick to their clients, and the events to the clients that
+        watch."""
         for _ in range(len(self._inbox)):
             connection, line = self._inbox.popleft()
             connection.unanswered -= 1
@@ -350,7 +354,7 @@ class _Loop:
                     connection.send(line)
 
     def _update(self, connection: ConnectedClient) -> None:
-        """Drop a client that is gone or doesn't read; else select what it may do next."""
+        """Drop a client that is gone or doesn't read; otherwise select what to wait for."""
         if connection.is_slow:
             self._server.refused[SLOW_READERS] += 1
         if connection.is_slow or connection.is_done:
@@ -391,7 +395,7 @@ class _Loop:
 
 
 def _is_unrestricted(request: Request) -> bool:
-    """Return whether a restricted client may make a request."""
+    """Return whether a restricted client may make this request."""
     if isinstance(request, OrderRequest):
         return is_for_anyone(request.order)
     return isinstance(request, Introduction)

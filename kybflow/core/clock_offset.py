@@ -1,19 +1,20 @@
-"""Estimate the offset between two unsynchronised clocks, by the minimum delay.
+"""Estimate the offset between two unsynchronised clocks from one-way messages.
 
-A reading is `here - there`: the true offset plus a transport delay, which is never negative. The
-smallest reading is therefore an upper bound of the offset, and close to it once one message was
-fast (the minimum filter of NTP, RFC 5905 sec. 10, one way). The estimate is the minimum over the
-last ten seconds, in buckets of one second, and follows a drift of 100 ppm within 1 ms. Its error is
-the minimum delay (under 0.2 ms on a LAN), which no one-way method can observe.
+A reading is the local arrival time minus the remote time stamp: the true offset plus a transport
+delay, which is never negative. The smallest reading is therefore an upper bound of the offset, and
+close to it once one message was fast (the minimum filter of NTP, RFC 5905 sec. 10, one way). The
+estimate is the minimum over the last ten seconds, in buckets of one second; it follows a drift of
+100 ppm within 1 ms. Its error is the minimum delay (under 0.2 ms on a LAN), which no one-way method
+can observe.
 
-A single wrong time stamp far ahead would be the minimum for ten seconds. A reading more than `NEAR`
-below the estimate, and any reading before there is an estimate, is therefore used only once
-`AGREED` readings with different stamps within a second lie within `NEAR` of one another (the remote
-clock was set ahead, or the link was slow at first). Until then a message counts as sent when it
-arrived.
+A single wrong time stamp far ahead would be the minimum for ten seconds. A reading that is more
+than `NEAR` below the estimate, or that comes before there is an estimate, is therefore accepted
+only once `AGREED` readings with different time stamps within a second lie within `NEAR` of it (the
+remote clock was set ahead, or the link was slow at first). Until then, each message counts as sent
+when it arrived.
 
-When the remote clock was set back, a whole bucket stays far above the minimum, and all earlier
-buckets are discarded.
+If the remote clock is set back, a whole bucket stays far above the minimum, and all earlier buckets
+are discarded.
 """
 
 from __future__ import annotations
@@ -25,16 +26,19 @@ from kybflow.core.signals import NS, Time
 BUCKET: Time = NS
 BUCKETS = 10
 STEP: Time = NS // 4
-"""How far above the minimum a whole bucket may stay, ns."""
+"""If a whole bucket stays further than this above the minimum, the remote clock was set back,
+ns."""
 NEAR: Time = NS // 20
-"""How far below the estimate a single reading is still used, ns."""
+"""A single reading is accepted only if it is at most this far below the estimate, ns."""
 AGREED = 3
 MOST_DOUBTED = 50
 
 
 class Offset:
-    """The estimated offset, in nanoseconds to add to a remote time to get local time. `is_doubted`
-    is true while the newest reading disagrees with the others."""
+    """Estimates the offset to add to a remote time to get local time, in nanoseconds.
+
+    is_doubted: whether the newest reading was too far below the estimate to be accepted.
+    """
 
     def __init__(self) -> None:
         self.is_doubted = False
@@ -44,8 +48,9 @@ class Offset:
         self._doubted: deque[tuple[Time, Time, Time]] = deque(maxlen=MOST_DOUBTED)
 
     def of(self, here: Time, there: Time) -> Time:
-        """Add a reading, the local time of arrival and the remote time of sending, and return the
-        offset. It never exceeds the reading: no message arrives before it was sent."""
+        """Add a reading and return the offset, ns. here: the local time of arrival. there: the
+        remote time of sending. The offset never exceeds `here - there`, because no message arrives
+        before it was sent."""
         reading, believed = here - there, self._now
         self.is_doubted = False
         if believed is None or reading < believed - NEAR:
@@ -58,11 +63,12 @@ class Offset:
         return self._now
 
     def _agreed(self, here: Time, there: Time, reading: Time) -> Time | None:
-        """Return the minimum of the readings that agree with a doubted one, None if too few do."""
+        """Return the smallest of the doubted readings that agree with this one, or None if too few
+        do."""
         doubted = self._doubted
         while doubted and here - doubted[0][0] > BUCKET:
             doubted.popleft()
-        if not doubted or doubted[-1][1] != there:  # the bodies of one frame share a stamp
+        if not doubted or doubted[-1][1] != there:  # the bodies of one frame share a time stamp
             doubted.append((here, there, reading))
         near = {stamp: other for _, stamp, other in doubted if abs(other - reading) <= NEAR}
         if len(near) < AGREED:
@@ -71,7 +77,7 @@ class Offset:
         return min(near.values())
 
     def _taken(self, bucket: Time, reading: Time) -> Time:
-        """Return the minimum after adding an accepted reading."""
+        """Add an accepted reading and return the minimum over all buckets."""
         least = self._least
         if bucket == self._bucket:
             least[-1] = min(least[-1], reading)

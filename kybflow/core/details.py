@@ -1,7 +1,7 @@
 """Messages with a table of details, which a reader may show or leave out.
 
-The first line, the headline, is a message in itself. Each line below it is indented and ends with a
-newline, so that the table is still found after such messages were joined by `; `.
+The first line, the headline, is a message in itself. Each line of the table is indented and ends
+with a newline, so that the table can still be found after several messages were joined by `; `.
 """
 
 from __future__ import annotations

@@ -1,17 +1,17 @@
-"""Every exception that kybflow raises on purpose.
+"""The exceptions that kybflow raises on purpose.
 
-KybflowError
-├── UnitError       a quantity can't be parsed in the expected dimension
-├── FileError       a part can't use the file that a parameter names
-├── PartError       a part is declared wrongly (a programmer's mistake)
-├── Refused         a behavior can't start, or a vehicle refuses a request
-├── EstimateMissing a part needs an estimate and the vehicle has none
-├── PartFailed      a part raised during a run
-├── OptionRefused   a run-time option was not changed
-├── EventRefused    an event was not emitted
-├── CommandUnreadable a person's command can't be read
-├── CalibrationFailed frames tell no calibration
-└── DriverError     a driver, link or device failed
+    KybflowError
+    ├── UnitError         a quantity can't be parsed in the expected dimension
+    ├── FileError         a part can't use the file that a parameter names
+    ├── PartError         a part is declared wrongly (a programmer's mistake)
+    ├── Refused           a behavior can't start, or a vehicle refuses a request
+    ├── EstimateMissing   a part needs an estimate and the vehicle has none
+    ├── PartFailed        a part raised during a run
+    ├── OptionRefused     a run-time option was not changed
+    ├── EventRefused      an event was not emitted
+    ├── CommandUnreadable an operator's command can't be parsed
+    ├── CalibrationFailed the frames are not sufficient for a calibration
+    └── DriverError       a driver, link or device failed
 
 Mistakes in a mission are not exceptions: they are collected as diagnostics
 (`kybflow.dsl.diagnostics.diagnostic`).
@@ -25,7 +25,7 @@ class KybflowError(Exception):
 
 
 class UnitError(KybflowError):
-    """A quantity can't be parsed in its dimension. `hint`: what to write instead, or empty."""
+    """A quantity can't be parsed in its dimension. hint: what to write instead, or empty."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -33,8 +33,8 @@ class UnitError(KybflowError):
 
 
 class FileError(KybflowError):
-    """A part can't use the file that a parameter names. `line` counts from 1, with 0 for the whole
-    file; `hint` is one line that says what to change, or empty."""
+    """A part can't use the file that a parameter names. line: the line number from 1, or 0 for the
+    whole file. hint: one line that says what to change, or empty."""
 
     def __init__(self, message: str, line: int = 0, hint: str = "") -> None:
         super().__init__(message)
@@ -47,16 +47,16 @@ class PartError(KybflowError):
 
 
 class Refused(KybflowError):
-    """A behavior's constructor can't start here, or a vehicle refuses a request (to arm, land or
-    grip); the message says why."""
+    """A behavior can't start in the present situation, or a vehicle refuses a request (to arm, land
+    or grip). The message says why."""
 
 
 class EstimateMissing(KybflowError):
-    """A part needs the vehicle's estimate, and no estimator has one."""
+    """A part needs the vehicle's estimate, and no estimator provides one."""
 
 
 class PartFailed(KybflowError):
-    """A part raised or returned an invalid value during a run. `part` is its label."""
+    """A part raised an exception or returned an invalid value during a run. part: its label."""
 
     def __init__(self, part: str, error: Exception) -> None:
         super().__init__(described(error))
@@ -72,11 +72,12 @@ class EventRefused(KybflowError):
 
 
 class CommandUnreadable(KybflowError):
-    """A person's command can't be read; the message says how it is written."""
+    """An operator's command can't be parsed; the message says how to write it."""
 
 
 class CalibrationFailed(KybflowError):
-    """The frames of a walk give no calibration; the message says why, and what to do."""
+    """The recorded frames are not sufficient for a calibration; the message says why, and what to
+    do."""
 
 
 class DriverError(KybflowError):
@@ -84,6 +85,6 @@ class DriverError(KybflowError):
 
 
 def described(error: Exception) -> str:
-    """Return an exception in one line: its type and its message."""
+    """Return an exception in one line: its type and, if it has one, its message."""
     name = type(error).__name__
     return f"{name}: {error}" if str(error) else name

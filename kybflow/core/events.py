@@ -1,4 +1,4 @@
-"""What an event is: a small class. Emitting one is constructing it.
+"""Events. Each is a small class, and constructing one describes one occurrence.
 
     class ClampStarted(VehicleEvent):
         '''A processor keeps the setpoint from where the behavior wants it.'''
@@ -8,10 +8,10 @@
 
     events.emit(ClampStarted(processor="fence", reason="too high"), "nano")
 
-Missions and recordings call it by the class's name, `clamp_started`; a class that would share its
-name with another one ends in `Event`, which is left out. The docstring is its help. Its fields are
-recorded in the order of their declaration, and one that has its default is left out. A quantity has
-a type of `kybflow.core.units`.
+Missions and recordings use the class's name in snake case, `clamp_started`. A class whose name is
+already used elsewhere ends in `Event`, which the event's name omits. The docstring of the class is
+the event's help. The fields are recorded in the order of their declaration; a field that has its
+default value is not recorded. A quantity has a type of `kybflow.core.units`.
 """
 
 from __future__ import annotations
@@ -22,24 +22,29 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, dataclass_transform
 from kybflow.core.signals import Alarm, Done, FieldValue, Setpoint, kind_name
 
 Needs = Literal["a camera", "motion capture", "a payload", "flows", "other commanders"]
-"""What a vehicle must have to emit an event. flows: the mission has some. other commanders: other
+"""What a vehicle must have to emit an event. flows: the mission has flows. other commanders: other
 programs or people can command the vehicle."""
 Awaited = Literal["anywhere", "to log it", "too late", "nowhere"]
-"""Where a mission can wait for an event. to log it: only a simulator knows it, so a callback may
-log it and nothing else. too late: no tick follows it. nowhere: it is recorded only."""
+"""Where a mission can wait for an event. to log it: only a simulator knows of the event, so a
+callback may log it and do nothing else. too late: no tick follows the event. nowhere: the event is
+only recorded."""
 
 _NEEDED: Any = object()
-"""The default of a field that has none."""
+"""Marks a field without a default."""
 
 
 class _Interpreted(type):
-    """Makes mypyc leave an event an ordinary class: a compiled one would lose its declaration."""
+    """Makes mypyc leave an event class uncompiled; a compiled class would lose its field
+    declarations."""
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 class BaseEvent(metaclass=_Interpreted):
-    """The base of `RunEvent` and `VehicleEvent`. name: what missions and recordings call it.
-    fields: the default of each field, in order."""
+    """The base of `RunEvent` and `VehicleEvent`.
+
+    name: the event's name in missions and recordings. fields: the default of each field, in order.
+    needs: what a vehicle must have to emit the event. awaited: where a mission can wait for it.
+    """
 
     name: str = ""
     fields: ClassVar[Mapping[str, Any]] = {}
@@ -60,12 +65,12 @@ class BaseEvent(metaclass=_Interpreted):
         vars(self).update(values)
 
     def recorded(self) -> dict[str, FieldValue]:
-        """Return the fields that are recorded."""
+        """Return the fields that are recorded: those that differ from their defaults."""
         own = vars(self)
         return {name: own[name] for name, default in self.fields.items() if own[name] != default}
 
     def replaced(self, **values: FieldValue) -> Self:
-        """Return the event with other values of some fields."""
+        """Return a copy of the event with other values of some fields."""
         return type(self)(**{**vars(self), **values})
 
     def __eq__(self, other: object) -> bool:
@@ -87,28 +92,29 @@ class VehicleEvent(BaseEvent):
 
 
 class BehaviorEvent(VehicleEvent):
-    """An event of a behavior's own, which is among its `own_events`. behavior: the vehicle's state,
-    which the runtime fills in."""
+    """An event that only one behavior emits; it is listed in the behavior's `own_events`. behavior:
+    the vehicle's state, filled in by the runtime."""
 
     behavior: str = ""
 
 
 class ProcessorEvent(VehicleEvent):
-    """An event of a processor's own, which is among its `own_events`. processor: its name, which
-    the runtime fills in."""
+    """An event that only one processor emits; it is listed in the processor's `own_events`.
+    processor: the processor's name, filled in by the runtime."""
 
     processor: str = ""
 
 
 class Custom(RunEvent):
-    """An event of a mission's own, of a person, or at the end of a flow. It carries nothing."""
+    """An event without fields that a mission defines, an operator emits, or a flow emits when it
+    ends."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
 
 class AlarmRaised(VehicleEvent):
-    """An alarm of a supervisor or a processor, which gives the event its name."""
+    """An alarm of a supervisor or a processor. The alarm determines the event's name."""
 
     reaction: str
     reason: str
@@ -124,8 +130,8 @@ class AlarmRaised(VehicleEvent):
 
 
 class Emitting(NamedTuple):
-    """A behavior's update, or a processor's setpoint, that also emits an event, one of its class's
-    `own_events`. output: the update itself."""
+    """A behavior's or a processor's output together with an event. output: the update of the
+    behavior, or the setpoint of the processor. event: one of the `own_events` of the class."""
 
     output: Setpoint | Done
     event: BehaviorEvent | ProcessorEvent

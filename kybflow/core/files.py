@@ -1,5 +1,5 @@
-"""Types of parameters that name a file, the file by which a run is found, and how a whole file is
-written."""
+"""The types of parameters that name a file, the name of a run's control file, and atomic
+writing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 CONTROL = "control.json"
-"""The file in a run's folder with the address at which a flying run takes commands."""
+"""The file in a run's folder that holds the address at which the flying run accepts commands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,8 @@ class File:
     flies with the contents that were checked.
 
     name: the path as written, relative to the YAML file that names it. sha256: the digest of its
-    bytes. text: its contents, UTF-8; other bytes, where the parameter allows them, are surrogates.
+    bytes. text: its contents, decoded as UTF-8; bytes that are not UTF-8 become surrogate escapes
+    where the parameter allows binary files.
     """
 
     name: str
@@ -29,7 +30,7 @@ class File:
 
     @property
     def is_text(self) -> bool:
-        """Whether all of it is text."""
+        """Whether the whole file is valid UTF-8."""
         try:
             self.text.encode()
         except UnicodeEncodeError:
@@ -38,26 +39,26 @@ class File:
 
     @property
     def data(self) -> bytes:
-        """Its bytes, but for a byte order mark."""
+        """The bytes of the file, without a byte order mark."""
         return self.text.encode("utf-8", "surrogateescape")
 
 
 class FilePath(str):
-    """The absolute path of a file that is too large to read at compile time. It is written relative
-    to the YAML file that names it; the compiler checks that it exists."""
+    """The absolute path of a file that is too large to read at compile time. In the mission, the
+    path is relative to the YAML file that names it; the compiler checks that the file exists."""
 
     __slots__ = ()
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file completely or not at all: a full disk or an interruption leaves no file. A file
-    that can't be opened stays as it is. Raises OSError."""
+    """Write a file completely or not at all: if writing fails or is interrupted, the file is
+    removed. A file that can't be opened stays unchanged. Raises OSError."""
     stream = path.open("wb")
     try:
         with stream:
             stream.write(data)
     except BaseException:
         with suppress(OSError):
-            if path.is_symlink() or path.is_file():  # a device, such as /dev/full, stays
+            if path.is_symlink() or path.is_file():  # devices, such as /dev/full, are kept
                 path.unlink()
         raise

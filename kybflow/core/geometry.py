@@ -1,8 +1,8 @@
 """Vectors and rotations as tuples of floats.
 
-World frame ENU, body frame FLU (REP 103). A quaternion is (w, x, y, z) of unit length and rotates
-body to world. Angles are in radians. Plain floats, because a NumPy array costs ten times as much as
-the arithmetic on three numbers.
+The world frame is ENU and the body frame FLU (REP 103). A quaternion is (w, x, y, z) of unit length
+and rotates body to world. Angles are in radians. Plain floats are used because a NumPy array costs
+ten times as much as the arithmetic on three numbers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ZERO: Vec3 = (0.0, 0.0, 0.0)
 UP: Vec3 = (0.0, 0.0, 1.0)
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 GRAVITY = 9.81
-"""Standard gravity as the simulator and the controllers use it, m/s^2."""
+"""Standard gravity of the simulator and the controllers, m/s^2."""
 
 
 def add(a: Vec3, b: Vec3) -> Vec3:
@@ -31,7 +31,7 @@ def sub(a: Vec3, b: Vec3) -> Vec3:
 
 
 def scale(a: Vec3, s: float) -> Vec3:
-    """Return s a."""
+    """Return the product s a."""
     return (a[0] * s, a[1] * s, a[2] * s)
 
 
@@ -55,9 +55,12 @@ distance: Callable[[Vec3, Vec3], float] = dist
 
 
 def least_distance(before: Vec3, after: Vec3) -> float:
-    """Return the least length of a vector that goes straight from `before` to `after`: how near two
-    come that were and are so far apart on straight ways, or a leg comes to a point from which its
-    ends are seen so."""
+    """Return the least length of a vector that changes linearly from `before` to `after`.
+
+    This is the least distance of two points that move along straight lines, if the vectors are
+    their first and last offset. It is also the distance of a point from a segment, if the vectors
+    lead from the point to the ends of the segment.
+    """
     way = sub(after, before)
     square = dot(way, way)
     share = 0.0 if square == 0.0 else min(1.0, max(0.0, -dot(before, way) / square))
@@ -121,8 +124,8 @@ def body_z(q: Quat) -> Vec3:
 
 
 def heading_of(q: Quat) -> float:
-    """Return the heading: the angle in [-pi, pi] of body x in the horizontal plane, counter-
-    clockwise from world x (east)."""
+    """Return the heading: the angle in [-pi, pi] of the body's x axis, projected onto the
+    horizontal plane, counter-clockwise from world x (east)."""
     w, x, y, z = q
     return atan2(w * z + x * y, 0.5 - (y * y + z * z))
 
@@ -164,7 +167,7 @@ def to_euler(q: Quat) -> Vec3:
 
 def from_thrust_direction(direction: Vec3, heading: float) -> Quat:
     """Return the attitude with body z along `direction` and body x as close as possible to
-    `heading`; `direction` is in the world frame, of any length, and not parallel to `heading`."""
+    `heading` (rad). direction: world frame, of any length, not parallel to the heading."""
     return from_thrust_facing(direction, (cos(heading), sin(heading)))
 
 
@@ -187,7 +190,7 @@ def from_thrust_facing(direction: Vec3, facing: tuple[float, float]) -> Quat:
 
 
 def from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
-    """Return the attitude with these orthonormal body axes in the world."""
+    """Return the attitude whose orthonormal body axes are `x`, `y` and `z` in the world frame."""
     return _from_matrix(*x, *y, *z)
 
 
@@ -196,7 +199,8 @@ def _from_matrix(
     yx: float, yy: float, yz: float,
     zx: float, zy: float, zz: float,
 ) -> Quat:  # fmt: skip
-    """Return the attitude whose body axes x, y, z have these coordinates, by Shepperd's method."""
+    """Return the attitude whose body axes x, y, z have these world coordinates (Shepperd's
+    method)."""
     trace = xx + yy + zz
     if trace > 0.0:
         s = 2.0 * sqrt(1.0 + trace)
@@ -212,7 +216,8 @@ def _from_matrix(
 
 
 def integrate(q: Quat, rate: Vec3, dt: float) -> Quat:
-    """Return `q` after `dt` seconds at the body rate `rate` (rad/s): first order, renormalised."""
+    """Return the attitude `q` after `dt` seconds at the constant body rate `rate` (rad/s), to first
+    order and renormalised."""
     w, x, y, z = q
     rx, ry, rz = rate
     half = 0.5 * dt

@@ -1,4 +1,4 @@
-"""Small matrices as rows of floats: whether one pulls back along every direction, and how much."""
+"""Products, symmetry, definiteness and eigenvalues of small matrices, given as rows of floats."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ Rows = Sequence[Sequence[float]]
 
 
 def transform(matrix: Rows, v: Vec3) -> Vec3:
-    """Return a 3 x 3 matrix times `v`."""
+    """Return the product of a 3 x 3 matrix and the vector `v`."""
     (a, b, c), (d, e, f), (g, h, i) = matrix
     x, y, z = v
     return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
 def asymmetry(matrix: Rows) -> tuple[int, int] | None:
-    """Return the row and column, from 0, of the first entry that differs from the one opposite;
-    None for a symmetric matrix."""
+    """Return the row and column, from 0, of the first entry that differs from its mirror image
+    across the diagonal; None for a symmetric matrix."""
     pairs = ((i, j) for i in range(len(matrix)) for j in range(i))
     return next(((j, i) for i, j in pairs if matrix[i][j] != matrix[j][i]), None)
 
 
 def is_positive_definite(matrix: Rows) -> bool:
-    """Return whether a symmetric matrix has positive eigenvalues only: Gauss' pivots are."""
+    """Return whether all eigenvalues of a symmetric matrix are positive. They are if all pivots of
+    Gaussian elimination are positive."""
     rows = [list(row) for row in matrix]
     for i, row in enumerate(rows):
         if not row[i] > 0.0:
@@ -37,14 +38,15 @@ def is_positive_definite(matrix: Rows) -> bool:
 
 
 def eigenvalues2(matrix: Rows) -> tuple[float, float]:
-    """Return the eigenvalues of a symmetric 2 x 2 matrix, rising."""
+    """Return the eigenvalues of a symmetric 2 x 2 matrix in ascending order."""
     (a, b), (_, c) = matrix
     middle, reach = 0.5 * (a + c), hypot(0.5 * (a - c), b)
     return middle - reach, middle + reach
 
 
 def eigenvalues3(matrix: Rows) -> tuple[float, float, float]:
-    """Return the eigenvalues of a symmetric 3 x 3 matrix, rising (Smith, Comm. ACM 4, 1961)."""
+    """Return the eigenvalues of a symmetric 3 x 3 matrix in ascending order (Smith, Comm. ACM 4,
+    1961)."""
     (a, d, f), (_, b, e), (_, _, c) = matrix
     mean = (a + b + c) / 3.0
     a, b, c = a - mean, b - mean, c - mean

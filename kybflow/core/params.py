@@ -1,9 +1,10 @@
-"""Declares a record once: a mapping of YAML as a frozen dataclass whose fields are its keys.
+"""Declarations of records. A record is a mapping in YAML; its class is a frozen dataclass whose
+fields are the keys of the mapping.
 
 A part's parameters (`@params`, `param`) and the records of the mission language (`@record`, `key`)
-work alike. The annotation gives the type of a value, `key` its help, default and bounds. The YAML
-decoder, the JSON Schema, the text that reads back, the tables of the docs, completion and the
-run-time options all follow from this declaration.
+work alike. The annotation of a field gives the type of its value; `key` gives its help, default and
+bounds. The YAML decoder, the JSON Schema, the YAML writer, the tables of the docs, completion and
+the run-time options all follow from this declaration.
 """
 
 from __future__ import annotations
@@ -42,22 +43,23 @@ RESERVED = frozenset(
     }
 )  # fmt: skip
 Tightens = Literal["up", "down"]
-"""The direction in which a safety parameter becomes stricter; for a choice, along its list."""
+"""The direction in which a safety parameter becomes stricter; for a choice, the direction along its
+list of words."""
 Named = Literal["vehicle", "estimator", "input", "group"]
-"""What in the mission a text may name: another vehicle, one of the vehicle's estimators, an input,
-or the group with which the vehicle does this together."""
+"""What a text parameter may name: another vehicle, one of the vehicle's estimators, an input, or
+the group of vehicles that fly the behavior together."""
 Room = Literal["across", "up"]
-"""The extent of the fence that a length is held against: its longest side, or its height."""
+"""The extent of the fence with which a length is compared: its longest side, or its height."""
 NamesLike = Literal["name", "dotted", "any"]
-"""What the names of a mapping are like: `a`, `a.b`, or anything."""
+"""Which names a mapping may have as keys: `a`, `a` and `a.b`, or any text."""
 Reads = Callable[[File], object]
-"""A part's reader for a file; raises FileError when the part can't use it."""
+"""A function of a part that parses a file; raises FileError if the part can't use the file."""
 
 
 @dataclass(frozen=True, eq=False)
 class ValueType:
-    """The type of a key's value. `shape` is its word in docs; a `fixed` value can't change during a
-    run."""
+    """The type of a key's value. shape: the word for it in docs. fixed: whether the value can't
+    change during a run."""
 
     shape: str
     fixed: bool = False
@@ -68,8 +70,8 @@ _NOTHING = ValueType("nothing")
 
 @dataclass(frozen=True, eq=False)
 class Numbers(ValueType):
-    """Numbers of one dimension: `size` is () for one, (3,) for a vector, (None, 3) for a path and
-    (rows, columns) for a matrix. The value is a float, or tuples of them."""
+    """One or more numbers of one dimension. size: () for a scalar, (3,) for a vector, (None, 3) for
+    a path, (rows, columns) for a matrix. The value is a float, or nested tuples of floats."""
 
     dimension: Dimension = NUMBER
     size: tuple[int | None, ...] = ()
@@ -77,22 +79,22 @@ class Numbers(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class Choice(ValueType):
-    """One of several words."""
+    """A choice of one of several words."""
 
     words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class ListOf(ValueType):
-    """A list of values of one type, as a tuple."""
+    """A list of values of one type, decoded as a tuple."""
 
     item: ValueType = _NOTHING
 
 
 @dataclass(frozen=True, eq=False)
 class MappingOf(ValueType):
-    """Values of one type by the author's names: a dict, or a tuple of records that know their
-    names."""
+    """A mapping from names that the author chooses to values of one type, decoded as a dict, or as
+    a tuple of records that hold their names."""
 
     item: ValueType = _NOTHING
     as_dict: bool = True
@@ -100,8 +102,8 @@ class MappingOf(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class RecordOf(ValueType):
-    """The mapping of another record. A `flat` record has its keys beside those of the record that
-    holds it. `or_name`: its name may replace it."""
+    """A nested record. flat: its keys stand beside those of the record that holds it, instead of in
+    a mapping of their own. or_name: the name of such a record may replace it."""
 
     cls: Any = None
     flat: bool = False
@@ -109,9 +111,9 @@ class RecordOf(ValueType):
 
 
 NAMED, FLAT, OR_NAME = ValueType("named"), ValueType("flat"), ValueType("name")
-"""Marks: `Annotated[tuple[InputPlan, ...], NAMED]` is a mapping of names to records, which are kept
-in order; `Annotated[Airframe, FLAT]` has its keys beside those of the record that holds it;
-`Annotated[World, OR_NAME]` may be the name of one."""
+"""Markers for annotations. `Annotated[tuple[InputPlan, ...], NAMED]` is a mapping from names to
+records, kept in order. The keys of `Annotated[Airframe, FLAT]` stand beside those of the record
+that holds it. `Annotated[World, OR_NAME]` may be written as a record or as the name of one."""
 INTEGER, BOOLEAN, TEXT = ValueType("integer"), ValueType("boolean"), ValueType("text")
 _SEVERAL = {INTEGER: "integers", TEXT: "names"}
 FILE, FILE_PATH = ValueType("file", True), ValueType("file path", True)
@@ -139,20 +141,23 @@ def numbers(dimension: Dimension, shape: str = "scalar") -> Numbers:
 
 @dataclass(frozen=True)
 class Field:
-    """One key of a record, or one parameter of a part. `key` declares it; name, type, optional and
-    required follow from the declaration.
+    """One key of a record, or one parameter of a part. `key` declares it; `name`, `type`,
+    `optional` and `required` follow from the declaration.
 
-    name: the field's name in Python. type: the type of its value. optional: it may be null. default
-    and bounds are SI; bounds hold for each number of a vector or matrix. is_definite: a matrix is
-    symmetric and positive definite. read_only: it can't change during a run. tightens: in flight it
-    may change in that direction only. names: the compiler checks that such a thing exists. reads:
-    the compiler checks a file with this reader. limited_by: another parameter that it may not
-    exceed, or the part never succeeds. room: the length has no effect where it is more than half of
-    the fence's longest side (`across`), or more than its height (`up`). binary: the file need not
-    be text. key: its spelling in YAML, where Python forbids the field's name. examples: values that
-    editors offer. each: what each item of a list or a mapping is, with `each_examples`. least: the
-    least number of items. needed: whether a file must have it; by default, a key without a default
-    of a whole record. names_like: how the names of a mapping are formed.
+    name: the field's name in Python. type: the type of its value. optional: whether the value may
+    be null. default, above, at_least, below, at_most: the default and the bounds in SI; the bounds
+    apply to each number of a vector or matrix. is_definite: whether a matrix must be symmetric and
+    positive definite. read_only: whether the value can't change during a run. tightens: the only
+    direction in which the value may change in flight. names: what the value names; the compiler
+    checks that it exists. reads: the function with which the compiler checks a file. limited_by:
+    another parameter of the part that this one must not exceed, because the part would never
+    succeed. room: the extent of the fence with which the length is compared; the length has no
+    effect if it is more than half of the longest side (`across`) or more than the height (`up`).
+    binary: whether the file may be other than text. key: the key in YAML, if it differs from the
+    name. examples: values that editors offer. each, each_examples: the help and the examples for
+    each item of a list or mapping. least: the least number of items. needed: whether a file must
+    have the key; by default, a key without a default in a whole record is needed. names_like: which
+    names the mapping may have as keys.
     """
 
     help: str = ""
@@ -184,23 +189,25 @@ class Field:
 
     @functools.cached_property
     def shape(self) -> str:
-        """scalar, vector, path, matrix, integer, integers (a list), boolean, text, names (a list),
-        file, file path, choice, or that of a type of the language."""
+        """The word for the type of the value: scalar, vector, path, matrix, integer, integers (a
+        list), boolean, text, names (a list), file, file path, choice, or a word of the mission
+        language."""
         return self.type.shape
 
     @functools.cached_property
     def dimension(self) -> Dimension | None:
-        """The dimension of its numbers; None for anything else."""
+        """The dimension of the field's numbers; None for any other type."""
         return self.type.dimension if isinstance(self.type, Numbers) else None
 
     @functools.cached_property
     def choices(self) -> tuple[str, ...]:
-        """The words of a choice; none for anything else."""
+        """The words of a choice; empty for any other type."""
         return self.type.words if isinstance(self.type, Choice) else ()
 
     def numbers(self, value: Any) -> tuple[float, ...]:
-        """Return every number of a value: of a vector, path or matrix in order, of a choice its
-        place in the list; none for None and for what has no numbers."""
+        """Return every number of a value: the entries of a vector, path or matrix in order, or the
+        index of a choice in its list. The result is empty for None and for values without
+        numbers."""
         if value is None:
             return ()
         if self.choices:
@@ -210,14 +217,15 @@ class Field:
         return (float(value),) if isinstance(value, int | float) else ()
 
     def loosens(self, before: Any, after: Any) -> bool:
-        """Return whether a safety parameter, or any number of it, is less strict than before."""
+        """Return whether a safety parameter, or any of its numbers, is less strict after than
+        before."""
         if self.tightens is None or before is None or after is None:
             return False
         pairs = zip(self.numbers(before), self.numbers(after), strict=True)
         return any(b > a if self.tightens == "up" else b < a for b, a in pairs)
 
     def named(self, value: Any, what: Named) -> tuple[str, ...]:
-        """Return the names of `what` that a value of this parameter has."""
+        """Return the names of the given kind that a value of this parameter contains."""
         if self.names != what or value is None:
             return ()
         return (value,) if isinstance(value, str) else tuple(value)
@@ -232,8 +240,8 @@ class Field:
         )
 
     def flaw(self, value: Any) -> str | None:
-        """Return why a value whose numbers are within bounds is wrong as a whole, or None: a matrix
-        may have to be symmetric and positive definite."""
+        """Return why a value is invalid although each of its numbers is within the bounds, or None.
+        A matrix may have to be symmetric and positive definite."""
         if not self.is_definite or value is None:
             return None
         if (place := asymmetry(value)) is not None:
@@ -251,7 +259,8 @@ _P = ParamSpec("_P")
 
 
 def _declares(make: Callable[_P, Field]) -> Callable[_P, Any]:
-    """What declares a key: a dataclass's field with the facts that `make` takes."""
+    """Return a function that takes the arguments of `make` and declares a dataclass field with the
+    `Field` that `make` returns."""
 
     def key(*args: _P.args, **facts: _P.kwargs) -> Any:
         field = make(*args, **facts)
@@ -264,9 +273,9 @@ def _declares(make: Callable[_P, Field]) -> Callable[_P, Any]:
 
 
 key = _declares(Field)
-"""Declares one key of a record, with the facts of its `Field`."""
+"""Declare one key of a record. The arguments are the fields of `Field`."""
 param = key
-"""A part's parameter is a key of its mapping."""
+"""Declare one parameter of a part; identical to `key`."""
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key, param))
@@ -279,9 +288,13 @@ def params(cls: type[T]) -> type[T]:
     frozen_default=True, kw_only_default=True, field_specifiers=(key, dataclasses.field)
 )
 def record(title: str = "", **facts: Any) -> Callable[[type[T]], type[T]]:
-    """Make a class a frozen dataclass for a mapping of the language that is no part, called `title`
-    in reports. Its keys may have `RESERVED` names, because it has no parameters beside them; the
-    compiler computes fields without `key`. `facts`: see `Record`."""
+    """Return a decorator that makes a class a frozen dataclass for one mapping of the mission
+    language.
+
+    title: what reports call the mapping. facts: class attributes, described in `Record`. The keys
+    may have `RESERVED` names, unlike the parameters of a part. Fields without `key` are computed by
+    the compiler.
+    """
 
     def made(cls: type[T]) -> type[T]:
         whole = dataclass(frozen=True)(cls)
@@ -293,7 +306,8 @@ def record(title: str = "", **facts: Any) -> Callable[[type[T]], type[T]]:
 
 
 def type_of(field: Field) -> str:
-    """Return the type in words with its SI unit: `length [m]`, `path of length [m]`, `on | off`."""
+    """Return a field's type in words with its SI unit: `length [m]`, `path of length [m]`, `on |
+    off`."""
     kind = field.type
     if isinstance(kind, Choice):
         return " | ".join(kind.words)
@@ -311,8 +325,8 @@ def type_of(field: Field) -> str:
 
 
 def is_needed(cls: Any, field: Field) -> bool:
-    """Return whether a file must have a key: a part's or a whole record's without a default. What
-    other records lack, `like` may bring."""
+    """Return whether a file must have a key. A key without a default is needed in a part or a whole
+    record; in other records, `like` may provide it."""
     if field.needed is not None:
         return field.needed
     return field.required and getattr(cls, "is_whole", True)
@@ -330,12 +344,12 @@ def fields_of(cls: Any) -> tuple[Field, ...]:
 
 
 def named_in(parameters: Any, what: Named) -> dict[str, str]:
-    """Return what of `what` these parameters name, by the parameter's name."""
+    """Return the names of the given kind in these parameters, by the name of the parameter."""
     return dict(names_in(parameters, what))
 
 
 def names_in(parameters: Any, what: Named) -> Iterator[tuple[str, str]]:
-    """Yield each name of `what` in these parameters, behind the parameter that has it."""
+    """Yield (parameter, name) for each name of the given kind in these parameters."""
     for field in fields_with(parameters.__class__, "names"):
         for name in field.named(getattr(parameters, field.name), what):
             yield field.name, name
@@ -369,7 +383,8 @@ def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: 
 
 
 def _type(where: str, hint: Any) -> tuple[ValueType, bool]:
-    """(the type that `hint` declares, whether the value may be None)."""
+    """Return the type that `hint` declares, and whether the value may be None. Raises PartError for
+    a hint that declares no type."""
     if _is_optional(hint):
         rest = [a for a in get_args(hint) if a is not type(None)]
         if len(rest) == 1:
@@ -386,7 +401,7 @@ def _type(where: str, hint: Any) -> tuple[ValueType, bool]:
 
 
 def _marked(where: str, hint: Any, mark: Any) -> ValueType | None:
-    """The type that a mark of `Annotated` makes of a hint."""
+    """Return the type that a hint has with a marker of `Annotated`; None if the two don't match."""
     if mark is FLAT or mark is OR_NAME:
         return RecordOf("mapping", False, hint, mark is FLAT, mark is OR_NAME)
     if mark is NAMED:
@@ -401,7 +416,7 @@ def _marked(where: str, hint: Any, mark: Any) -> ValueType | None:
 
 
 def _plain(where: str, hint: Any) -> ValueType | None:
-    """The type of a hint without a mark."""
+    """Return the type of a hint without a marker; None if there is no such type."""
     if hint in _TYPES:
         return _TYPES[hint]
     if getattr(hint, _LANGUAGE, False):

@@ -1,8 +1,8 @@
 """The signals between parts: measurements, estimates, setpoints, commands, alarms and events.
 
-Immutable values of plain floats. `Time` is integer nanoseconds since the clock's zero; a signal
-that is valid at one time carries it. World frame ENU, body frame FLU, SI units (REP 103);
-quaternions rotate body to world.
+Signals are immutable values of plain floats. `Time` is an integer number of nanoseconds since the
+clock's zero; a signal that is valid at one time has a `time`. The world frame is ENU and the body
+frame FLU, in SI units (REP 103); quaternions rotate body to world.
 """
 
 from __future__ import annotations
@@ -25,20 +25,21 @@ NEVER: Time = 1 << 62
 
 T = TypeVar("T", bound=tuple[Any, ...])
 made = cast(Callable[[type[T], tuple[Any, ...]], T], tuple.__new__)
-"""Make a signal of a tuple of all its fields, in half the time that calling its class takes: for
-those that every tick makes."""
+"""Make a signal from a tuple of all its fields, in half the time that a call of its class takes.
+Used for signals that are made in every tick."""
 
 
 class Measurement(Protocol):
     """What a sensor measured at `time`.
 
-    A kind of measurement is a class: a NamedTuple of `time` and the measured values. An estimator
-    `needs` kinds; a driver or a sensor `provides` them. The class is its only declaration: the
-    runtime checks, counts, records and distributes a measurement by its fields. The recording has a
-    topic and a message type named after the class, with the comments in `Annotated`. Recorded types
-    are `Time`, `float`, `bool`, `Vec3` and `Quat`; with `Recorded`, which adds a field, also
-    `T | None` and `tuple[float, ...]`. Each value of a `str` field gets a topic of its own; a field
-    of type `Any` is not recorded.
+    Each kind of measurement is a class: a NamedTuple of `time` and the measured values. An
+    estimator `needs` kinds; a driver or a sensor `provides` them. The class is the only declaration
+    of a kind: the runtime checks, counts, records and distributes measurements by its fields. In
+    the recording, the topic and the message type are named after the class, and the texts in
+    `Annotated` become comments. A field is recorded if its type is `Time`, `float`, `bool`, `Vec3`
+    or `Quat`; with `Recorded`, which adds a field to the message, it may also be `T | None` or
+    `tuple[float, ...]`. Each value of a `str` field gets a separate topic. A field of type `Any` is
+    not recorded.
     """
 
     @property
@@ -50,14 +51,15 @@ MeasurementKind = type[Measurement]
 
 
 def kind_name(kind: type) -> str:
-    """Return a class's name in missions, messages and topics: `optical_flow` for OpticalFlow."""
+    """Return the name of a class in missions, messages and topics: `optical_flow` for
+    OpticalFlow."""
     return re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
 
 
 class Recorded(NamedTuple):
-    """How to record a field that needs one more field in the message. comment: documents the field.
-    extra, extra_comment: the name and comment of the field before it, which says whether there is a
-    value, or how many there are."""
+    """How to record a field that needs another field before it in the message. comment: the comment
+    of the field. extra: the name of the other field, which says whether there is a value, or how
+    many values there are. extra_comment: its comment."""
 
     comment: str
     extra: str
@@ -68,7 +70,8 @@ Stamp = Annotated[Time, "ns; when it was true. It arrived at the message's log t
 
 
 class Pose(NamedTuple):
-    """A pose from motion capture: position in the world, metres; attitude body to world."""
+    """A pose from motion capture: the position in the world, metres, and the attitude, body to
+    world."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -76,16 +79,16 @@ class Pose(NamedTuple):
 
 
 class BatteryWarning(NamedTuple):
-    """A vehicle's own warning of a low battery, in words. acts: the vehicle's own failsafe acts on
-    that, or would if it were set up to."""
+    """A low-battery warning of the vehicle. words: the text of the warning. acts: whether the
+    vehicle's own failsafe reacts to it, or would if it were enabled."""
 
     words: str
     acts: bool
 
 
 class Battery(NamedTuple):
-    """The battery as the vehicle reports it: the charge `remaining`, 0 to 1, its voltage, and the
-    vehicle's own `warning` (a BatteryWarning), None while it gives none."""
+    """The battery state that the vehicle reports. remaining: the charge, 0 to 1. voltage: V.
+    warning: a BatteryWarning, or None."""
 
     time: Stamp
     remaining: Annotated[float, "0 to 1"]
@@ -94,8 +97,8 @@ class Battery(NamedTuple):
 
 
 class Imu(NamedTuple):
-    """The mean of the inertial sensors over the `dt` seconds before `time`, biases and noise
-    included, in the body frame: specific force (m/s^2; at rest 9.81 upwards) and angular velocity
+    """The mean output of the inertial sensors over the `dt` seconds before `time`, including biases
+    and noise, in the body frame: specific force (m/s^2; 9.81 upwards at rest) and angular velocity
     (rad/s)."""
 
     time: Annotated[Time, "ns; the end of what it is the average of"]
@@ -105,11 +108,12 @@ class Imu(NamedTuple):
 
 
 IMU_TIMEOUT: Time = NS // 10
-"""After such a gap, the IMU says nothing of the motion since."""
+"""After a gap longer than this, ns, the motion since the last IMU measurement is unknown."""
 
 
 class Frame(NamedTuple):
-    """A camera's grey image, (height, width) uint8; `time` is mid-exposure of its middle row."""
+    """A camera's grey image, (height, width) uint8. time: the middle of the exposure of its middle
+    row."""
 
     time: Annotated[Time, "ns; the middle of its exposure. It arrived at the message's log time."]
     camera: str
@@ -117,7 +121,8 @@ class Frame(NamedTuple):
 
 
 class Position(NamedTuple):
-    """A position in the world from GPS, and its standard deviation along each axis, metres."""
+    """A position from GPS, in the world frame, with its standard deviation along each axis,
+    metres."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -125,9 +130,9 @@ class Position(NamedTuple):
 
 
 class Payload(NamedTuple):
-    """The vehicle's report of its payload: whether the servo that holds it is open, and whether it
-    is on board, None if the vehicle can't tell. Sent when either changes, so it acknowledges that
-    the servo moved."""
+    """The vehicle's report of its payload. is_open: whether the servo that holds the payload is
+    open. aboard: whether the payload is on board, None if the vehicle can't tell. It is sent when
+    either value changes, so it acknowledges that the servo moved."""
 
     time: Stamp
     is_open: Annotated[bool, "the servo that holds the payload"]
@@ -137,9 +142,9 @@ class Payload(NamedTuple):
 
 
 class Odometry(NamedTuple):
-    """The state that an autopilot's own estimator reports: position and velocity in the world,
-    attitude body to world, angular_velocity in the body. spread: the autopilot's standard deviation
-    of the position, metres."""
+    """The state that an autopilot's own estimator reports. position, velocity: world frame.
+    attitude: body to world. angular_velocity: body frame. spread: the autopilot's standard
+    deviation of the position, metres."""
 
     time: Stamp
     position: Annotated[Vec3, "m, world"]
@@ -150,8 +155,8 @@ class Odometry(NamedTuple):
 
 
 class Sticks(NamedTuple):
-    """A pilot's sticks, from a transmitter or a ground station: -1 to 1, positive roll to the
-    right, pitch forward, yaw to the left; throttle 0 to 1; and the switches, each -1 to 1."""
+    """A pilot's sticks, from a transmitter or a ground station. roll, pitch, yaw: -1 to 1, positive
+    to the right, forward and to the left. throttle: 0 to 1. switches: -1 to 1 each."""
 
     time: Stamp
     roll: Annotated[float, "-1 to 1, to the right"]
@@ -165,7 +170,7 @@ class Sticks(NamedTuple):
 
 
 class PayloadState(Enum):
-    """Where the payload is, as the vehicle acknowledged it. ABSENT: none was loaded."""
+    """Where the payload is, according to the vehicle. ABSENT: none was loaded."""
 
     ABOARD = "aboard"
     RELEASED = "released"
@@ -175,9 +180,9 @@ class PayloadState(Enum):
 class Estimate(NamedTuple):
     """The vehicle's state at `time`, as an estimator computed it.
 
-    position, velocity: in the world. attitude: body to world. angular_velocity: in the body.
-    source: the estimator's name. age: seconds since its newest measurement was true. spread:
-    standard deviation of the position, metres.
+    position, velocity: world frame. attitude: body to world. angular_velocity: body frame. source:
+    the estimator's name. age: seconds since its newest measurement was true. spread: the standard
+    deviation of the position, metres.
     """
 
     time: Time
@@ -192,7 +197,7 @@ class Estimate(NamedTuple):
 
 class Truth(NamedTuple):
     """The true state in a simulator; only the recorder and the expectations may read it. payload:
-    the centre of the payload, on board or not; None without one."""
+    the position of the payload's centre, on board or not; None if the vehicle has no payload."""
 
     position: Vec3
     velocity: Vec3
@@ -202,7 +207,7 @@ class Truth(NamedTuple):
 
 
 class SetpointKind(Enum):
-    """What the tracker follows in a setpoint. IDLE: rotors at rest, on the ground."""
+    """The part of a setpoint that the tracker follows. IDLE: rotors at rest, on the ground."""
 
     IDLE = "idle"
     POSITION = "position"
@@ -213,10 +218,11 @@ class SetpointKind(Enum):
 class Setpoint(NamedTuple):
     """Where the vehicle should be now and how it should move, in the world frame.
 
-    A POSITION setpoint has position, velocity, acceleration and jerk (fed forward, zero at rest); a
-    VELOCITY setpoint has no position, an ACCELERATION setpoint no position and no velocity. The
-    tracker follows `heading` (rad) and feeds `heading_rate` (rad/s) forward; where `heading` is
-    None, it turns at `heading_rate` from the heading that it followed last.
+    A POSITION setpoint has position, velocity, acceleration and jerk; the derivatives are fed
+    forward and are zero at rest. A VELOCITY setpoint has no position; an ACCELERATION setpoint has
+    neither position nor velocity. The tracker follows `heading` (rad) and feeds `heading_rate`
+    (rad/s) forward; if `heading` is None, it turns at `heading_rate`, starting from the heading
+    that it followed last.
     """
 
     kind: SetpointKind
@@ -229,7 +235,8 @@ class Setpoint(NamedTuple):
 
 
 class CommandKind(Enum):
-    """What the on-board controller follows; a tracker emits kinds, a driver accepts them."""
+    """The quantity that the on-board controller follows. A tracker emits some kinds, and a driver
+    accepts some kinds."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -240,16 +247,20 @@ class CommandKind(Enum):
 
 
 class Command(NamedTuple):
-    """What the on-board controller should follow; `kind` says which fields count.
+    """What the on-board controller should follow. `kind` determines which fields it uses.
 
-    ATTITUDE_THRUST: `attitude` (body to world), `thrust` (newtons along body z) and `rates` (body,
-    rad/s), fed forward. RATES_THRUST: `rates` and `thrust`. POSITION, VELOCITY and ACCELERATION:
-    `setpoint`, which has at least that field; its other fields are fed forward. TILT_CLIMB: the
-    tilt of `attitude`, the heading rate about body z of `rates`, and the climb rate, the velocity
-    of `setpoint` along z. `armed` false stops
-    the rotors. heading: the estimated heading, for an on-board filter that can't observe it, as an
-    autopilot takes it from external vision; if None, it is unknown, the heading in `attitude` is
-    meaningless, and the on-board controller holds its own.
+    - ATTITUDE_THRUST: `attitude` (body to world), `thrust` (newtons along body z), and `rates`
+      (body frame, rad/s) as feed-forward.
+    - RATES_THRUST: `rates` and `thrust`.
+    - POSITION, VELOCITY, ACCELERATION: `setpoint`, which has at least that field; its other fields
+      are fed forward.
+    - TILT_CLIMB: the tilt of `attitude`, the z component of `rates` as the heading rate, and the z
+      component of the velocity of `setpoint` as the climb rate.
+
+    armed: if false, the rotors stop. heading: the estimated heading, rad, for an on-board filter
+    that can't observe it (an autopilot takes it from external vision). If it is None, the heading
+    is unknown, the heading in `attitude` is meaningless, and the on-board controller holds its own
+    heading.
     """
 
     attitude: Quat
@@ -262,7 +273,7 @@ class Command(NamedTuple):
 
 
 class Reaction(IntEnum):
-    """What the failsafe does, in order of severity; the severest in a tick wins."""
+    """What the failsafe does, by rising severity. The severest reaction in a tick takes effect."""
 
     WARN = 1
     BRAKE = 2
@@ -273,13 +284,14 @@ class Reaction(IntEnum):
 
 
 ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
-"""A reaction's name, as a mission chooses it for a supervisor."""
+"""The name of a reaction, as a mission writes it for a supervisor."""
 
 
 class Alarm(NamedTuple):
-    """A crossed bound: the event's name in the past tense, the reaction, the reason, and the
-    measured value and the bound, None where there is no number. is_failure: the mission has failed
-    with it, even if the vehicle lands well."""
+    """The report that a bound was crossed. event: the name of the event, in the past tense.
+    reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
+    are no numbers. is_failure: whether the mission counts as failed even if the vehicle lands
+    well."""
 
     event: str
     reaction: Reaction
@@ -290,13 +302,14 @@ class Alarm(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A behavior's last update when it ended normally; the tracker still follows its setpoint."""
+    """A behavior's last update, when it ended normally. The tracker still follows its setpoint."""
 
     setpoint: Setpoint
 
 
 class Failed(NamedTuple):
-    """A behavior's last update when it failed, and why; the tracker still follows its setpoint."""
+    """A behavior's last update, when it failed. reason: why. The tracker still follows its
+    setpoint."""
 
     setpoint: Setpoint
     reason: str
@@ -311,16 +324,17 @@ class Grip(NamedTuple):
 
 
 class Retune(NamedTuple):
-    """A processor's setpoint, and new values (SI) of options that the class of its vehicle's
-    tracker declares, by name. They take effect at the next tick, as with `set`."""
+    """A processor's setpoint with new values of the tracker's options. options: the values (SI) by
+    the names that the tracker's class declares. They take effect in the next tick, as with
+    `set`."""
 
     output: Setpoint
     options: Mapping[str, float]
 
 
 class PlannedPoint(NamedTuple):
-    """Where an external planner wants a vehicle at `time`: seconds of the run; position, velocity
-    and acceleration in the world; heading in radians, None to keep it."""
+    """Where an external planner wants a vehicle at `time`. time: seconds of the run. position,
+    velocity, acceleration: world frame. heading: rad, None to keep the present one."""
 
     time: float
     position: Vec3
@@ -330,11 +344,11 @@ class PlannedPoint(NamedTuple):
 
 
 FieldValue = str | float | bool | None
-"""What a field of an event can be."""
+"""The type of an event's field."""
 
 
 class Event(NamedTuple):
-    """An event as it is recorded (`kybflow.core.events` declares them). at: the mission line that
+    """An event as recorded (`kybflow.core.events` declares the events). at: the mission line that
     caused it, or empty."""
 
     time: Time
@@ -345,13 +359,13 @@ class Event(NamedTuple):
 
 
 CENTRE = 0.05
-"""How far from zero an axis of an input may be at rest."""
+"""An input's axis is at rest if it is no further than this from zero."""
 
 
 class InputReading(NamedTuple):
-    """A reading of a person's input: each axis by name, -1 to 1, and the names of the pressed
-    buttons. heard: when the device sent it, or last had nothing new. engaged: its dead-man switch
-    is held, or it has none."""
+    """A reading of an input that an operator steers. heard: when the device sent it or last
+    reported that nothing changed. axes: each axis by name, -1 to 1. held: the names of the pressed
+    buttons. engaged: whether the dead-man switch is held; true if there is none."""
 
     heard: Time
     axes: Mapping[str, float]
@@ -369,8 +383,8 @@ NO_INPUTS: InputReadings = MappingProxyType({})
 
 
 class SeenObstacle(NamedTuple):
-    """A moving obstacle when it was seen last: a ball in the world frame, SI. speed: the fastest
-    that it goes."""
+    """A moving obstacle when it was last seen: a ball in the world frame, SI. speed: the highest
+    speed of the obstacle."""
 
     time: Time
     position: Vec3
@@ -380,13 +394,14 @@ class SeenObstacle(NamedTuple):
 
 
 SeenObstacles = Mapping[str, SeenObstacle]
-"""The moving obstacles that were ever seen, by name."""
+"""The moving obstacles that have been seen during the run, by name."""
 NO_OBSTACLES: SeenObstacles = MappingProxyType({})
 
 
 class NeighbourState(NamedTuple):
-    """The state that a vehicle published to its neighbours at the end of the tick at `time`: its
-    estimate, the setpoint that it followed, and its behavior's `says`; None where there is none."""
+    """The state that a vehicle published to its neighbours at the end of the tick at `time`.
+    estimate: its estimate. setpoint: the setpoint that it followed. said: the message that its
+    behavior returned from `says`. Each is None if there is none."""
 
     time: Time
     estimate: Estimate | None
@@ -398,15 +413,15 @@ Answer = TypeVar("Answer")
 
 
 class Neighbours(Protocol):
-    """What vehicles publish to each other, kept for half a second."""
+    """The states that the vehicles publish to each other, kept for half a second."""
 
     def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
-        """Return the newest that the vehicle published at `by` or before; None where it published
-        nothing yet."""
+        """Return the newest state that the vehicle published at the time `by` or before; None if it
+        has not published any."""
 
     def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
-        """Return the `answer` to a `question` about the neighbours; it is computed once a tick, for
-        the first that asks."""
+        """Return the answer to a question about the neighbours. question: the key of the question.
+        answer: the function that computes it, called only for the first request in each tick."""
 
 
 class _Nobody:
@@ -424,12 +439,12 @@ class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
     now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the
-    behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs,
+    behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs;
     None for a vehicle without one. setpoint: the one that the tracker followed in the last tick.
-    imu: the newest, if the vehicle subscribes to it. link_age: seconds since the link last
-    delivered anything. link_delay: seconds of a round trip to the vehicle, zero while unknown.
-    payload: where the payload is, None while unknown. inputs: what the
-    mission's inputs say. neighbours: what the vehicles have published in earlier ticks. moving: the
+    imu: the newest IMU measurement, if the vehicle subscribes to it. link_age: seconds since the
+    link last delivered anything. link_delay: the round-trip time to the vehicle in seconds, zero
+    while unknown. payload: where the payload is, None while unknown. inputs: the readings of the
+    mission's inputs. neighbours: what the vehicles have published in earlier ticks. moving: the
     moving obstacles.
     """
 

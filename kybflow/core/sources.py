@@ -1,5 +1,5 @@
-"""Read from a compiled module's source what mypyc drops: the module's docstring and the annotations
-of its classes, whose units it forgets. The source is in the same folder."""
+"""Read what mypyc drops from the source of a compiled module: the module's docstring, and the
+annotations of its classes with their units. The source file is in the same folder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _COMPILED = (".so", ".pyd")
 
 
 def docstring_of(module: str) -> str:
-    """Return the docstring of an imported module, compiled or not; empty without one."""
+    """Return the docstring of an imported module, compiled or not; empty if it has none."""
     return sys.modules[module].__doc__ or ast.get_docstring(_source(module), clean=False) or ""
 
 
@@ -30,7 +30,7 @@ def is_compiled(cls: type) -> bool:
 
 
 def hints_of(cls: type) -> dict[str, Any]:
-    """Return the types of the annotations of a class and its bases, units included."""
+    """Return the annotations of a class and its bases as types, including their units."""
     for base in cls.__mro__:
         for node in _source(base.__module__).body:
             if isinstance(node, ast.ClassDef) and node.name == base.__name__:
@@ -48,7 +48,8 @@ def _file(module: str) -> Path:
 
 
 def _source(module: str) -> ast.Module:
-    """The source of a compiled module; empty for a module that is not compiled."""
+    """Return the syntax tree of a compiled module's source; an empty one if the module isn't
+    compiled."""
     file = _file(module)
     return _parsed(file) if file.suffix in _COMPILED else ast.Module([], [])
 

@@ -1,8 +1,9 @@
 """Read comma-separated tables with units in the header.
 
 The header names the columns in any order, each with its unit in brackets: `x [cm]`. A column
-without a unit is SI, but angles and their rates must name one. A column without a dimension holds
-words. Empty lines and lines that begin with `#` are skipped. Errors are FileError with the line.
+without a unit is in SI, but angles and angular rates must name one. A column without a dimension
+holds words. Empty lines and lines that begin with `#` are skipped. Errors are raised as FileError
+with the line number.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ _HEADER = re.compile(r"([A-Za-z]\w*)\s*(?:\[([^\]]*)\])?\Z")
 
 
 class Table(NamedTuple):
-    """A table's columns in the order of the header, and its rows, each (line in the file, numbers
-    in SI by column, words by column)."""
+    """A parsed table. columns: the names in the order of the header. rows: yields the line number
+    in the file, the numbers in SI by column, and the words by column."""
 
     columns: tuple[str, ...]
     rows: Iterator[tuple[int, dict[str, float], dict[str, str]]]
@@ -29,8 +30,9 @@ class Table(NamedTuple):
 def read_table(text: str, columns: Mapping[str, Dimension | None], what: str, like: str) -> Table:
     """Parse the header of `text` and return a table whose rows are parsed lazily.
 
-    columns: each known column's dimension, None for words. what, like: what the table holds and an
-    example of a header, for messages. Raises FileError for a bad header, and `rows` for a bad row.
+    columns: the dimension of each known column, None for words. what: what the table holds, for
+    messages. like: an example of a header, for messages. Raises FileError for a bad header;
+    iterating over `rows` raises FileError for a bad row.
     """
     lines = _lines(text)
     first = next(lines, None)
@@ -47,7 +49,7 @@ def read_table(text: str, columns: Mapping[str, Dimension | None], what: str, li
 
 
 def need(table: Table, names: tuple[str, ...], line: int) -> None:
-    """Raise FileError, at `line`, for the first of `names` that is not a column."""
+    """Raise FileError with the line number `line` if one of `names` is not a column."""
     for name in names:
         if name not in table.columns:
             raise FileError(f"the column `{name}` is missing", line)
@@ -67,7 +69,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 def _column(
     number: int, cell: str, columns: Mapping[str, Dimension | None], what: str
 ) -> tuple[str, float | None]:
-    """Parse a header cell into its name and its factor to SI, None for words."""
+    """Return a header cell's name and its factor to SI, None for words. Raises FileError."""
     match = _HEADER.match(cell)
     if match is None or match[1] not in columns:
         known = ", ".join(f"`{name}`" for name in columns)

@@ -1,7 +1,7 @@
 """Read each key from the terminal as it is pressed, while a mission flies.
 
-The shell gets the terminal back unchanged, however the run ends or stops. It is read only while the
-run is in the foreground.
+However the run ends or is stopped, the terminal's settings are restored. Keys are read only while
+the run is in the foreground.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ _CURSOR_HIDDEN, _CURSOR_SHOWN = "\x1b[?25l", "\x1b[?25h"
 
 
 class Terminal:
-    """A context in which keys are neither echoed nor wait for Enter. Ctrl-C, Ctrl-Z and Ctrl-\\ act
-    as ever; Ctrl-S is a key like others, for it would stop what the run prints, and so the run.
+    """A context in which keys are not echoed and don't wait for Enter. Ctrl-C, Ctrl-Z and Ctrl-\\
+    work as usual. Ctrl-S is an ordinary key, because it would block the run's output and so the
+    run.
 
-    number: the file descriptor that keys come from. screen: the one that the run prints to; None
-    where it prints nowhere.
+    number: the file descriptor from which keys are read. screen: the file descriptor to which the
+    run prints, None if it prints nothing.
     """
 
     def __init__(self, number: int, screen: int | None) -> None:
@@ -36,7 +37,7 @@ class Terminal:
     def __enter__(self) -> Terminal:
         if threading.current_thread() is threading.main_thread():
             self._stops = signal.getsignal(signal.SIGTSTP)
-            if self._stops is signal.SIG_DFL:  # else somebody has decided what it does
+            if self._stops is signal.SIG_DFL:  # otherwise another handler is already installed
                 signal.signal(signal.SIGTSTP, self._suspend)
         return self
 
@@ -47,7 +48,7 @@ class Terminal:
         self._give_back()
 
     def read(self) -> bytes:
-        """Return what was typed since the last time, without waiting."""
+        """Return what was typed since the last call, without waiting."""
         try:
             if self._is_closed or not self._is_ours():
                 return b""
@@ -61,7 +62,7 @@ class Terminal:
         return data
 
     def _take(self) -> None:
-        """Set the terminal up, unless that is done and still in effect."""
+        """Change the terminal's settings, unless they are already changed."""
         found = termios.tcgetattr(self._number)
         if self._before is not None and not found[3] & termios.ICANON:
             return
@@ -74,27 +75,29 @@ class Terminal:
         self._show(_PASTES_MARKED)
 
     def _give_back(self) -> None:
-        """Restore the terminal. Unread keys are dropped: they were for the run, not for the
+        """Restore the terminal's settings and discard unread keys, which were not meant for the
         shell."""
         before, self._before = self._before, None
-        with suppress(OSError, termios.error):  # it may be gone, as this run may be for it
+        with suppress(OSError, termios.error):  # the terminal may be closed
             if before is not None and self._is_ours():
                 self._show(_PASTES_PLAIN)
                 termios.tcflush(self._number, termios.TCIFLUSH)
                 termios.tcsetattr(self._number, termios.TCSANOW, before)
 
     def _is_ours(self) -> bool:
-        """Whether the run is in the foreground and its keys are for it."""
+        """Return whether the run is in the foreground, so that the keys are meant for it."""
         return os.tcgetpgrp(self._number) == os.getpgrp()
 
     def _show(self, codes: str) -> None:
-        """Write past the buffer of the screen, which may be in use when a signal comes."""
+        """Write control codes to the screen without the output buffer, which may be in use when a
+        signal arrives."""
         if self._screen is not None:
-            with suppress(OSError):  # it may be gone
+            with suppress(OSError):  # the terminal may be closed
                 os.write(self._screen, codes.encode())
 
     def _suspend(self, number: int, _: object) -> None:
-        """Ctrl-Z: leave the terminal to the shell, and stop until that goes on with the run."""
+        """Handle Ctrl-Z: give the terminal back to the shell, and stop until the shell resumes the
+        run."""
         self._give_back()
         self._show(_CURSOR_SHOWN)
         signal.signal(number, signal.SIG_DFL)

@@ -1,4 +1,4 @@
-"""The hint for a name that nothing has, and text as a keyboard has it."""
+"""Hints for unknown names, and the replacement of typographic characters by plain ones."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from difflib import get_close_matches
 
 _LONGEST = 80
 _COMPARED = 300
-"""Comparing a name with thousands of others, thousands of times, would never end."""
+"""The most names that are compared, because comparing every unknown name with thousands would take
+too long."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the help line for an unknown name: the nearest known one, or all of them when none is
-    near and they are few."""
+    """Return the hint for an unknown name: the most similar known name, or else the first 12 known
+    names."""
     names = sorted(dict.fromkeys(known))
     if near := nearest(name, names):
         return f"did you mean `{near}`?"
@@ -25,8 +26,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
-    """The known name that is most like `name`; empty where none is near. Of long names the
-    beginning is compared, of many those around it."""
+    """Return the known name that is most similar to `name`, or an empty string if none is similar.
+    Only the first 80 characters of `name` are compared; if there are many known names, only its
+    alphabetical neighbours are considered."""
     names = sorted(known)
     near = get_close_matches(name[:_LONGEST], _around(names, name), n=1, cutoff=cutoff)
     return near[0] if near else ""
@@ -44,10 +46,10 @@ _TYPED = str.maketrans(
     | dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"')
     | dict.fromkeys("\u2018\u2019\u201a", "'")
 )
-"""Minus signs, dashes and quotes of word processors."""
+"""Maps minus signs, dashes and quotes of word processors to those of a keyboard."""
 
 
 def as_typed(text: str) -> str:
-    """`text` with the plain characters in place of those of a word processor or of a full-width
-    keyboard: minus signs, dashes, quotes, colons, commas, digits, spaces."""
+    """Return `text` with the characters of word processors and full-width keyboards replaced by
+    plain ones: minus signs, dashes, quotes, colons, commas, digits and spaces."""
     return text if text.isascii() else unicodedata.normalize("NFKC", text.translate(_TYPED))

@@ -1,8 +1,8 @@
 """Dimensions, their units, and the annotated types that carry them.
 
-To mypy `Length` is a plain `float`, in metres; the compiler reads the dimension in its annotation
-to decode `1.2 m`, to write the JSON Schema and to print tables of parameters. Inside kybflow every
-value is SI: a type's values are in the `si` unit of its dimension.
+For mypy, `Length` is a plain `float`, in metres. The compiler reads the dimension from the
+annotation to decode `1.2 m`, to write the JSON Schema and to print tables of parameters. Inside
+kybflow every value is in the SI unit of its dimension.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ Vec3 = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """What a quantity measures. `si` is the SI unit's symbol; `units` maps the symbol of each unit
-    to its factor to SI. With `bare_allowed`, a number without a unit is read as SI."""
+    """What a quantity measures. si: the symbol of the SI unit. units: the factor to SI of each
+    unit, by its symbol. example: a quantity as written. bare_allowed: whether a number without a
+    unit is accepted, as SI."""
 
     name: str
     si: str
@@ -70,7 +71,7 @@ DIMENSIONS: dict[str, Dimension] = {
 """Every dimension, by name."""
 
 Number = Annotated[float, NUMBER]
-"""A dimensionless number. Each type below is a float, or a tuple of them, in its SI unit."""
+"""A dimensionless number. Each type below is a float, or a tuple of floats, in its SI unit."""
 Length = Annotated[float, LENGTH]
 Speed = Annotated[float, SPEED]
 Acceleration = Annotated[float, ACCELERATION]
@@ -93,12 +94,12 @@ AngularVelocity = Annotated[Vec3, ANGULAR_RATE]
 Accelerations = Annotated[Vec3, ACCELERATION]
 Inertias = Annotated[Vec3, INERTIA]
 Path = Annotated[tuple[Vec3, ...], LENGTH]
-"""Any number of positions."""
+"""A sequence of positions of any length."""
 
 
 @dataclass(frozen=True, slots=True)
 class MatrixOf:
-    """The size of a matrix and the dimension of its numbers."""
+    """The size of a matrix and the dimension of its entries."""
 
     rows: int
     columns: int
@@ -116,8 +117,9 @@ if TYPE_CHECKING:
 else:
 
     class Matrix:
-        """`Matrix[ROWS, COLUMNS, UNIT]`, as in `Matrix[3, 3, Damping]`: rows of numbers. mypy reads
-        no number in a type and wants `Matrix[Literal[3], Literal[3], Damping]`."""
+        """The type of a matrix, `Matrix[ROWS, COLUMNS, UNIT]`, as in `Matrix[3, 3, Damping]`. mypy
+        accepts no number as a type argument and requires `Matrix[Literal[3], Literal[3],
+        Damping]`."""
 
         def __class_getitem__(cls, of: Any) -> Any:
             *sizes, unit = of if isinstance(of, tuple) else (of,)
@@ -140,7 +142,7 @@ _APART = re.compile(r"^([+-])\s+")
 def parse_quantity(text: str, dimension: Dimension) -> float:
     """Parse `text` and return its value in the SI unit of `dimension`.
 
-    Raises UnitError when the text is not a finite quantity, lacks a required unit, or has a unit of
+    Raises UnitError if the text is not a finite quantity, lacks a required unit, or has a unit of
     another dimension.
     """
     match = _QUANTITY.match(text)
@@ -155,8 +157,8 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
 
 
 def _way_out(text: str, dimension: Dimension) -> str:
-    """The hint for a text that is no quantity: the same with a decimal point, its sign attached and
-    plain characters, where that is one."""
+    """Return the hint for a text that is not a quantity: the corrected text, with a decimal point,
+    its sign attached and plain characters, if that is a quantity; otherwise an example."""
     typed = _COMMA.sub(".", _APART.sub(r"\1", as_typed(text).strip()))
     match = _QUANTITY.match(typed)
     if match is not None and (match[2] or "") in {"", *dimension.units}:
@@ -203,7 +205,7 @@ def article(noun: str) -> str:
 
 
 def format_quantity(value: float, dimension: Dimension) -> str:
-    """Format `value` (SI) as a person would write it: `0.034 m`, `20 deg`, `15 %`."""
+    """Format a value (SI) in the unit in which people write it: `0.034 m`, `20 deg`, `15 %`."""
     if dimension is ANGLE or dimension is ANGULAR_RATE:
         return f"{value / DEG:.4g} {'deg' if dimension is ANGLE else 'deg/s'}"
     if dimension is RATIO:
@@ -216,8 +218,9 @@ _SMALL = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s")}
 
 
 def format_measured(value: float, si: str, sign: str = "") -> str:
-    """Format a measured `value` in the SI unit `si` for a report: three digits, angles in degrees,
-    lengths and speeds below one in centimetres. `sign` "+" shows the plus."""
+    """Format a measured value in the SI unit `si` for a report: three significant digits, angles in
+    degrees, lengths and speeds below one in centimetres. sign: "+" shows the sign of positive
+    values."""
     factor, unit = _READABLE.get(si, (1.0, si))
     if si in _SMALL and abs(value) < 1.0:
         factor, unit = _SMALL[si]

@@ -1,7 +1,7 @@
-"""Drivers: what opens and commands vehicles, simulated or real; each module or folder is one.
+"""Drivers, which open and command vehicles, simulated or real. Each module or folder is one driver.
 
 A driver implements `kybflow.parts.Driver`. The API and the command line open drivers through the
-catalog of parts; nothing below this package imports it.
+catalog of parts; no layer below this package imports it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pkgutil import iter_modules
 
 
 def firmware_names(driver: str) -> tuple[str, ...]:
-    """The firmwares that a driver knows: the modules of its folder `firmware`, in the order of the
-    command line's choices, last letter first. Imports none of them."""
+    """Return the firmwares that a driver supports, in reverse alphabetical order, as the command
+    line lists them. They are the modules of the driver's folder `firmware`; none is imported."""
     found = iter_modules([f"{home}/{driver}/firmware" for home in __path__])
     return tuple(sorted((module.name for module in found), reverse=True))

@@ -1,20 +1,21 @@
-"""The mission language: text to plan. `compiler` lists the passes; each has a folder.
+"""The mission language, from text to plan. `compiler` lists the passes; each has a folder.
 
-Every folder and file imports only those above it here:
+Every folder and file imports only those above it in this list:
 
-    diagnostics   what a finding is, where it stands, how it is printed and explained
-    reading       text to nodes with spans, and a node to one typed value
+    diagnostics   findings: their content, source locations, printing and explanation
+    reading       YAML text to nodes with spans, and a node to one typed value
     expressions   conditions and expectations
-    language      the machinery of records: shape, schema, decoding, docs, completion, text
-    world, plan   the records themselves: every key of the language, and what a mission means
-    names         what a mission may call by name
-    resolving     imports, `like`, stacks, chains and parameters away
+    language      the handling of records: shape check, schema, decoding, docs, completion, text
+    world, plan   the records: every key of the language, and what a mission means
+    names         what a mission may refer to by name
+    resolving     replaces imports, `like`, stacks, chains and parameters by what they stand for
     expanding     the resolved tree to the records as written, for one target
-    checks        what can be proven of them before take-off
-    bind          names to what they mean: the plan that the runtime sees
+    checks        what can be proven of the records before take-off
+    bind          replaces names by what they mean; the result is the plan that the runtime sees
     graph         a plan as a drawing
     machine       a plan's state machines, run by `transitions`
 
-The types of `language` are below the records, and what decodes, judges and writes records is above.
-Never imports the runtime or a driver: it is given a catalog of parts.
+In `language`, the types are below the records in this order; the modules that decode, judge and
+write records are above them. The package never imports the runtime or a driver: its functions
+receive a catalog of parts.
 """

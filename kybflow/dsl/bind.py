@@ -1,6 +1,6 @@
-"""Turns the plan as written into the plan that the runtime executes. Conditions are parsed, groups
-become their vehicles, built-in states and implied transitions are added, files are recorded. It
-reports nothing: only a plan without errors is bound."""
+"""Turns the plan as written into the plan that the runtime executes: parses conditions, replaces
+groups by their vehicles, adds built-in states and implied transitions, and records files. Only a
+plan without errors is bound, so nothing is reported here."""
 
 from __future__ import annotations
 
@@ -54,7 +54,10 @@ _ORDER = ("next", "then", "failed", "within")
 
 
 def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved: str) -> Plan:
-    """The plan, ready to fly."""
+    """Return the plan in the form that the runtime executes.
+
+    sources: the YAML files of the mission. resolved: the resolved mission as YAML text.
+    """
     scopes = Scopes(plan)
     built_in = _built_in(plan.hover_limit, catalog)
     return plan.but(
@@ -90,7 +93,8 @@ def _when(condition: Any, scope: Scope) -> Expression | None:
 
 
 def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
-    """The first sensor that can track each moving obstacle, and its vehicle."""
+    """Yield the name of each moving obstacle that a sensor can track, with the name of the vehicle
+    and the first such sensor."""
     for name in plan.moving:
         seen = plan.tracked_by(name)
         if seen is not None:
@@ -113,7 +117,8 @@ def _vehicle(
 
 
 def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
-    """The airframe's cameras, with what the sensors of this target know better."""
+    """Return the airframe's cameras, updated with what the sensors of this target know about
+    them."""
     cameras: Mapping[str, Camera] = vehicle.own_cameras
     for use in vehicle.sensors:
         cameras = use.part.cls.seen_by(use.part.params, cameras)
@@ -121,7 +126,7 @@ def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
 
 
 def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
-    """Each sensor once, however many estimators it is named for."""
+    """Yield each sensor once, with all estimators that use it."""
     named: dict[tuple[str, Any], tuple[SensorPlan, list[str]]] = {}
     for use in vehicle.sensors:
         _, names = named.setdefault((use.part.name, use.part.params), (use, []))
@@ -191,7 +196,7 @@ def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> Phas
 
 
 def _request(vehicle: VehiclePlan, request: Request) -> Request:
-    """A request with its state and values resolved for one vehicle."""
+    """Return a request with its state and values resolved for one vehicle."""
     state = vehicle.goal(request.state)
     chain = request.state if state != request.state else ""
     return request.but(state=state, values=values_for(vehicle, request), chain=chain)
@@ -205,7 +210,8 @@ def _callback(callback: CallbackPlan, plan: Plan, scope: Scope, catalog: Catalog
 
 
 def _awaited(event: str, plan: Plan) -> tuple[str, tuple[str, ...]]:
-    """(the event's own name, the vehicles that may emit it; `""` for the run)."""
+    """Return the event's name without its prefix, and the vehicles that may emit it; an empty
+    string stands for the run."""
     if not event:
         return "", ()
     first, dot, name = event.partition(".")
@@ -240,7 +246,7 @@ def _actions(action: ActionKeys, plan: Plan, catalog: Catalog) -> Iterator[Actio
 
 
 def attachments_of(plan: Plan) -> tuple[SourceFile, ...]:
-    """Every file that a parameter of the mission names, once."""
+    """Return every file that a parameter of the mission names, once."""
     found: dict[str, SourceFile] = {}
     for file, beside in _named(plan):
         path = os.path.normpath(os.path.join(beside, file.name))
@@ -249,7 +255,7 @@ def attachments_of(plan: Plan) -> tuple[SourceFile, ...]:
 
 
 def _named(plan: Plan) -> Iterator[tuple[File, str]]:
-    """Each file that a parameter names, and the folder beside which it does."""
+    """Yield each file that a parameter names, and the folder to which its path is relative."""
     for use in parts_in(plan):
         for field in use.fields:
             file = getattr(use.params, field.name)
@@ -268,7 +274,7 @@ def _named(plan: Plan) -> Iterator[tuple[File, str]]:
 
 
 def parts_in(plan: Plan) -> Iterator[PartPlan]:
-    """Every part of a plan as written, but for those of faults and actions."""
+    """Yield every part of a plan as written, except those of faults and actions."""
     for vehicle in plan.vehicles:
         yield from (s.part for s in vehicle.sensors)
         yield from (e.part for e in vehicle.estimators)

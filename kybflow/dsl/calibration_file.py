@@ -1,4 +1,4 @@
-"""A camera's calibration as ROS and OpenCV write it (YAML).
+"""A camera calibration file in the format of ROS and OpenCV (YAML).
 
     image_width: 640
     image_height: 480
@@ -6,8 +6,8 @@
     distortion_model: plumb_bob
     distortion_coefficients: {rows: 1, cols: 5, data: [k1, k2, p1, p2, k3]}
 
-Other keys are passed over (`camera_info` has more). Everything raises FileError, which names the
-line.
+Other keys are ignored (`camera_info` has more). Reading errors are raised as FileError with the
+line number.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
 from kybflow.world.cameras import Lens
 
 _TAGGED = "KYB008"
-"""The finding for OpenCV's `!!opencv-matrix`, which changes nothing."""
+"""The code for OpenCV's `!!opencv-matrix` tag, which is ignored here."""
 _MODELS = ("plumb_bob",)
 _HINT = (
     "a calibration has `image_width`, `image_height`, `camera_matrix` and `distortion_coefficients`"
@@ -31,7 +31,7 @@ _HINT = (
 
 
 def read_calibration(file: File) -> Lens:
-    """The lens that a file describes."""
+    """Return the lens that a calibration file describes. Raises FileError."""
     first, _, rest = file.text.partition("\n")
     text = f"\n{rest}" if first.startswith("%YAML") else file.text
     found = Findings()
@@ -55,7 +55,7 @@ def read_calibration(file: File) -> Lens:
 
 
 def write_calibration(lens: Lens) -> str:
-    """The file that describes a lens."""
+    """Return the text of a calibration file that describes a lens."""
     matrix = (lens.fx, 0.0, lens.cx, 0.0, lens.fy, lens.cy, 0.0, 0.0, 1.0)
     return "\n".join(
         (
@@ -95,7 +95,7 @@ def _size(root: Mapping, key: str) -> int:
 
 
 def _matrix(root: Mapping, key: str) -> tuple[tuple[float, ...], int]:
-    """(its numbers, row by row; the line where they stand)."""
+    """Return the numbers of a matrix, row by row, and their line number."""
     node = _needed(root, key)
     if isinstance(node, Mapping):
         node = _needed(node, "data")
@@ -110,7 +110,7 @@ def _needed(root: Mapping, key: str) -> Node:
 
 
 def _numbers(node: Node, key: str) -> Iterator[float]:
-    """The numbers of a list, or of a list of rows."""
+    """Yield the numbers of a scalar, a list, or a list of rows."""
     if not isinstance(node, Scalar):
         for item in items_of(node):
             yield from _numbers(item, key)

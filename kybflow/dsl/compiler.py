@@ -1,11 +1,11 @@
-"""Text to plan: the passes, in order. One that follows errors is skipped.
+"""The passes from text to plan, in order. A pass is skipped if an earlier one found errors.
 
-read      text and `--set` to a tree in which every node has its place
-judge     the tree by the shape of the language's records
-resolve   imports, `like`, stacks, chains and parameters away
+read      text and `--set` to a tree in which every node has a source location
+judge     check the shape of the tree against the records of the language
+resolve   replace imports, `like`, stacks, chains and parameters by what they stand for
 expand    the tree to the plan as written, in SI
-check     what can be proven of the plan before take-off
-bind      names to what they mean: the plan that the runtime sees
+check     prove what can be proven of the plan before take-off
+bind      replace names by what they mean; the result is the plan that the runtime sees
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The plan, None when there are errors; the findings in order; the text of every file; the
-    parameters that the plan was made with."""
+    """The result of a compilation. plan: None if there are errors. diagnostics: the findings in
+    order. texts: the text of every file, by name. parameters: the mission parameters used for the
+    plan."""
 
     plan: Plan | None
     diagnostics: tuple[Diagnostic, ...]
@@ -60,8 +61,8 @@ class Result:
 def compile_mission(
     path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
 ) -> Result:
-    """Compile the mission in `path` for `target`, with its parameters set by `sets`
-    (`name=value`). Never raises for what a file or a setting says."""
+    """Compile the mission in `path` for `target`, with its parameters set by `sets` (`name=value`).
+    Errors in a file or a setting are returned as diagnostics and never raised."""
     plan, files, result = _compiled(Path(path), str(path), catalog, target, sets)
     if plan is None:
         return result
@@ -73,7 +74,7 @@ def compile_mission(
 def check_mission(
     path: str | Path, *, catalog: Catalog, target: str | None = None, sets: Sequence[str] = ()
 ) -> Result:
-    """Find what `compile_mission` finds, in a mission or a library, and make no plan."""
+    """Check a mission or a library and return what `compile_mission` would find, without a plan."""
     return _compiled(Path(path), str(path), catalog, target, sets)[2]
 
 
@@ -100,7 +101,8 @@ def _passes(
     sets: Sequence[str],
     found: Findings,
 ) -> Plan | None:
-    """The passes up to the checked plan, a line each. Returns None for a library."""
+    """Run the passes from reading to checking. Return the checked plan, or None for a library.
+    Raises Stopped if a pass found errors."""
     found.add(source.found)
     settings, root = parse_settings(sets, found), source.root
     found.stop_if_errors()
@@ -114,7 +116,7 @@ def _passes(
     found.stop_if_errors()
     plan = mission_of(resolved, catalog, target, found)
     found.stop_if_errors()
-    assert plan is not None  # one without errors is whole
+    assert plan is not None  # without errors there is a plan
     found.add(check(plan, catalog))
     found.stop_if_errors()
     found.add(unused_names(mission, files, settings))
@@ -122,16 +124,16 @@ def _passes(
 
 
 def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:
-    """The finding with its span at the value that is wrong, and with the imports through which the
-    file was reached."""
+    """Return the finding with its span at the incorrect value, and with the imports through which
+    the file was reached."""
     moved = _at_value(diagnostic, files)
     via = files.via.get(moved.span.file, ())
     return replace(moved, span=moved.span._replace(via=via)) if via else moved
 
 
 def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
-    """Move a finding from the `$name` of a chain or a library to the value that a user gave for
-    it."""
+    """Return a finding about the `$name` of a chain or a library, moved to the value that a user
+    gave for the name."""
     span, value = diagnostic.span, diagnostic.span.value
     if value is None:
         return diagnostic if span.given is None else _with_the_given(diagnostic, span.given, files)
@@ -141,7 +143,8 @@ def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
 
 
 def _with_the_given(diagnostic: Diagnostic, given: Span, files: Files) -> Diagnostic:
-    """The finding with the place of a parameter's value, such as its default, beside it."""
+    """Return the finding with the source location of a parameter's value, such as its default, as a
+    related location."""
     if any(other.span == given for other in diagnostic.related):
         return diagnostic
     other = Related(given, f"what {_written(diagnostic.span, files)} stands for")

@@ -1,26 +1,26 @@
-"""The state machines of vehicles and flows: built from the plan, run by `transitions`, which no
-other file imports.
+"""The state machines of vehicles and flows: built from the plan, run by the library `transitions`,
+which no other module imports.
 
-The library's machine owns the state: it checks that a transition is legal, and calls the owner on
+The library's machine holds the state: it checks that a transition is legal, and calls the owner on
 exit from a state and on entry into one. Its triggers are:
 
-- `begin`: into the first state.
-- `step`: the mission's transitions, in the order `next`, end of the behavior, `within`.
-- `give_up`: to `brake` or `landed`, when no other state of a vehicle would start.
-- `switch STATE`: into the state that a person, a flow or a callback requests.
-- `failsafe STATE`: into a built-in state of a vehicle, from every state.
-- `end`: out of every phase of a flow.
+- `begin`: enter the first state.
+- `step`: take a transition of the mission; the order is `next`, end of the behavior, `within`.
+- `give_up`: enter `brake` or `landed`, if the behavior of no other state of a vehicle starts.
+- `switch STATE`: enter the state that an operator, a flow or a callback requests.
+- `failsafe STATE`: enter a built-in state of a vehicle, from every state.
+- `end`: leave every phase of a flow.
 
-A trigger costs several microseconds, so a tick evaluates each guard itself, once, and pulls `step`
-only for a transition that is due. The `Exit` that it passes names that transition, and the
-library's conditions compare it.
-`switch STATE` is declared at the first request: a transition between every two states would
-be a million for a thousand states.
+A trigger costs several microseconds. A tick therefore evaluates each guard once, without the
+library, and calls the trigger `step` only for a transition that is due. The `Exit` passed to the
+trigger names that transition, and the library's conditions compare it with their own. `switch
+STATE` is declared at the first request, because declaring it between all pairs of a thousand states
+would take a million transitions.
 
-The library puts its methods on a private model and is given callables, no names to import. What its
-triggers return is not read: the state tells. A trigger that is pulled on entry runs when the
-transition that is under way is complete. Chains are states with dotted names (ADR 6), so that the
-machines are flat.
+The library adds its methods to a private model, and it is given callables instead of names to
+import. The return values of triggers are ignored; the state shows the result. A trigger that is
+called on entry into a state runs when the present transition is complete. Chains are states with
+dotted names (ADR 6), so the machines are flat.
 """
 
 from __future__ import annotations
@@ -42,16 +42,18 @@ Conditions = Callable[[Expression], Guard]
 _ORDER = {"next": 0, "then": 1, "failed": 1, "within": 2}
 _ROUNDING = 1e-9
 _START = "(start)"
-"""Where a vehicle's machine is before its first state; a mission can't name a state like this."""
+"""The state of a vehicle's machine before its first state; a mission can't have a state of this
+name."""
 _NOTHING: frozenset[str] = frozenset()
 
 
 class Exit(NamedTuple):
     """Why a state is left.
 
-    `how` is `next`, `done`, `failed` or `within` for a transition of the mission, `refused` when
-    the behavior would not start, `asked` for a switch, and `failsafe`; flows also end because of an
-    `operator` or because they `failed`. `at` is the mission line that led to it.
+    how: `next`, `done`, `failed` or `within` for a transition of the mission; `refused` if the
+    behavior did not start; `asked` for a switch; `failsafe`. Flows also end with `operator` or
+    `failed`. at: the mission line that caused the exit, or empty. transition: the transition of the
+    mission, if there is one.
     """
 
     how: str
@@ -60,7 +62,7 @@ class Exit(NamedTuple):
 
 
 class _Model:
-    """What `transitions` puts its methods on: it sets `state` and adds `trigger`."""
+    """The object to which `transitions` adds its methods: it sets `state` and adds `trigger`."""
 
     state: str
     trigger: Callable[[str, Exit], object]
@@ -69,8 +71,9 @@ class _Model:
 class _Facts:
     """The values that guards read.
 
-    `elapsed` counts seconds in the state, `chains` seconds in each chain around it until the state
-    was entered. `heard` holds the events since the last tick.
+    elapsed: seconds in the active state. chains: seconds spent in each chain that contains the
+    state, up to the entry into the state. heard: the events since the last tick. outcome: whether
+    the behavior is running, done or failed.
     """
 
     __slots__ = ("chains", "elapsed", "heard", "outcome")
@@ -83,8 +86,8 @@ class _Facts:
 
 
 class _Timer:
-    """Counts the seconds for which a condition has held since the state was entered; `held` is
-    None while the condition does not hold."""
+    """Counts for how many seconds a condition has held since the state was entered. held: that
+    time, None while the condition does not hold."""
 
     __slots__ = ("condition", "held")
 
@@ -100,7 +103,7 @@ class _Timer:
 
 
 class _Way(NamedTuple):
-    """A transition of the mission, and the guard that is open when it is due."""
+    """A transition of the mission. guard: returns whether the transition is due."""
 
     guard: Guard
     transition: TransitionPlan
@@ -112,8 +115,9 @@ class _Way(NamedTuple):
 
 
 class _Watched(NamedTuple):
-    """What a tick evaluates in one state: its timers, the ways out in order, and those among them
-    that may open before the behavior ends."""
+    """What a tick evaluates in one state. timers: the timers of its conditions. ways: the
+    transitions out of the state, in order. ways_while_running: those that may be due before the
+    behavior ends."""
 
     timers: list[_Timer]
     ways: list[_Way]
@@ -123,9 +127,9 @@ class _Watched(NamedTuple):
 class StateMachine:
     """The base of the machines of vehicles and flows.
 
-    The machine waits in `initial` until it begins. `on_exit` is called while the state is still the
-    one that is left, `on_enter` with the name of the state that was entered. A `next` that is open
-    leads nowhere while its target is not `welcome`.
+    The machine is in the state `initial` until it begins. on_exit: called before the state changes.
+    on_enter: called with the name of the new state. welcome: returns whether a state may be entered
+    through `next`; otherwise that transition is skipped.
     """
 
     def __init__(
@@ -158,8 +162,8 @@ class StateMachine:
         """Take the first transition that is due: `next` from the top, then the behavior's end, then
         `within`.
 
-        Called once a tick: `elapsed` seconds in the state, the events `heard` since the last tick,
-        how the behavior stands, and `dt` seconds since the last call.
+        Called once a tick. elapsed: seconds in the state. heard: the events since the last tick.
+        outcome: whether the behavior is running, done or failed. dt: seconds since the last call.
         """
         facts = self._facts
         facts.elapsed, facts.heard, facts.outcome = elapsed, heard, outcome
@@ -175,14 +179,14 @@ class StateMachine:
         return target not in refused and (transition.cause != "next" or self._welcome(target))
 
     def _pull(self, trigger: str, reason: Exit) -> None:
-        """Pull a trigger. Raises ValueError where no transition of it leaves the active state."""
+        """Call a trigger. Raises ValueError if none of its transitions leaves the active state."""
         if trigger not in self._machine.get_triggers(self.state):
             raise ValueError(f"no transition `{trigger}` leaves `{self.state}`")
         self._model.trigger(trigger, reason)
 
     def _exited(self, reason: Exit) -> None:
-        """Add up the time in the chains around the state; only the mission's transitions let it go
-        on, and not those that enter the chain anew."""
+        """Add the time in the state to that of the chains around it. The count continues only after
+        a transition of the mission that does not enter the chain anew."""
         taken, facts = reason.transition, self._facts
         facts.chains = {
             chain: seconds + facts.elapsed
@@ -192,7 +196,7 @@ class StateMachine:
         self._on_exit(reason)
 
     def _entered(self, _: Exit) -> None:
-        """Start the timers of the state that was entered."""
+        """Restart the timers of the new state and report the entry to the owner."""
         facts, name = self._facts, self.state
         facts.chains = {chain: facts.chains.get(chain, 0.0) for chain in chains_of(name)}
         self._watch(name)
@@ -206,8 +210,8 @@ class StateMachine:
     def _declare_ways(
         self, state: str, leaving: Sequence[TransitionPlan], conditions: Conditions
     ) -> None:
-        """Declare the mission's transitions out of a state, whose guards are asked in order while
-        the state is active."""
+        """Declare the mission's transitions out of a state. Their guards are evaluated in order
+        while the state is active."""
         timers, ways, while_running = self._watched[state]
         for transition in sorted(leaving, key=lambda t: _ORDER[t.cause]):
             way = _Way(_guard(transition, self._facts, conditions, timers), transition)
@@ -217,7 +221,7 @@ class StateMachine:
             self._machine.add_transition("step", state, transition.target, _is_due(transition))
 
     def _switch(self, state: str, at: str, *conditions: Callable[[Exit], bool]) -> None:
-        """Pull `switch STATE`, which is declared at the first request."""
+        """Call the trigger `switch STATE`, which is declared at the first request."""
         trigger = f"switch {state}"
         if not self._machine.get_transitions(trigger, self.state):
             self._machine.add_transition(trigger, self.state, state, [*conditions])
@@ -227,10 +231,10 @@ class StateMachine:
 class VehicleMachine(StateMachine):
     """The machine of one vehicle, whose owner builds a behavior on entry into each state.
 
-    `starts` builds the behavior of a requested state before the present one is left; when it
-    raises, nothing changes. `airborne` decides between `brake` and `landed` for a vehicle whose
-    behavior would not start and whose state has no other way out. While its failsafe has `latched`
-    it enters `fault` in place of `landed` when it steps.
+    starts: builds the behavior of a requested state before the present state is left; if it raises,
+    nothing changes. airborne: decides between `brake` and `landed` if a behavior did not start and
+    no transition leads elsewhere. latched: returns whether the failsafe is latched; if so, a
+    transition to `landed` leads to `fault` instead.
     """
 
     def __init__(
@@ -263,19 +267,21 @@ class VehicleMachine(StateMachine):
         declare("give_up", list(states), "landed")
 
     def failsafe(self, state: str) -> None:
-        """Enter a built-in state from wherever the vehicle is. Raises ValueError for another."""
+        """Enter a built-in state, from any state. Raises ValueError for a state that is not built
+        in."""
         self._pull(f"failsafe {state}", Exit("failsafe"))
 
     def switch(self, state: str, at: str) -> None:
-        """Enter a state that was requested at a line of the mission. Raises what `starts` raises,
-        and ValueError for a state that can't be requested."""
+        """Enter a state that was requested at a line of the mission. Passes on what `starts`
+        raises; raises ValueError if the state can't be requested now."""
         if not {state, self.state} <= self._healthy:
             raise ValueError(f"no transition `switch {state}` leaves `{self.state}`")
         self._switch(state, at, lambda _: self._starts(state))
 
     def refuse(self, refused: AbstractSet[str]) -> None:
-        """Leave a state whose behavior has refused to start: as if it had failed at once, but to no
-        state that has `refused` already, unless it is the last way out."""
+        """Leave a state whose behavior did not start, as if the behavior had failed at once.
+        refused: the states whose behavior has not started; they are not entered unless `give_up`
+        leads there."""
         facts = self._facts
         facts.elapsed, facts.heard, facts.outcome = 0.0, _NOTHING, "failed"
         for way in self._ways:
@@ -286,7 +292,8 @@ class VehicleMachine(StateMachine):
 
 
 class FlowMachine(StateMachine):
-    """The machine of one flow, whose states are its phases, and `end` before and after them."""
+    """The machine of one flow. Its states are the phases; it is in the state `end` before the first
+    and after the last."""
 
     def __init__(
         self,
@@ -306,7 +313,7 @@ class FlowMachine(StateMachine):
         self._switch(phase, at)
 
     def end(self, how: str) -> None:
-        """End the flow. Raises ValueError for one that has not begun."""
+        """End the flow. Raises ValueError if it has not begun."""
         self._pull("end", Exit(how))
 
 
@@ -317,7 +324,8 @@ def _is_due(transition: TransitionPlan) -> Callable[[Exit], bool]:
 def _guard(
     transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
 ) -> Guard:
-    """Open when all that the transition requires holds; never without a requirement."""
+    """Return a guard that is true when everything that the transition requires holds; it is never
+    true if nothing is required."""
     if transition.cause == "then":
         return lambda: facts.outcome == "done"
     if transition.cause == "failed":

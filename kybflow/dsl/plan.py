@@ -1,10 +1,10 @@
-"""The records of a mission: what a mission says and means, frozen, in SI. The compiler decodes and
-judges them, `bind` resolves their names, and they are all that the runtime sees.
+"""The records of a mission: what it says and means, frozen, in SI. The compiler decodes and checks
+them, `bind` resolves their names, and the runtime sees nothing else of a mission.
 
 A field with `key(...)` is a key of the language: its schema, text, docs and completion follow from
-that one line. A field without is what the compiler works out. Records can be built in a test
-without YAML. `at` is always `file:line` of the text that a value came from, for events and reports;
-it is empty for what the language adds.
+that one declaration. A field without `key(...)` is computed by the compiler. Records can be built
+in a test without YAML. `at` is always the `file:line` from which a value came, for events and
+reports; it is empty for what the language adds.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 
 Cause = Literal["next", "then", "failed", "within"]
 END = "end"
-"""Where a transition of a phase leads to end its flow."""
+"""The target of a phase's transition that ends the flow."""
 MERGES = "mappings merge, lists are replaced, `null` removes."
 
 
 @dataclass(frozen=True)
 class PartPlan(Record):
-    """A part to build: its name in the catalog, its class, its decoded parameters. `label` is its
-    name in options."""
+    """A part to build. name: its name in the catalog. cls: its class. params: its decoded
+    parameters. label: its name in options."""
 
     name: str
     cls: type[Any]
@@ -67,12 +67,12 @@ class PartPlan(Record):
 
     @property
     def alias(self) -> str:
-        """Its name among the parts of its kind."""
+        """The part's name among the parts of the same kind."""
         return self.label.partition(".")[2] or self.name
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The declarations of its parameters."""
+        """The declarations of the part's parameters."""
         return fields_of(self.params.__class__)
 
 
@@ -80,12 +80,13 @@ class PartPlan(Record):
 class TransitionPlan(Record):
     """One way out of a behavior: all of `when`, `event` and `after` that are written must hold.
 
-    `next` fires when `when` has held for `hold` seconds, or `event` was emitted, or `after` seconds
-    have passed in the state (those that are given, together); `then` when the behavior is done;
-    `failed` when it failed; `within` after `after` seconds. `implied` transitions are those that
-    the language adds. Seconds count from the entry of the chain `since` where it is not empty; in a
-    phase `since` names the flow, whose way out of every phase this is. `enters` is the chain that
-    the transition enters anew. `emit` is the event that is emitted when it is taken.
+    cause: when the transition fires. `next` fires when everything written holds: `when` has held
+    for `hold` seconds, `event` was emitted, and `after` seconds have passed in the state. `then`
+    fires when the behavior is done, `failed` when it failed, and `within` after `after` seconds.
+    implied: whether the language added the transition. since: the chain from whose entry `after`
+    counts, or empty for the state; in a phase, the flow that declares this transition for all its
+    phases. enters: the chain that the transition enters anew, or empty. emit: the event that is
+    emitted when the transition is taken.
     """
 
     cause: Cause = field(default="next", kw_only=True)
@@ -108,7 +109,8 @@ class TransitionPlan(Record):
 
     @property
     def target_span(self) -> Span:
-        """Where its target is written; its own place for one that follows from something else."""
+        """The source location of the target's name, or of the transition if the name isn't written
+        there."""
         text = self.text_of("go")
         return self.span if text is None else text.span
 
@@ -123,8 +125,8 @@ _FAILED, _WITHIN = "Where to go when it fails.", "Time after which it has failed
 class StatePlan(Record):
     """One state: what the vehicle does, and where it goes from there.
 
-    `transitions` are asked in their order. `estimators` come before the vehicle's others, in this
-    order, while the state is active.
+    transitions: evaluated in order. estimators: they precede the vehicle's other estimators, in
+    this order, while the state is active.
     """
 
     name: str
@@ -146,11 +148,12 @@ class StatePlan(Record):
 
     @functools.cached_property
     def footprints(self) -> dict[Vec3 | None, Footprint | None]:
-        """Where the behavior goes, by the place of entry."""
+        """A cache of the behavior's footprint by the position of entry."""
         return {}
 
     def footprint(self, entry: Vec3 | None) -> Footprint | None:
-        """Where the behavior goes from `entry`. Cached, since several checks need it."""
+        """Return the space that the behavior needs when it is entered at `entry`. Cached, since
+        several checks need it."""
         if entry not in self.footprints:
             self.footprints[entry] = self.behavior.cls.footprint(self.behavior.params, entry)
         return self.footprints[entry]
@@ -173,7 +176,8 @@ class ChainPlan(Record):
 class EstimatorPlan(Record):
     """An estimator with its health.
 
-    It is healthy while the condition holds, and again only after `recover_after` seconds.
+    It is healthy while the condition holds; after it was unhealthy, it is used again only when the
+    condition has held for `recover_after` seconds.
     """
 
     part: Annotated[PartPlan, part_of("estimators")] = key("Name of the part.", key="use")
@@ -191,14 +195,14 @@ class EstimatorPlan(Record):
 Estimators = Annotated[tuple[EstimatorPlan, ...], UsesOf("list", item=record_of(EstimatorPlan))]
 Processors = Annotated[tuple[PartPlan, ...], UsesOf("list", item=part_of("processors"))]
 Supervisors = Annotated[tuple[PartPlan, ...], UsesOf("list", item=part_of("supervisors"))]
-"""The lists of a vehicle in which stacks may stand."""
+"""The lists of a vehicle that may contain stacks."""
 LISTS = ("estimators", "processors", "supervisors")
 
 
 @dataclass(frozen=True)
 class SensorPlan(Record):
-    """A sensor beside the driver: the estimators that it was named for, none where the driver
-    brings it; `index` is its place in the list of the first one's."""
+    """A sensor beside the driver. estimators: the estimators that use it; empty if the driver adds
+    the sensor itself. index: its position in the list of the first estimator's sensors."""
 
     part: PartPlan
     estimators: tuple[str, ...] = ()
@@ -206,7 +210,8 @@ class SensorPlan(Record):
 
     @property
     def label(self) -> str:
-        """The sensor's name in options: `fusion`, then `fusion.1`."""
+        """The sensor's name in options: `fusion` for an estimator's first sensor, then
+        `fusion.1`."""
         name = self.estimators[0] if self.estimators else self.part.alias
         return f"{name}.{self.index}" if self.index else name
 
@@ -252,10 +257,10 @@ class Place(Record):
 class VehiclePlan(Record):
     """A vehicle: its airframe, its chain from sensors to commands, its states.
 
-    `begin` is the state it starts in: the one written, else the first behavior. `states` include
-    the built-in ones once its names are resolved. Callbacks and flows may request the states
-    `requested` at any time; flows request `requested_first` while the vehicle waits on the ground
-    at its start. `own_tracker` is the mission's, where the target has `tracker` in its place.
+    begin: the first state: the one written, or else the first behavior. states: the states of
+    `behaviors`, and the built-in ones once names are resolved. requested: the states that callbacks
+    and flows may request at any time. requested_first: those that flows request while the vehicle
+    waits on the ground at its start. own_tracker: the mission's tracker, if the target replaces it.
     """
 
     name: str
@@ -293,13 +298,14 @@ class VehiclePlan(Record):
     states: dict[str, StatePlan]
     at: str = ""
     hover_limit: float = 30.0
-    """Seconds after which a vehicle that was paused or braked lands."""
+    """Seconds after which a paused or braked vehicle lands."""
     cameras: dict[str, Camera] = field(default_factory=dict)
     sensors: tuple[SensorPlan, ...] = ()
     chains: dict[str, ChainPlan] = field(default_factory=dict)
     own_tracker: PartPlan | None = None
     reached: Place = Place()
-    """How it is reached on the target: as its own entry there says, else as that of `all`."""
+    """How the vehicle is reached on the target: each key from the vehicle's own entry, or else from
+    `all`."""
     requested: frozenset[str] = frozenset()
     requested_first: frozenset[str] = frozenset()
 
@@ -310,27 +316,28 @@ class VehiclePlan(Record):
 
     @property
     def own_cameras(self) -> dict[str, Camera]:
-        """The cameras that its airframe carries."""
+        """The cameras of the airframe, by name."""
         return {use.name: use.camera for use in self.body.cameras if use.camera is not None}
 
     def goal(self, name: str) -> str:
-        """The state that `name` means as a goal: a chain's name means its first state."""
+        """Return the state that `name` means as a goal: the state itself, or the first state of a
+        chain."""
         return name if name in self.states else self._firsts.get(name, name)
 
     @functools.cached_property
     def _firsts(self) -> dict[str, str]:
-        """The first state of each chain."""
+        """The first state of each chain, by the chain's name."""
         return {chain: state for state in reversed(self.states) for chain in chains_of(state)}
 
 
 Values = tuple[tuple[str, Any], ...]
-"""Parameters by name, each with a value (SI) in place of the one that a state has."""
+"""Values (SI) by parameter name that replace those of a state."""
 
 
 @dataclass(frozen=True)
 class Request(Record):
-    """A state that a vehicle is asked to enter, with values in place of its own parameters' (SI).
-    `chain` is the requested chain, whose first state it is."""
+    """The request that a vehicle enter a state. values: parameter values (SI) that replace those of
+    the state. chain: the requested chain, if the state is its first one."""
 
     state: str
     values: Values = ()
@@ -339,8 +346,8 @@ class Request(Record):
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """Ask a vehicle to enter a state, with its own or with other values of its parameters: in a
-    person's command they are text."""
+    """Request that a vehicle enter a state. values: values that replace those of its parameters; in
+    an operator's command they are text."""
 
     vehicle: str
     state: str
@@ -349,7 +356,7 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class SetOption:
-    """Ask for another value (SI) of an option."""
+    """Change the value (SI) of an option."""
 
     option: str
     value: Any
@@ -357,7 +364,7 @@ class SetOption:
 
 @dataclass(frozen=True, slots=True)
 class Enable:
-    """Switch a processor that is no safety part on or off."""
+    """Switch a processor on or off; safety parts can't be switched."""
 
     vehicle: str
     label: str
@@ -373,7 +380,7 @@ class Emit:
 
 @dataclass(frozen=True, slots=True)
 class EnterPhase:
-    """Ask a flow to enter a phase."""
+    """Request that a flow enter a phase."""
 
     flow: str
     phase: str
@@ -381,7 +388,7 @@ class EnterPhase:
 
 @dataclass(frozen=True, slots=True)
 class Perform:
-    """Ask a vehicle for an act of its driver."""
+    """Request that a vehicle perform one of its driver's actions."""
 
     vehicle: str
     act: str
@@ -389,7 +396,7 @@ class Perform:
 
 @dataclass(frozen=True, slots=True)
 class LogText:
-    """Log a text; `{vehicle}`, `{time}` and the event's own fields in it are filled in."""
+    """Log a text, in which `{vehicle}`, `{time}` and the event's fields are filled in."""
 
     text: str
 
@@ -415,8 +422,8 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText
 class ActionKeys(Record):
     """What to do: one action.
 
-    One of its keys is written; of `switch`, `set` and `perform` each target is an action. `name` is
-    that key, `target` and `value` are what it says; an action of a package has a `part`.
+    name: the one key that is written. target, value: what the key contains; with `switch`, `set`
+    and `perform`, each target is a separate action. part: the action of a package.
     """
 
     name: str
@@ -456,19 +463,19 @@ class ActionKeys(Record):
 
     @property
     def value_text(self) -> Text:
-        """What it says, with its place; of `phase` and `set` the value of the target."""
+        """The value with its source location; for `phase` and `set`, the value of the target."""
         node = self.value_node
         return node.as_text if isinstance(node, Scalar) else Text("", self.span, verbatim=False)
 
     @property
     def value_node(self) -> Node:
-        """What it says, as written."""
+        """The value as written."""
         (entry,) = entries_of(self.source.node).values()
         return entry.value
 
     @property
     def target_text(self) -> Text:
-        """Its target, with its place."""
+        """The target with its source location."""
         (entry,) = entries_of(self.source.node).values()
         return entry.key.as_text
 
@@ -477,9 +484,9 @@ class ActionKeys(Record):
 class CallbackPlan(Record):
     """An event or a condition, and the actions that it brings about.
 
-    When an event called `event` of one of `vehicles` (`""`: of the run) was emitted whose fields
-    are as `fields` says, and `when` holds, the actions are done in order. One without an event does
-    them each time that `when` has held for `hold` seconds.
+    The actions are done in order when one of `vehicles` (an empty string stands for the run) emits
+    the event `event`, its fields have the values in `fields`, and `when` holds. Without an event,
+    they are done each time that `when` has held for `hold` seconds.
     """
 
     event: Annotated[str, EVENT] = key(
@@ -513,9 +520,10 @@ class CallbackPlan(Record):
 class InputPlan(Record):
     """A device, or a script of one.
 
-    button_names: the mission's name of each of the device's buttons. dead_man: the button, by the
-    mission's name, without which nothing is steered; None for none. It is lost when it is silent
-    for longer than `silent_after` seconds, and stuck after `stuck_after` (None: never).
+    button_names: the mission's name for each of the device's buttons. dead_man: the mission's name
+    of the button that must be held to steer, or None. silent_after: the input is lost if it sends
+    nothing for longer, seconds. stuck_after: the input is lost if an axis off its centre doesn't
+    change for longer, seconds; None for never.
     """
 
     name: str
@@ -547,8 +555,8 @@ class InputPlan(Record):
 class FaultPlan(Record):
     """One thing that breaks on one vehicle: `at` a time, or `when`.
 
-    At `time` seconds of the run, or when `when` first holds, `part` breaks `vehicle` for `duration`
-    seconds (None: for good).
+    part: the fault. It begins at `time` seconds of the run, or when `when` first holds, and lasts
+    for `duration` seconds, or until the end of the run if that is None.
     """
 
     when: Annotated[Expression | None, CONDITION] = key(
@@ -569,18 +577,18 @@ class FaultPlan(Record):
 
 
 Arrive = Literal["together", "in_turns"]
-"""How the vehicles of a phase arrive: at one time, or one after the other."""
+"""How the vehicles of a phase arrive: at the same time, or one after the other."""
 
 
 @record("phase")
 class PhasePlan(Record):
     """What begins together, and what it goes on by. One without a way out is the last.
 
-    On entry it gives vehicles to other flows, sets options and asks vehicles to enter states.
-    `transitions` are asked like those of a state: `next` from the top, then `within`; the target
-    `end` ends the flow. So does a phase without any, or one that `ends`, when no vehicle that it
-    ran is in its state any more. Once names are resolved, the keys of `run` and `give` are
-    vehicles. arrive: how the vehicles of `run` arrive, each by itself without it.
+    On entry a phase gives vehicles to other flows, sets options and requests states of vehicles.
+    transitions: evaluated as in a state: `next` from the top, then `within`; the target `end` ends
+    the flow. ends: whether the flow also ends when no vehicle that the phase ran is in its
+    requested state any more, as it does in a phase without transitions. run, give: by vehicle once
+    names are resolved. arrive: how the vehicles of `run` arrive; each on its own if it is None.
     """
 
     name: str
@@ -616,8 +624,9 @@ class PhasePlan(Record):
 class FlowPlan(Record):
     """Phases over several vehicles; a vehicle is driven by one flow at a time.
 
-    `vehicles` are those that it has from the start. One that `waits` begins when it is given a
-    vehicle. The transitions `next` of the flow are also among those of its phases.
+    vehicles: the vehicles that the flow drives from the start. waits: whether the flow begins only
+    when it is given a vehicle. The flow's `next` transitions are also included in those of its
+    phases.
     """
 
     name: str
@@ -642,7 +651,7 @@ class TargetKeys(Record):
 
 @dataclass(frozen=True)
 class ExpectationPlan(Record):
-    """One line of `expect:`: its text as written, and the parsed expression."""
+    """One line of `expect:`. text: the line as written. expression: the parsed line."""
 
     text: str
     expression: Expression
@@ -651,15 +660,15 @@ class ExpectationPlan(Record):
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:
-    """One file that the mission was made of: its path as reported and the SHA-256 of its bytes."""
+    """One file of the mission. path: its path as reported. sha256: the SHA-256 of its bytes."""
 
     path: str
     sha256: str
 
 
 class Parameter(NamedTuple):
-    """A mission parameter after `--set`: its value (SI; a vector for a position), its dimension's
-    name."""
+    """A mission parameter after `--set`. type: the name of its dimension or type. value: its value
+    (SI; a vector for a position)."""
 
     name: str
     type: str
@@ -727,7 +736,7 @@ class StackKeys(Record):
 
 @record()
 class Shared(Record):
-    """What missions and libraries may have."""
+    """The keys that both missions and libraries may have."""
 
     summary: str = key("One line for people.", default="")
     imports: dict[str, Annotated[ImportKeys, OR_NAME]] = key(
@@ -749,7 +758,7 @@ _FLOWS = "What several vehicles do together, flows side by side."
 
 @record("library", is_whole=True, leading=("library",))
 class Library(Shared):
-    """What missions share."""
+    """A library: definitions that several missions share."""
 
     library: Annotated[str, TITLE] = key("Its name.")
     vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key("What flies, by name.", default=())
@@ -816,18 +825,18 @@ class Plan(Shared):
     obstacles: dict[str, Shape] = field(default_factory=dict)
     moving: dict[str, MovingSphere] = field(default_factory=dict)
     touchable: frozenset[str] = frozenset()
-    """The obstacles that are there to be touched."""
+    """The obstacles that vehicles may touch."""
     watching: dict[str, tuple[str, PartPlan]] = field(default_factory=dict)
-    """What sees each moving obstacle: a sensor as of a vehicle, with that one's name. One that is
-    missing is simulated."""
+    """The vehicle's name and the sensor that tracks each moving obstacle, by the obstacle's name. A
+    moving obstacle without an entry is simulated."""
     points: dict[str, Vec3] = field(default_factory=dict)
     tags: TagMap = NO_TAGS
     files: tuple[File, ...] = ()
-    """What parameters name, each as it is written in `resolved`."""
+    """The files that parameters name, as they are written in `resolved`."""
     values: dict[str, Parameter] = field(default_factory=dict)
-    """The values of its parameters."""
+    """The values of the mission's parameters."""
     target_text: Text | None = field(default=None, compare=False, repr=False)
-    """The target's name where it stands."""
+    """The target's name with its source location."""
 
     @functools.cached_property
     def fleet(self) -> dict[str, VehiclePlan]:
@@ -835,15 +844,15 @@ class Plan(Shared):
         return {vehicle.name: vehicle for vehicle in self.vehicles}
 
     def members(self, name: str) -> tuple[str, ...]:
-        """The vehicles that a name stands for: itself, or those of a group; none for an unknown
-        one."""
+        """Return the vehicles that a name stands for: the vehicle of this name, or those of the
+        group; empty for an unknown name."""
         if name in self.fleet:
             return (name,)
         return tuple(member for member in self.groups.get(name, ()) if member in self.fleet)
 
     def tracked_by(self, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
-        """The first sensor that can track a moving obstacle, with its vehicle and the parameters
-        for it; None where there is none."""
+        """Return the first sensor that can track a moving obstacle: its vehicle, the part, and the
+        part's parameters for tracking. None if there is no such sensor."""
         body = self.moving[moving].body or moving
         for vehicle in self.vehicles:
             for part in (sensor.part for sensor in vehicle.sensors):

@@ -1,7 +1,10 @@
-"""The records of a mission's world: its fence, points, obstacles and printed tags, and the cameras
-of an airframe. A grid's columns go along its x, its rows along its y, the numbers along the columns
-first. `facing` turns a grid or a tag to where its printed side looks: up with the upper edge to the
-north, or upright to a side; then `heading` turns it about the world's z.
+"""The records of a mission's world (fence, points, obstacles and printed tags) and of an airframe's
+cameras.
+
+The columns of a grid run along its x axis and the rows along its y axis; tags are numbered along
+the columns' direction first, row by row. `facing` turns a grid or a tag so that its printed side
+points up, with the upper edge to the north, or upright to one side; `heading` then turns it about
+the world's z axis.
 """
 
 from __future__ import annotations
@@ -210,7 +213,7 @@ class PlaneParams(Record):
 class Obstacle(Record):
     """An obstacle: a box, cylinder, sphere, plane, point cloud, map or moving sphere.
 
-    `shape` is the solid, None for a moving one; `files` are those of a scan or a map.
+    shape: the solid, None for a moving sphere. files: the files of a scan or a map.
     """
 
     name: str
@@ -235,7 +238,7 @@ class Obstacle(Record):
 
     @property
     def may_touch(self) -> bool:
-        """Whether vehicles may touch it."""
+        """Whether vehicles may touch this obstacle."""
         return self.contact == "allowed"
 
 
@@ -243,7 +246,7 @@ class Obstacle(Record):
 class Tags(Record):
     """Printed tags: a grid, a single tag, or those of a file.
 
-    `tags` are its tags, and `lines` their lines in a file.
+    tags: the tags of this entry. lines: their line numbers, if they are from a file.
     """
 
     name: str
@@ -271,4 +274,4 @@ class World(Record):
         "Printed tags for localization, by name.", default=()
     )
     box: Box | None = None
-    """The fence."""
+    """The box of the fence."""

@@ -1,50 +1,51 @@
 """The control law of a descent without a position: thrust from the specific force along body z.
 
-The caller keeps the attitude level meanwhile: the behavior `land_blind`, or the watchdog of a
-simulated vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends
-the thrust that it returns, and stops the rotors when it returns None.
+The caller keeps the attitude level: the behavior `land_blind`, or the watchdog of a simulated
+vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends the
+thrust that `step` returns, and stops the rotors when it returns None.
 
-The upward speed v is estimated, never measured: from the thrust and from the IMU's samples, each
-as far as it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after
-the rotors' lag, l the specific force at s = 1, and f the measured one, less its error at rest:
+The upward speed v is not measured but estimated from the thrust and the IMU samples, each as far as
+it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after the rotors'
+lag, l the specific force at s = 1, and f the measured one, less its error at rest:
 
     v' = l s - g,   l' = 0 +- WANDER,   f = l s +- r
 
-a Kalman filter of two states (Simon, "Optimal State Estimation", sec. 5.1). l begins at g, and r^2,
-the variance of a sample, is half the mean square of the difference of successive samples. Where
-the IMU is quiet, v follows it at once, whatever is wrong with the thrust; where it is noisy, the
-thrust's model holds the estimate. Its standard deviation d says how much noise explains, and the
-reference falls faster by twice that, so that no noise makes the vehicle climb:
+This is a Kalman filter with the states v and l (Simon, "Optimal State Estimation", sec. 5.1). l
+begins at g, and r^2, the variance of a sample, is half the mean square of the difference of
+successive samples. If the IMU is quiet, v follows it at once, whatever is wrong with the thrust; if
+it is noisy, the thrust's model dominates. d is the standard deviation of v. The reference falls
+faster by 2 d, so that noise never makes the vehicle climb:
 
     w(t) = -(v1 + v2 t + v3 t^2 + 2 d),   v1 = 0.3, v2 = 0.06, v3 = 0.025
     a = k (w - v),  k = 3 1/s             within -2 and +2 m/s^2
     T = T0 (g + a) / l
 
-A constant error b of f makes an error of b t in v, which the growth of w outruns down to -0.25
-m/s^2. Against a larger one the thrust's model bounds the descent. By itself, with the least thrust
-that may hover, (1 - `unsure`) T0, it has the vehicle rise at u:
+A constant error b of f makes an error of b t in v. The growth of w outruns errors down to b = -0.25
+m/s^2. Against larger ones the thrust's model bounds the thrust. u is the upward speed by the model
+alone, for a vehicle that hovers with the least possible thrust, (1 - `unsure`) T0:
 
     u' = (s (1 - unsure) / c - 1) g,    u <= w + u1 (t),    u1 = 1.0 m/s for 1.2 s, then less by
                                                             0.5 m/s each second down to 0
 
-so what the IMU asks for beyond the model is granted briefly and then taken back. No accelerometer
-is wrong by more than 2 m/s^2: a lift l that is lower by so much is believed, and c, the thrust that
-it takes to hover over T0, is g / l; where l is lower by 1 m/s^2 at most, c is 1. Whatever the model
-says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become weak, then less by
-0.2 T0 each second down to 1.12 T0, and after 7.5 s less by 0.06 T0 each second; when nothing is
-left, after 26 s, the rotors stop.
+so that what the IMU asks for beyond the model is granted briefly and then taken back. c is the true
+hover thrust over T0. No accelerometer is assumed to be wrong by 2 m/s^2 or more: if l is lower than
+g by so much, c = g / l; if l is lower by 1 m/s^2 at most, c = 1; in between, c changes
+continuously. Whatever the model says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors
+have become weak. The bound then falls by 0.2 T0 each second to 1.12 T0, and after 7.5 s by 0.06 T0
+each second; when it reaches zero, after 26 s, the rotors stop.
 
-An accelerometer that begins to measure too little looks like rotors that become weak: the
-bound decides between them. Where T0 was learnt in flight and `unsure` is 0, b = -0.5 m/s^2 makes
-the vehicle climb by 0.03 m and b = -1 by 0.54 m, while rotors that lose 5 or 10 % of their thrust
-at that moment touch down with 0.95 or 1.35 m/s from 1 m, 1.6 or 2.1 m/s from 1.8 m. Where it is
-0.1, such rotors touch down as gently as others, and those b climb by 12 and 51 m. Both errors at
-once, b = -1 and a T0 that is wrong by 10 %, climb by 10 to 50 m in either case.
+An accelerometer that begins to measure too little looks like rotors that become weak; the bound
+decides between them. If T0 was learnt in flight and `unsure` is 0, b = -0.5 m/s^2 makes the vehicle
+climb by 0.03 m and b = -1 m/s^2 by 0.54 m, but a vehicle whose rotors suddenly lose 5 or 10 % of
+their thrust touches down with 0.95 or 1.35 m/s from 1 m, and with 1.6 or 2.1 m/s from 1.8 m. If
+`unsure` is 0.1, a vehicle with such rotors touches down as gently as others, but the same two
+errors b make it climb by 12 and 51 m. Both faults at once, b = -1 m/s^2 and a T0 that is wrong by
+10 %, make it climb by 10 to 50 m in either case.
 
-The vehicle has touched down when the floor carries it: f exceeds l s by 8 m/s^2 and six times the
-noise (an impact, ignored in the first 0.2 s, when the rotors may still follow the command before);
-or l s, which is f without its noise, is above 0.9 g for 0.1 s at a thrust that lifts no vehicle of
-a third of its weight, to which the law falls on the floor.
+The vehicle has touched down when the floor carries it. Either f exceeds l s by 8 m/s^2 and six
+times the noise (an impact, ignored in the first 0.2 s, when the rotors may still follow the
+previous command); or l s, which is f without its noise, exceeds 0.9 g for 0.1 s while the thrust is
+below a third of the hover thrust, to which the law reduces it on the floor.
 """
 
 from __future__ import annotations
@@ -56,24 +57,24 @@ from kybflow.core.geometry import GRAVITY
 SPEED, GROWTH, BEND, SURE = 0.3, 0.06, 0.025, 2.0
 STIFFNESS, HARDEST = 3.0, 2.0
 UNSURE_SPEED, UNSURE_LIFT, WANDER = 0.08, 0.1 * GRAVITY, 0.5
-"""Standard deviations at the start, m/s and m/s^2; how much `l` may change, m/s^2 per root of a
-second."""
+"""Initial standard deviations of the speed, m/s, and of the lift `l`, m/s^2; how much `l` may
+change, m/s^2 per root of a second."""
 CLIP, HARDEST_STOP = 3.0, 2.0
-"""How much a sample may count: downward, in standard deviations; upward, where it may be the floor
-that stops the vehicle, the speed that it takes away, m/s."""
+"""Limits of the effect of one sample: downward, in standard deviations; upward, since the sample
+may be the floor stopping the vehicle, in m/s of speed."""
 LAG = 0.05
 """Assumed time constant of the rotors, seconds."""
 FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
-"""The noise of a sample before it is known, and at least, m/s^2; seconds over which it is
+"""Noise of a sample before it is measured, and its least value, m/s^2; seconds over which it is
 averaged."""
 BRIEFLY, LONGER = (1.6, 1.5, 0.2), (1.12, 7.5, 0.06)
-"""Two bounds of the thrust over the hover thrust, of which the larger counts: the bound at first,
-seconds for which it stays, and how much it falls each second then."""
+"""Two bounds of the thrust over the hover thrust, of which the larger one applies: the initial
+bound, the seconds for which it holds, and its decrease per second after that."""
 TRUSTED = (1.0, 1.2, 0.5)
-"""Upward speed beyond w(t) that the IMU alone may ask for, m/s: at first, seconds for which it
-stays, and how much it falls each second then."""
+"""Upward speed beyond w(t) that the IMU alone may ask for, m/s: the initial value, the seconds for
+which it holds, and its decrease per second after that."""
 WRONG = 1.0
-"""How much too little an accelerometer may measure, m/s^2."""
+"""How much too low the readings of an accelerometer may be, m/s^2."""
 LEAST = 0.25
 ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
@@ -82,9 +83,9 @@ IDLE, WEIGHT, RESTED = 0.33, 0.9 * GRAVITY, 0.1
 
 
 class Descent:
-    """hover: the estimated hover thrust, N. most: the rotors' largest thrust, N. climb: the initial
-    upward speed, m/s. rest: the specific force along body z at rest, m/s^2. unsure: the part of
-    its weight that `hover` may not carry."""
+    """The control law of one descent. hover: the estimated hover thrust, N. most: the largest
+    thrust of the rotors, N. climb: the initial upward speed, m/s. rest: the specific force along
+    body z at rest, m/s^2. unsure: the share of the weight that `hover` may fail to carry."""
 
     __slots__ = (
         "_both", "_error", "_given", "_hover", "_last", "_lift", "_most", "_noise", "_pushed",
@@ -106,11 +107,11 @@ class Descent:
 
     @property
     def hover(self) -> float:
-        """The corrected hover thrust, N."""
+        """The corrected estimate of the hover thrust, N."""
         return self._hover * max(min(GRAVITY / self._lift, 1.0 + ERROR), 1.0 - ERROR)
 
     def step(self, lift: float, dt: float) -> float | None:
-        """Return the thrust to command (N), None after touch-down. lift: the mean specific force
+        """Return the thrust to command (N), or None after touch-down. lift: the mean specific force
         along body z (m/s^2) over the last `dt` seconds."""
         self._time += dt
         lift -= self._error
@@ -125,7 +126,7 @@ class Descent:
         return min(self._hover * self._ask(), self._most)
 
     def _listen(self, lift: float, dt: float) -> None:
-        """Update the noise of a sample."""
+        """Update the noise of the IMU samples."""
         last, self._last = self._last, lift
         if last is not None:
             change = min(abs(lift - last), IMPACT)
@@ -141,7 +142,8 @@ class Descent:
         self._unsure += WANDER * WANDER * dt
 
     def _correct(self, excess: float) -> None:
-        """Correct the speed and the lift. excess: the measured force less the expected one."""
+        """Correct the speed and the lift. excess: the measured specific force less the expected
+        one, m/s^2."""
         share = self._given
         total = share * share * self._unsure + self._noise
         excess = max(excess, -CLIP * sqrt(total))
@@ -159,7 +161,7 @@ class Descent:
         return self._rested >= RESTED
 
     def _ask(self) -> float:
-        """Return the next thrust over the hover thrust."""
+        """Return the next thrust divided by the hover thrust."""
         time = self._time
         wanted = -(SPEED + time * (GROWTH + time * BEND) + SURE * sqrt(max(self._slow, 0.0)))
         pull = STIFFNESS * (wanted - self._speed)
@@ -178,7 +180,7 @@ def _bound(bound: tuple[float, float, float], time: float) -> float:
 
 
 def _weakness(lift: float) -> float:
-    """Return the hover thrust over the learnt one, corrected as far as an accelerometer can't be
-    that wrong: not at all if it measures 1 m/s^2 too little, fully if it measures 2."""
+    """Return the true hover thrust divided by the learnt one. A low lift may be an error of the
+    accelerometer: up to 1 m/s^2 below gravity it is not believed, from 2 m/s^2 on fully."""
     wrong = min(WRONG, max(2.0 * WRONG + lift - GRAVITY, 0.0))
     return max(GRAVITY / (lift + wrong), 1.0)

@@ -1,21 +1,22 @@
 """Estimates the disturbance of a vehicle, such as wind, from its accelerometer.
 
-An accelerometer measures all forces but gravity. The rotors' thrust acts along body z, and drag in
-their plane (`kybflow.drivers.sim.steps.rotors` has the same model); the rest is the disturbance:
+An accelerometer measures all forces except gravity. The rotors' thrust acts along body z, and their
+drag in the rotor plane (`kybflow.drivers.sim.steps.rotors` has the same model); the rest is the
+disturbance d:
 
     d = R (f + c (v - (v . z) z)) - F z,      F' = (u - F) / T
     e' = w (d - l e3 - e) / (1 + (r / S)^2),  l' = (d . e3 - l) / L
 
-f: specific force, body. R: attitude, z = R e3. c: the airframe's drag. u: the specific force that
-was commanded along z; F: what rotors with the time constant T give of it. e: the estimate, which
-forgets noise within 1 / w. l: what lasts upwards for L, `WASHOUT`. r: the rate at which body z
-turns; S: `SHAKEN`. Along body x and y neither the thrust nor the mass comes in, so that what is
-estimated there does not depend on what is commanded, and can't make the loop unstable.
+f: specific force, body. R: attitude, z = R e3. c: the airframe's drag. u: the commanded specific
+force along z; F: the force that results from rotors with the time constant T. e: the estimate,
+which averages noise over 1 / w. l: the upward disturbance that lasts for L, `WASHOUT`. r: the rate
+at which body z turns; S: `SHAKEN`. Neither the thrust nor the mass acts along body x and y, so the
+estimate there doesn't depend on the command and can't make the loop unstable.
 
 The observer is that of Smeur, Chu and de Croon (Adaptive Incremental Nonlinear Dynamic Inversion,
 JGCD 2016, sec. III; outer loop: Cascaded incremental nonlinear dynamic inversion for MAV
-disturbance rejection, Control Engineering Practice 2018, eq. 18) written as an estimate that the
-law subtracts, which can be bounded.
+disturbance rejection, Control Engineering Practice 2018, eq. 18), written as an estimate that the
+law subtracts and that can be bounded.
 """
 
 from __future__ import annotations
@@ -27,18 +28,20 @@ from kybflow.core.signals import IMU_TIMEOUT, Estimate, Imu
 from kybflow.world.vehicle_context import Airframe
 
 WASHOUT = 3.0
-"""Seconds in which a steady upward disturbance passes to the estimated mass. Along x and y it
-stays in the estimate, with the accelerometer's bias, for which the law's integral compensates."""
+"""Seconds in which a steady upward disturbance moves to the mass estimate. Along x and y it stays
+in this estimate, together with the accelerometer's bias, which the law's integral compensates."""
 SHAKEN = 1.0
-"""rad/s at which half of the bandwidth is left: while body z turns fast, the measured force is the
-vehicle's own swinging, delayed, and compensating for that would keep it up."""
+"""Turn rate of body z, rad/s, at which half of the bandwidth is left. While body z turns fast, the
+measured force comes from the vehicle's own swinging, delayed, and compensating for it would sustain
+the swinging."""
 LARGEST = 2.0
-"""The largest estimate along each axis, m/s^2: a wind of 8 m/s on an airframe with drag 0.25."""
+"""The largest estimate along each axis, m/s^2, as from a wind of 8 m/s on an airframe with drag
+0.25."""
 
 
 class DisturbanceObserver:
-    """acceleration: the estimate, m/s^2, world; zero while the vehicle stands and without an
-    IMU."""
+    """Estimates the disturbance of one vehicle. acceleration: the estimate, m/s^2, world; zero
+    while the vehicle is on the ground, and without an IMU."""
 
     __slots__ = ("_drag", "_given", "_lasting", "_rotor_time", "acceleration")
 
@@ -50,8 +53,8 @@ class DisturbanceObserver:
     def update(
         self, imu: Imu | None, estimate: Estimate, given: float, bandwidth: float, dt: float
     ) -> Vec3:
-        """Process the specific force of the last `dt` seconds; return the new estimate. given: the
-        specific force of the last command along body z, m/s^2. bandwidth: hertz."""
+        """Process the specific force of the last `dt` seconds, and return the new estimate. given:
+        the specific force of the last command along body z, m/s^2. bandwidth: Hz."""
         felt, now = self._given, estimate.time
         self._given = felt + dt / (self._rotor_time + dt) * (given - felt)
         if imu is None or now - imu.time > IMU_TIMEOUT:
@@ -72,7 +75,7 @@ class DisturbanceObserver:
         return self.acceleration
 
     def rest(self) -> None:
-        """Reset the estimate: the ground carries the vehicle."""
+        """Reset the estimate, because the vehicle is on the ground."""
         self._given = GRAVITY
         self._lasting, self.acceleration = 0.0, ZERO
 

@@ -1,5 +1,5 @@
-"""Geometric position control, for the trackers `geometric` and `body_rates`; the equations and
-their source are in `geometric`."""
+"""Geometric position control, for the trackers `geometric` and `body_rates`. The equations and
+their source are in the docstring of `geometric`."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 FRESH = 0.03
-"""Age (s) of an estimate without delay, if the driver declares no poses."""
+"""Age (s) of an estimate that counts as without delay, if the driver declares no poses."""
 ON_BOARD = 0.07
-"""The delay of the on-board loop and of the command link for which the gains are right."""
+"""Delay (s) of the on-board loop and the command link for which the gains are designed."""
 STALEST = 0.1
-"""Largest additional delay of an estimate that counts."""
+"""Largest additional delay of an estimate that is considered, s."""
 NOISE = 0.5
-"""The spread over this speed, m/s, counts as a delay: uncertain poses are filtered for longer."""
+"""The spread divided by this speed, m/s, counts as a delay, because uncertain poses are filtered
+for longer."""
 AGEING = 1.0
-"""Seconds over which that is averaged."""
+"""Seconds over which the delay is averaged."""
 
 
 @params
@@ -38,7 +39,7 @@ class GeometricParams(DesignedGains, SteeringParams):
 
 
 def used_by(params: GeometricParams) -> frozenset[MeasurementKind]:
-    """Return the kinds of measurement that improve the law."""
+    """Return the kinds of measurement that improve control."""
     return frozenset({Imu}) if params.observer else frozenset()
 
 
@@ -49,15 +50,16 @@ def outer_loop(
     period: float,
     attitude: float | None = None,
 ) -> OuterLoop:
-    """The loop that the law closes; gains that are not given follow from `inner`. attitude: the
-    rates per angle of the attitude's error of a tracker that closes that loop too, 1/s."""
+    """Return the loop that the law closes; gains that are None are designed for `inner`. attitude:
+    body rates per attitude error, 1/s, of a tracker that also closes the attitude loop."""
     p = params
     law = OuterLoop(*FASTEST, p.trim, airframe.drag, period, p.observer, attitude)
     return completed(law, p, inner)
 
 
 class GeometricLaw:
-    """The law with its integral; lives as long as its tracker. attitude: as in `outer_loop`."""
+    """The control law with its integral. Exists as long as its tracker. attitude: as in
+    `outer_loop`."""
 
     def __init__(
         self, params: GeometricParams, context: VehicleContext, attitude: float | None = None
@@ -94,21 +96,21 @@ class GeometricLaw:
         return steering.command(force, attitude, rates, estimate, up)
 
     def _tune(self, params: GeometricParams) -> None:
-        """Take the gains of new parameters."""
+        """Update the gains to new parameters."""
         context = self._context
         loop = outer_loop(params, context.airframe, context.loop, context.dt, self._attitude)
         self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
 
     def _age(self, estimate: Estimate, dt: float) -> None:
-        """Average how much later the estimate is than the gains were designed for: a camera's is
-        older than motion capture's, and that of GPS is filtered for long. The loop's frequency
-        falls with the delay in it."""
+        """Average how much older the estimate is than the gains were designed for: a camera's
+        estimate is older than motion capture's, and one from GPS is filtered for long. The loop's
+        frequency decreases with this delay."""
         late = estimate.age + estimate.spread / NOISE - self._fresh
         late = 0.0 if late < 0.0 else STALEST if late > STALEST else late
         self._late += dt / (AGEING + dt) * (late - self._late)
 
     def _disturbance(self, bandwidth: float, tick: Tick) -> Vec3:
-        """Return the disturbance, m/s^2, world."""
+        """Return the estimated disturbance, m/s^2, world."""
         steering = self._steering
         if bandwidth == 0.0 or not steering.flies:
             self._observer.rest()
@@ -119,7 +121,7 @@ class GeometricLaw:
     def _wanted(
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float
     ) -> tuple[Vec3, Vec3]:
-        """Return (f, f'): the desired specific force and its derivative, world."""
+        """Return (f, f'): the desired specific force and its derivative, m/s^2 and m/s^3, world."""
         c = self._drag
         k, d, i = self._gains
         slower = ON_BOARD / (ON_BOARD + self._late)
@@ -157,11 +159,12 @@ class GeometricLaw:
 
 
 def _rates(turning: Vec3, force: Vec3, attitude: Quat, heading_rate: float) -> Vec3:
-    """Body rates at which the attitude along `force` turns when that changes by `turning`.
+    """Return the body rates with which the attitude along `force` turns while the force changes by
+    `turning`.
 
     About body x and y: z' = (f' - (f' . z) z) / |f|. About body z: the body's y stays normal to the
-    level direction h of the heading, y . h = 0, so
-    w_z = (w_x (h . z) + heading_rate (y . (e3 x h))) / (h . x).
+    level direction h of the heading, y . h = 0, so w_z = (w_x (h . z) + heading_rate (y . (e3 x
+    h))) / (h . x).
     """
     fx, fy, fz = force
     per_force = 1.0 / sqrt(fx * fx + fy * fy + fz * fz)

@@ -1,14 +1,14 @@
-"""A reference governor: follows a reference within a speed and an acceleration and catches up.
+"""A reference governor: follows a reference within limits of speed and acceleration.
 
-State: the position q and the velocity u of the follower. With e the gap from its position in the
-next tick to the reference (p, v), the target velocity is
+The state is the position q and the velocity u of the follower. With e the gap between its position
+and the reference (p, v) in the next tick, the target velocity is
 
     w = v + e/|e| c(|e|),    c(e) = k e                      where e <= A / (2 k^2) ... linear
                              c(e) = sqrt(A (e - A/(4 k^2)))  beyond
 
-that is, half of the acceleration A is planned for closing the gap and half is left for that of the
-reference (the square-root controller, with a linear end against chattering). w is limited to the
-speed, and u follows w by at most A dt per tick. The gap ends like exp(-k t), without overshoot.
+Half of the acceleration A is planned for closing the gap, and half is left for the reference's own
+acceleration (the square-root controller, with a linear end against chattering). w is limited to the
+speed, and u follows w by at most A dt per tick. The gap decays like exp(-k t), without overshoot.
 Once the follower has caught up, the reference passes through unchanged.
 """
 
@@ -22,15 +22,16 @@ from kybflow.flight.motion import Motion
 
 _GAIN = 4.0
 CAUGHT_UP = 1e-4
-"""Gap (m) at which the follower has caught up, and thus the largest step in position."""
+"""Gap (m) below which the follower has caught up, and thus the largest step in position."""
 
 
 class Follower:
-    """The position and velocity of a processor's own trajectory, and whether it is `behind`.
+    """The position and velocity of a processor's own trajectory. behind: whether it has yet to
+    catch up with the requested one.
 
-    It lives as long as its processor. After a pause in the calls (such as an aborted landing), with
-    a new behavior or a change in the kind of setpoint it restarts from what the tracker follows:
-    a processor behind it may have kept that from where it is itself.
+    Exists as long as its processor. It restarts from the setpoint that the tracker followed after a
+    pause in the calls (such as an aborted landing), with a new behavior, and when the kind of
+    setpoint changes, because a later processor may have kept the tracker away from this trajectory.
     """
 
     __slots__ = ("_kind", "_time", "behind", "position", "velocity")
@@ -42,7 +43,7 @@ class Follower:
         self._kind: SetpointKind | None = None
 
     def resume(self, asked: Setpoint, tick: Tick) -> None:
-        """Restart the trajectory if necessary. Call it first in every tick."""
+        """Restart the trajectory if necessary. Call it before the other methods in every tick."""
         now, kind = tick.now, asked.kind
         begins = tick.elapsed == 0.0
         if begins or now - self._time > 1.5e9 * tick.dt or kind is not self._kind:
@@ -61,17 +62,18 @@ class Follower:
         self.behind = False
 
     def join(self, position: Vec3, velocity: Vec3) -> None:
-        """Continue as the requested trajectory."""
+        """Continue on the requested trajectory, at this position and velocity."""
         self.position, self.velocity = position, velocity
         self.behind = False
 
     def follow(self, asked: Motion, speed: float, acceleration: float, dt: float) -> Motion:
-        """Advance by one tick towards the requested motion, within both limits."""
+        """Advance by one tick towards the requested motion, within both limits, and return the new
+        motion."""
         wanted = self.pursuit(asked, speed, acceleration, dt)
         return self.advance(shortened(sub(wanted, self.velocity), acceleration * dt), dt)
 
     def pursuit(self, asked: Motion, speed: float, acceleration: float, dt: float) -> Vec3:
-        """Return the velocity with which it would catch up."""
+        """Return the velocity with which the follower would catch up."""
         gap = sub(asked.position, add(self.position, scale(self.velocity, dt)))
         length = norm(gap)
         wanted = asked.velocity
@@ -80,7 +82,8 @@ class Follower:
         return shortened(wanted, speed)
 
     def advance(self, change: Vec3, dt: float) -> Motion:
-        """Advance by one tick in which the velocity changes by `change`."""
+        """Advance by one tick in which the velocity changes by `change`, and return the new
+        motion."""
         after = add(self.velocity, change)
         self.position = add(self.position, scale(add(self.velocity, after), 0.5 * dt))
         self.velocity = after
@@ -88,7 +91,7 @@ class Follower:
         return Motion(self.position, after, scale(change, 1.0 / dt))
 
     def has_caught_up(self, asked: Motion, acceleration: float, dt: float) -> bool:
-        """Return whether joining the requested trajectory would make no step."""
+        """Return whether the follower can join the requested trajectory without a step."""
         close = norm(sub(asked.position, self.position)) <= CAUGHT_UP
         return close and norm(sub(asked.velocity, self.velocity)) <= acceleration * dt
 

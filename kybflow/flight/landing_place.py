@@ -1,9 +1,10 @@
-"""Finds where a vehicle can come down without landing on another. World frame, metres.
+"""Finds where a vehicle can descend without landing on another one. World frame, metres.
 
-A vehicle is under another when it is lower and their centres are horizontally closer than half of
-both diameters and 15 cm. A place beside it is searched on circles around the vehicle, the nearest
-first, and on each circle first in the direction away from the one below: inside the fence, and
-with the way there and the way down clear of obstacles and of every vehicle that is known.
+A vehicle is under another if it is lower and their centres are horizontally closer than half the
+sum of their diameters plus 15 cm. A place beside it is searched on circles around the upper
+vehicle, the nearest first, and on each circle first in the direction away from the vehicle below. A
+place must be inside the fence, and the paths to it and down from it must be clear of obstacles and
+of all known vehicles.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _MARGIN = 0.15
 _CLEARANCE = 0.2
-"""Distance of the vehicle's rim to the fence and to obstacles."""
+"""Distance between the vehicle's rim and the fence or an obstacle."""
 _STEP, _CIRCLES = 0.25, 12
-"""The step of the circles' radii, and their number."""
+"""The difference between the radii of two circles, and the number of circles."""
 _DIRECTIONS = 16
 _SAMPLES = 8
-"""Points of a way that are checked."""
+"""Points of a path that are checked."""
 
 Fleet = Mapping[str, Estimate | None]
 
 
 def vehicle_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> str | None:
-    """Return the name of the nearest vehicle under `here`, None if there is none."""
+    """Return the name of the nearest vehicle under the position `here`, or None."""
     found = [
         (apart, name)
         for name, other, apart in _others(context, here, fleet)
@@ -38,8 +39,8 @@ def vehicle_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> str | No
 
 
 def place_beside(context: VehicleContext, here: Vec3, fleet: Fleet, below: str) -> Vec3 | None:
-    """Return the nearest place at the height of `here` from which the vehicle can come down, None
-    if there is none. below: the vehicle that is in the way."""
+    """Return the nearest position at the height of `here` from which the vehicle can descend, or
+    None. below: the name of the vehicle that is in the way."""
     other = fleet[below]
     x, y, z = here
     away = 0.0 if other is None else atan2(y - other.position[1], x - other.position[0])
@@ -58,7 +59,7 @@ def _is_free(context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet) -> 
     way = [*_between(here, place)]
     for name, other, apart in _others(context, place, fleet):
         needed = _needed(context, name)
-        near = min(needed, distance(here, other))  # one that is near already may stay as near
+        near = min(needed, distance(here, other))  # one that is already near may stay so
         if apart < needed or any(distance(p, other) < near for p in way):
             return False
     keep = 0.5 * context.airframe.diameter + _CLEARANCE

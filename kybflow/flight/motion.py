@@ -1,9 +1,9 @@
 """Motion primitives for behaviors: a straight leg, coasting to rest, a turn and a dwell time.
 
 A behavior that is entered while the vehicle moves adds two motions: a coast, which brings the entry
-velocity to rest, and its own motion, which starts at rest where the coast ends. The sum starts at
-the last setpoint's position and velocity, so that the trajectory has no step, and ends exactly as
-the behavior's own motion.
+velocity to rest, and the behavior's own motion, which starts at rest where the coast ends. The sum
+starts with the position and velocity of the last setpoint, so that the trajectory has no step, and
+ends exactly like the behavior's own motion.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kybflow.core.units import DEG
 from kybflow.flight.profiles import STEEPEST, Pace, Profile, smoothstep
 
 IDLE = Setpoint(SetpointKind.IDLE)
-"""Rotors at rest, on the ground."""
+"""The setpoint for rotors at rest, on the ground."""
 COAST_ACCELERATION = 1.5
 """Deceleration (m/s^2) with which a behavior brings its entry velocity to rest."""
 _SHORTEST = 0.5
@@ -48,7 +48,7 @@ class Motion(NamedTuple):
 
 
 def motion_of(setpoint: Setpoint) -> Motion:
-    """Return the motion of a setpoint; fields that it omits are zero."""
+    """Return the motion of a setpoint; fields that the setpoint omits are zero."""
     return Motion(
         setpoint.position or ZERO,
         setpoint.velocity or ZERO,
@@ -75,7 +75,8 @@ class Straight:
         return self._profile.pace
 
     def keep(self, pace: Pace) -> None:
-        """Time the line as `pace`, which is no quicker, before it has begun."""
+        """Fly the line at `pace`, which is no faster than the current one. Call it before the line
+        begins."""
         self._profile = Profile.paced(self._profile.distance, pace)
         self.duration = self._profile.duration
 
@@ -137,13 +138,13 @@ class Coast:
         return Motion(sub(position, self.end), *rest)
 
     def added(self, setpoint: Setpoint, time: float) -> Setpoint:
-        """Return a setpoint of position, which starts at `end`, plus what is left of the coast."""
+        """Return a position setpoint, whose motion starts at `end`, plus the rest of the coast."""
         return motion_of(setpoint).plus(self.shift(time)).setpoint_like(setpoint)
 
 
 class Turn:
-    """A turn from one heading to another by the shorter way, rest to rest, at `rate` (rad/s) at
-    most. Without a goal the heading stays."""
+    """A turn from one heading to another, in the shorter direction, from rest to rest, at `rate`
+    (rad/s) at most. Without a goal, the heading stays."""
 
     __slots__ = ("_angle", "_end", "_profile", "_start", "duration")
 
@@ -163,7 +164,8 @@ class Turn:
         return self._start + copysign(angle, self._angle), copysign(rate, self._angle)
 
     def off(self, estimate: Estimate, tolerance: float | None) -> str:
-        """Return the heading error in words; empty within `tolerance` or if that is None."""
+        """Return a description of the heading error; empty if it is within `tolerance`, or if that
+        is None."""
         if tolerance is None:
             return ""
         left = abs(wrap(self._start + self._angle - heading_of(estimate.attitude)))
@@ -171,7 +173,7 @@ class Turn:
 
 
 class Dwell:
-    """Measures for how long a condition has held without interruption."""
+    """Measures how long a condition has held without interruption."""
 
     __slots__ = ("_held",)
 
@@ -179,7 +181,7 @@ class Dwell:
         self._held = 0.0
 
     def reached(self, holds: bool, wanted: float, dt: float) -> bool:
-        """Return whether it has held for `wanted` seconds up to now. Call it once a tick."""
+        """Return whether the condition has held for `wanted` seconds. Call it once a tick."""
         if not holds:
             self._held = 0.0
             return False

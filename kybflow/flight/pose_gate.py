@@ -1,36 +1,38 @@
 """Refuses poses that a vehicle can't have: the gate of all estimators that use poses or positions.
 
-The reference is the estimate that the vehicle flies on if that is another estimator's and at most
-0.1 s old, else the last pose that passed, extrapolated for at most 0.25 s. With the reference's
-spread s and the t seconds since its newest measurement, a pose passes within
+The reference is the estimate on which the vehicle flies, if it is another estimator's and at most
+0.1 s old; otherwise it is the last pose that passed, extrapolated for at most 0.25 s. With the
+reference's spread s, and t the seconds since its newest measurement, a pose passes if it is within
 
     gate + 4 s + a t^2 / 2,   a = 5 m/s^2,   but at most `widest`
 
-of it, and within 45 degrees of its attitude; 4 m/s t more are allowed while the estimator's own
-velocity is not known yet. This refuses reflections, and a body that was exchanged with one further
-away than `widest`.
+of the reference's position, and within 45 degrees of its attitude. 4 m/s t more are allowed while
+the estimator's velocity is not known yet. This refuses reflections, and a body that was exchanged
+with one further away than `widest`.
 
-The reference itself may be wrong: dead reckoning drifts. So the gate opens for refused poses once
+The reference itself may be wrong, because dead reckoning drifts. So the gate opens for refused
+poses once
 
-    they have followed from one another (`kybflow.flight.pose_track`) for `AGREED` seconds, without
-    a gap of `BREAK`, and
-    the first of them was within the formula above, without `widest`, of the last pose that passed:
-    the vehicle can have got there,
+    they have been consistent (`kybflow.flight.pose_track`) for `AGREED` seconds, without a gap of
+    `BREAK`, and
+    the first of them was within the formula above, without `widest`, of the last pose that passed,
+    so that the vehicle can have got there.
 
-and no longer compares with the estimate that is flown on, until that is the estimator's own. Poses
-that pass by the formula, but are refused by the filter's own belief in its spread, must agree for
-`AGREED_NEARBY` only, so that an IMU that has just failed doesn't cost the position. Poses that have
-jumped to where they are now must agree for `AGREED_ANEW`. Poses that jumped to where the vehicle
-can't be stay out, and so do those after a gap that are nearer to them than to the reference. This
-is how a track is confirmed in radar, by measurements that fit one another rather than the old track
-(S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems", 1999), and what EKF2
-of PX4 and EKF3 of ArduPilot do when they reset to a position that they refused for too long.
+After that it no longer compares poses with the estimate on which the vehicle flies, until this is
+the estimator's own. Poses that pass by the formula, but are refused by the filter because its
+spread is too small, need to be consistent for `AGREED_NEARBY` only, so that an IMU that has just
+failed doesn't cost the position. Poses that have jumped to where they are now must be consistent
+for `AGREED_ANEW`. Poses that jumped to where the vehicle can't be stay refused, and so do poses
+after a gap that are nearer to them than to the reference. Radar confirms tracks in the same way, by
+measurements that are consistent with one another rather than with the old track (S. Blackman and R.
+Popoli, "Design and Analysis of Modern Tracking Systems", 1999), and so do EKF2 of PX4 and EKF3 of
+ArduPilot when they reset to a position that they have refused for too long.
 
 The first pose passes, and so does every later one that lies elsewhere, until `samples` poses have
-passed one after another: a wrong pose at the start locks nothing out. On the ground the vehicle may
-be carried away unseen, so any poses pass again once they have agreed for `settled` seconds in which
-no other estimate was flown on. In the air that can't happen: without an estimate a vehicle is on
-the ground long before.
+passed in a row, so that a wrong pose at the start locks nothing out. On the ground the vehicle may
+be carried away unseen, so any poses pass again once they have been consistent for `settled` seconds
+in which the vehicle flew on no other estimate. In the air this can't happen: a vehicle without an
+estimate has landed long before.
 """
 
 from __future__ import annotations
@@ -45,15 +47,16 @@ ACCELERATION = 5.0
 LOOK_AHEAD = 0.25
 CURRENT = NS // 10
 SAME_ATTITUDE = 0.9239
-"""Cosine of half of 45 degrees: the least product of two quaternions that are the same."""
+"""Cosine of half of 45 degrees: the least dot product of two quaternions that count as equal."""
 UNKNOWN_PACE = 4.0
 AGREED, AGREED_ANEW, BREAK = 0.3, 1.0, 0.5
 AGREED_NEARBY = 0.1
 
 
 class Reference(NamedTuple):
-    """The expected pose of the vehicle at the time of a measured one. time: of the newest
-    measurement in it. pace: the largest error of its velocity, m/s."""
+    """The expected pose of the vehicle at the time of a measured pose. time: the time of the newest
+    measurement in it. spread: its standard deviation, m. pace: the largest error of its velocity,
+    m/s."""
 
     time: Time
     position: Vec3
@@ -63,7 +66,7 @@ class Reference(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Parameters of a gate, metres and seconds."""
+    """The parameters of a gate, metres and seconds."""
 
     gate: float
     widest: float
@@ -72,15 +75,17 @@ class Bounds(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Poses are refused. since: the time of the first of them. reason: in words."""
+    """Poses are refused. since: the time of the first refused pose. reason: a description of the
+    cause."""
 
     since: Time
     reason: str
 
 
 class PoseGate:
-    """flown: the newest estimate of another estimator that the vehicle flew on. refusal: None while
-    poses pass; fewer than `CONFIRMED` refused ones in a row don't count."""
+    """The gate of one estimator. flown: the newest estimate of another estimator on which the
+    vehicle flew. refusal: why poses are refused, None while they pass; fewer than `CONFIRMED`
+    refused poses in a row don't count."""
 
     __slots__ = (
         "_barred", "_count", "_is_open", "_is_possible", "_newest", "_track", "_wait", "flown",
@@ -100,7 +105,7 @@ class PoseGate:
 
     def current(self, time: Time) -> Estimate | None:
         """Return the other estimator's estimate if the vehicle flies on it at `time` and the gate
-        has not opened against it."""
+        hasn't opened against it; otherwise None."""
         flown = self.flown
         if flown is None or abs(time - flown.time) > CURRENT:
             self._is_open = False
@@ -108,27 +113,27 @@ class PoseGate:
         return None if self._is_open else flown
 
     def passes(self, pose: Pose, reference: Reference, bounds: Bounds) -> bool:
-        """Return whether the vehicle can be where `pose` is; if not, call `opened`."""
+        """Return whether the vehicle can have this pose. If not, call `opened`."""
         most = min(_reachable(pose, reference, bounds), bounds.widest)
         if distance(pose.position, reference.position) > most:
             return False
         return is_same(pose.attitude, reference.attitude)
 
     def passed(self, time: Time) -> None:
-        """Note a pose that passes. Must be called while there is a `refusal`."""
+        """Record that a pose passed. Must be called while there is a `refusal`."""
         if time - self._newest >= AGREED * NS:
             self.refusal = None
 
     def opened(
         self, pose: Pose, reference: Reference, own: Reference | None, bounds: Bounds
     ) -> Vec3 | None:
-        """Note a pose that does not pass. If the gate opens for it and those before it, return the
-        velocity at which they moved. own: like the reference, but always extrapolated from the last
-        pose that passed; None before the first one."""
+        """Record a pose that didn't pass. If the gate opens for it and those before it, return the
+        velocity at which they moved; otherwise None. own: like `reference`, but always extrapolated
+        from the last pose that passed; None before the first."""
         self._note(pose, reference, own, bounds)
         first, last = self._track.first, self._track.last
         if first is None or last is not pose:
-            return None  # by itself it begins nothing
+            return None  # one pose alone begins no track
         since = first.time if self.flown is None else max(first.time, self.flown.time)
         wait = (
             min(self._wait, AGREED_NEARBY) if self.passes(pose, reference, bounds) else self._wait
@@ -145,7 +150,7 @@ class PoseGate:
     def _note(
         self, pose: Pose, reference: Reference, own: Reference | None, bounds: Bounds
     ) -> None:
-        """Continue the track of refused poses, or begin one."""
+        """Continue the track of refused poses, or begin a new one."""
         last, newest, self._newest = self._track.last, self._newest, pose.time
         has_passed = own is not None and own.time > newest
         if last is None or has_passed or pose.time - newest > BREAK * NS:
@@ -170,7 +175,8 @@ class PoseGate:
 
 
 def seen_from(flown: Estimate, time: Time) -> Reference:
-    """Return another estimator's estimate as the reference at `time`; its spread covers its age."""
+    """Return another estimator's estimate as the reference at `time`; its spread includes its
+    age."""
     position = add(flown.position, scale(flown.velocity, (time - flown.time) / NS))
     return Reference(time, position, flown.attitude, flown.spread, 0.0)
 
@@ -183,13 +189,13 @@ def is_same(a: Quat, b: Quat) -> bool:
 
 
 def _reachable(pose: Pose, reference: Reference, bounds: Bounds) -> float:
-    """Return how far a flight can have brought the vehicle from the reference, metres."""
+    """Return how far the vehicle can have flown from the reference, metres."""
     t = (pose.time - reference.time) / NS
     return bounds.gate + 4.0 * reference.spread + t * (reference.pace + 0.5 * ACCELERATION * t)
 
 
 def _may_begin(pose: Pose, own: Reference | None, bounds: Bounds) -> bool:
-    """Return whether a flight can have brought the vehicle to the first of the refused poses."""
+    """Return whether the vehicle can have flown to the first of the refused poses."""
     if own is None or distance(pose.position, own.position) > _reachable(pose, own, bounds):
         return False
     return pose.time - own.time > LOOK_AHEAD * NS or is_same(pose.attitude, own.attitude)

@@ -1,14 +1,14 @@
-"""Tracks a body by its poses alone: which of them a flight explains, and where it jumped.
+"""Tracks a body by its poses alone: which poses a flight explains, and where the body jumped.
 
-A flight explains how a body came from one pose to a later one, t seconds after it, within
+A flight explains a change from one pose to another, t seconds later, that is within
 
-    STEP + SPEED t        of its place, and
-    TURN + RATE t         of its attitude.
+    STEP + SPEED t        in position, and
+    TURN + RATE t         in attitude.
 
-A pose that no flight explains is a reflection or another error; `CONFIRMED` of them in a row that
-agree with one another are a jump, after which the track begins anew at the first of them. (Tracks
-are begun so in radar: S. Blackman and R. Popoli, "Design and Analysis of Modern Tracking Systems",
-1999, on track confirmation.) Metres, seconds, radians.
+A pose that no flight explains is a reflection or another error. `CONFIRMED` such poses in a row
+that are consistent with one another are a jump; the track then starts anew at the first of them.
+(Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and Analysis of Modern
+Tracking Systems", 1999, on track confirmation.) Metres, seconds, radians.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Pose
 
 CONFIRMED = 3
-"""Observations in a row that rule out a coincidence."""
+"""Consistent observations in a row that rule out a coincidence."""
 STEP, SPEED = 0.15, 4.0
 TURN, RATE = 0.8, 12.0
 _ALIGNED = 2.0 * sin(0.25 * TURN)
-"""The distance of two quaternions whose rotations are `TURN` apart."""
+"""The distance between two quaternions whose rotations differ by `TURN`."""
 
 T = TypeVar("T")
 
 
 class Consistent(Generic[T]):
-    """Observations in a row, each of which can follow the one before."""
+    """A series of observations, each consistent with the one before it."""
 
     __slots__ = ("seen",)
 
@@ -38,7 +38,8 @@ class Consistent(Generic[T]):
         self.seen: list[T] = []
 
     def confirmed(self, observation: T) -> T | None:
-        """Add one; return the first of them once there are `CONFIRMED`, and begin anew."""
+        """Add an observation. Once there are `CONFIRMED` of them, return the first and clear the
+        series; otherwise return None."""
         self.seen.append(observation)
         if len(self.seen) < CONFIRMED:
             return None
@@ -48,16 +49,17 @@ class Consistent(Generic[T]):
 
 
 def reach(seconds: float) -> float:
-    """Return how far a vehicle can get in that time, metres."""
+    """Return how far a vehicle can move in this time, metres."""
     return STEP + SPEED * seconds
 
 
 def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
-    """Return how far `pose` is from `last` and how far it may be, in metres or else in radians;
-    None if a flight explains it."""
+    """Return None if a flight from `last` to `pose` is possible. Otherwise return how far they are
+    apart and how far they may be, in metres or, if only the attitude differs too much, in
+    radians."""
     off = distance(pose.position, last.position)
     if off <= STEP and dist(pose.attitude, last.attitude) <= _ALIGNED:
-        return None  # as nearly always
+        return None  # the usual case
     seconds = (pose.time - last.time) / NS
     most = reach(seconds)
     if off > most:
@@ -70,7 +72,7 @@ def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
 
 
 class PoseTrack:
-    """The track of one body. first, last: its poses at the beginning and at the end."""
+    """The track of one body. first, last: its first and its last pose."""
 
     __slots__ = ("_elsewhere", "first", "last")
 
@@ -80,7 +82,8 @@ class PoseTrack:
         self._elsewhere: Consistent[Pose] = Consistent()
 
     def follow(self, pose: Pose) -> Pose | None:
-        """Add a later pose; if the body jumped, return the first pose after the jump."""
+        """Add a later pose. If the body jumped, return the first pose after the jump, otherwise
+        None."""
         last, elsewhere = self.last, self._elsewhere
         if last is None or unexplained(last, pose) is None:
             self.last = pose

@@ -22,7 +22,7 @@ STEEPEST = 15.0 / 8.0
 """The largest slope of the smoothstep, at its middle."""
 _STILL = 1e-12
 _SHORTEST = 0.5
-"""Shortest ramp in seconds over a short distance."""
+"""Duration of the ramps over a short distance, seconds."""
 
 
 Progress = tuple[float, float, float, float]
@@ -41,11 +41,12 @@ def smoothstep(s: float) -> tuple[float, float, float, float]:
 
 
 class Pace(NamedTuple):
-    """How a profile is timed, seconds: `ramp` is the length of each ramp, `cruise` the distance by
-    the largest speed.
+    """The timing of a profile, seconds. ramp: the duration of each ramp. cruise: the distance
+    divided by the largest speed.
 
-    Profiles of one pace cover the same share of their distances at every time, whatever these are.
-    So of two vehicles on straight lines the one moves on a straight line as the other sees it.
+    Profiles with the same pace have covered the same share of their distances at every time. If two
+    vehicles fly straight lines at the same pace, each therefore moves on a straight line relative
+    to the other.
     """
 
     cruise: float
@@ -57,17 +58,19 @@ class Pace(NamedTuple):
 
     @classmethod
     def slowest(cls, paces: Iterable[Pace]) -> Pace:
-        """Return the quickest pace that none of several has to hurry for: with the longest ramp
-        and the longest cruise, each keeps its own limits of speed and of acceleration."""
+        """Return the fastest pace that is no faster than any of `paces`: it has the longest ramp
+        and the longest cruise, so that each vehicle stays within its limits of speed and
+        acceleration."""
         cruises, ramps = zip(*paces, strict=True)
         return cls(max(cruises), max(ramps))
 
 
 class Profile:
-    """A profile over `distance` from rest to rest, at `speed` at most, with ramps of `ramp` s.
+    """A profile over `distance` from rest to rest, at `speed` at most, with ramps of `ramp`
+    seconds.
 
     The caller chooses the unit of the distance, such as metres or radians. The profile of an
-    infinite distance never ends. A ramp is shortened if the distance has no room for it.
+    infinite distance never ends. The ramps are shortened if the distance is too short for them.
     """
 
     __slots__ = ("distance", "duration", "ramp", "speed")
@@ -82,12 +85,13 @@ class Profile:
 
     @classmethod
     def within(cls, distance: float, speed: float, acceleration: float) -> Profile:
-        """Return the fastest profile that keeps both limits.
+        """Return the fastest profile within both limits.
 
-        V = min(speed, sqrt(distance * acceleration / (15/8))): with the second term the two ramps
-        alone cover the distance, so that a short one has a lower peak and no negative cruise time.
-        V is also at most distance / 0.5 s, for a profile of one second: the peak jerk grows with
-        V / ramp^2, and a millimetre in hundredths of a second would shake a vehicle.
+        V = min(speed, sqrt(distance * acceleration / (15/8))). With the second value, the two ramps
+        alone cover the distance, so that a short distance has a lower peak speed and no negative
+        cruise time. V is also at most distance / 0.5 s, for a profile of one second: the peak jerk
+        grows with V / ramp^2, and moving a millimetre in hundredths of a second would shake the
+        vehicle.
         """
         length = max(distance, 0.0)
         peak = min(speed, sqrt(length * acceleration / STEEPEST))
@@ -97,7 +101,7 @@ class Profile:
 
     @classmethod
     def paced(cls, distance: float, pace: Pace) -> Profile:
-        """Return the profile that is timed as `pace`."""
+        """Return a profile with the timing of `pace`."""
         return cls(distance, distance / pace.cruise, pace.ramp) if distance else cls(0.0, 0.0, 0.0)
 
     @property
@@ -124,8 +128,8 @@ class Profile:
 
 
 def rising(velocity: Vec3, rise: float) -> Callable[[float], Vec3]:
-    """The wind so many seconds after it began: from nothing to `velocity` (m/s, world frame) within
-    `rise` seconds, its speed as the quintic smoothstep (`kybflow.flight.profiles`)."""
+    """Return the wind (m/s, world frame) as a function of the seconds since it began. It rises from
+    zero to `velocity` within `rise` seconds; its speed follows the quintic smoothstep."""
 
     def wind(elapsed: float) -> Vec3:
         if elapsed >= rise:

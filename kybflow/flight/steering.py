@@ -1,13 +1,13 @@
 """Converts a desired specific force to attitude and thrust, for trackers with any control law.
 
-The thrust is the estimated mass times the desired specific force f along body z; the attitude
-points body z along f. Tilt and thrust are limited to the airframe's. On the ground the thrust rises
-from 60 % of the estimated weight until the vehicle lifts; in the air the mass is estimated
-(`kybflow.flight.mass`).
+The thrust is the estimated mass times the component of the desired specific force f along body z;
+the attitude points body z along f. Tilt and thrust are limited to the airframe's. On the ground the
+thrust rises from 60 % of the estimated weight until the vehicle lifts off; in the air the mass is
+estimated (`kybflow.flight.mass`).
 
-The autopilot controls its own attitude estimate, which an accelerometer levels and which therefore
-errs while the vehicle accelerates. The integral of the difference between the commanded and the
-estimated body z trims the command against that error.
+The autopilot controls its own attitude estimate, which is levelled by an accelerometer and
+therefore wrong while the vehicle accelerates. The integral of the difference between the commanded
+and the estimated body z trims the command against that error.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_STEP = 0.04
-"""Longest step in seconds that is integrated."""
+"""Longest time step that is integrated, seconds."""
 WEIGH_EVERY = 0.015
-"""Seconds between two updates of the mass estimator, which is far slower."""
+"""Seconds between two updates of the mass estimator, which is far slower than the control."""
 LONGEST_SPOOL = 0.1
-"""Seconds between two measurements up to which the thrust rises on the ground."""
+"""Longest time between two measurements that counts for the rise of the thrust on the ground,
+seconds."""
 LEAST_NEWS = 0.001
-"""Seconds by which the newest measurement must be newer than the one that was weighed last."""
+"""Least time by which the newest measurement must be newer than the last one weighed, seconds."""
 MOST_TRIM = 0.1
-"""Largest slope by which body z is trimmed, about 6 degrees."""
+"""Largest trim of the slope of body z, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
 """Least vertical force as a share of the weight, and largest thrust as a share of the rotors'."""
 LEAST_FORCE = LEAST_LIFT * GRAVITY
@@ -46,12 +47,13 @@ _ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
 
 
 class Steering:
-    """Lives as long as its tracker, which calls `weigh`, `attitude` and `command` every tick.
+    """Turns a tracker's force into commands. Exists as long as its tracker, which calls `weigh`,
+    `attitude` and `command` every tick.
 
-    flies: above the ground. limited: the last force was limited. learns: integrals may be updated,
-    which excludes the ground, a limited force and a long step. trim: the slope that corrects the
-    autopilot's attitude error. force_along: the specific force of the last command along the
-    estimated body z, m/s^2.
+    flies: whether the vehicle is above the ground. limited: whether the last force was limited.
+    learns: whether integrals may be updated, which excludes the ground, a limited force and a long
+    step. trim: the slope along x and y that corrects the autopilot's attitude error. force_along:
+    the specific force of the last command along the estimated body z, m/s^2.
     """
 
     __slots__ = (
@@ -83,7 +85,8 @@ class Steering:
         return self._airframe.hover_thrust * self._mass.ratio
 
     def weigh(self, setpoint: Setpoint, estimate: Estimate, lift_off: float, dt: float) -> None:
-        """Estimate the mass. lift_off: height above the ground from which the vehicle flies, m."""
+        """Update the mass estimate. lift_off: the height above the ground from which the vehicle
+        counts as flying, m."""
         height = estimate.position[2]
         if self._floor is None:
             self._floor = height
@@ -96,7 +99,7 @@ class Steering:
             return
         age = estimate.age
         if weighed - age + self._age < LEAST_NEWS:
-            return  # it stands still, and says nothing of what the thrust does
+            return  # without a newer measurement, the thrust has no visible effect
         self._weighed, self._age = 0.0, age
         if flies:
             self._mass.update(self._lift, estimate.velocity[2], weighed)
@@ -105,15 +108,15 @@ class Steering:
         self._carry()
 
     def _carry(self) -> None:
-        """Take over the estimated mass."""
+        """Update the mass to carry and the largest specific force from the mass estimator."""
         self._carried = self._airframe.mass * self._mass.carried
         self._most_force = self._most_thrust / self._carried
 
     def attitude(
         self, wanted: Vec3, up: Vec3, setpoint: Setpoint, p: SteeringParams, dt: float
     ) -> tuple[Vec3, Quat]:
-        """Return the force `wanted` within the limits, and the attitude with body z along it,
-        corrected by `trim`, which it updates. up: the estimated body z."""
+        """Limit the specific force `wanted`. Return it and the attitude whose body z points along
+        it, corrected by `trim`, which is updated. up: the estimated body z."""
         fx, fy, fz = wanted
         if p.tilt != self._tilt:
             self._tilt, self._steepest = p.tilt, tan(min(p.tilt, self._airframe.tilt))
@@ -143,7 +146,7 @@ class Steering:
         return wanted, from_thrust_facing(leaned, self._facing)
 
     def _bounded(self, wanted: Vec3) -> Vec3:
-        """The force within the airframe's thrust, then within the tilt."""
+        """Return the force limited by the airframe's thrust, then by the tilt."""
         fx, fy, fz = wanted
         fz = max(LEAST_FORCE, min(self._most_force, fz))
         level, widest = sqrt(fx * fx + fy * fy), fz * self._steepest
@@ -154,7 +157,8 @@ class Steering:
     def command(
         self, force: Vec3, attitude: Quat, rates: Vec3, estimate: Estimate, up: Vec3
     ) -> Command:
-        """Return the command of `attitude`, `rates` and the thrust of `force` along `up`."""
+        """Return the command with this attitude, these rates, and the thrust of `force` along
+        `up`."""
         mass, most = self._carried, self._most_thrust
         fx, fy, fz = force
         ux, uy, uz = up
@@ -167,8 +171,8 @@ class Steering:
 
 
 def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec3:
-    """Return the body rates at which the jerk and the heading rate turn the attitude along `force`:
-    force x jerk / |force|^2, and the heading rate about world z."""
+    """Return the body rates, rad/s, with which the jerk and the heading rate turn the attitude
+    along `force`: force x jerk / |force|^2, plus the heading rate about world z."""
     if jerk == ZERO and heading_rate == 0.0:
         return ZERO
     fx, fy, fz = force

@@ -1,5 +1,5 @@
-"""The parameters that trackers for an on-board attitude loop share; apart from `steering`, which
-may be compiled, because types of compiled classes can't be read."""
+"""The parameters of all trackers for an on-board attitude loop. They are not in `steering`, which
+may be compiled, because the types of compiled classes can't be read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from kybflow.core.units import Acceleration, Angle, Damping, Length, Ratio
 
 @params
 class SteeringParams:
-    """Parameters of every tracker for an on-board attitude loop, beside the gains of its law."""
+    """The parameters of every tracker for an on-board attitude loop, beside the gains of its
+    law."""
 
     integral_limit: Acceleration = param(
         "Limit of the integral term along each axis.", default=1.0, at_least=0

@@ -1,17 +1,17 @@
-"""Estimates a body's motion from late poses: velocities by a filtered derivative.
+"""Estimates a body's motion from delayed poses: velocities by a filtered derivative.
 
-The derivative is TeleKyb's second-order filter H(s) = wn^2 s / (s^2 + 2 wn s + wn^2), but by the
-poses' own time stamps: an alpha-beta filter whose poles stay at exp(-wn dt) for whatever dt
+The derivative is TeleKyb's second-order filter H(s) = wn^2 s / (s^2 + 2 wn s + wn^2), evaluated at
+the poses' own time stamps: an alpha-beta filter whose poles stay at exp(-wn dt) for any dt
 (critically damped: alpha = 1 - theta^2, beta = (1 - theta)^2, theta = exp(-wn dt); Brookner,
 "Tracking and Kalman Filtering Made Easy", 1998, sec. 1.3). Horizontally, the lag 2/wn of H is
 compensated by the acceleration that follows from the attitude and the rotor drag: g times the slope
-of body z, less drag times velocity, plus any known disturbance. Noisy poses are filtered harder,
-because a tracker turns the velocity's noise into thrust and tilt: from the 60th pose on the
-bandwidth is divided by 1 + (spread / 8 mm)^4, horizontally by 4 at most, vertically, where nothing
-compensates the lag, by 2.
+of body z, less drag times velocity, plus any known disturbance. Noisy poses are filtered more,
+because a tracker turns noise of the velocity into thrust and tilt: from the 60th pose on, the
+bandwidth is divided by 1 + (spread / 8 mm)^4, limited to 4 horizontally and to 2 vertically, where
+nothing compensates the lag.
 
-Attitude and body rates go through the same filter on the rotation, which has no sign to flip. The
-estimate is predicted over the latency to `now`.
+Attitude and body rates pass the same filter, applied to the rotation, which has no sign to flip.
+The estimate is predicted over the latency to `now`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from kybflow.core.signals import NS, Estimate, Pose, Time, made
 from kybflow.core.units import Duration, Frequency
 
 STEEPEST = 0.5
-"""Least vertical part of body z with which its slope gives an acceleration."""
+"""Least vertical component of body z at which its slope is used as an acceleration."""
 NOISY, CALMEST, CALMEST_UP, WARM = 0.008, 4.0, 2.0, 60
 
 
@@ -46,10 +46,14 @@ class TrackedParams:
 
 
 class TrackedPose:
-    """The filter. stamp: the last pose's. count: poses since it began. position, velocity in the
-    world, attitude, rates in the body: at `stamp`. spread: running standard deviation of the
-    innovation along an axis, metres. slope: the acceleration along x and y that follows from the
-    attitude; pushed: the known disturbance beside it, m/s^2, world."""
+    """The filter of one body.
+
+    stamp: the time of the last pose. count: the number of poses since the filter started. position,
+    velocity (world), attitude, rates (body): the motion at `stamp`. spread: the running standard
+    deviation of the innovation along an axis, metres. slope: the acceleration along x and y that
+    follows from the attitude, m/s^2, world. pushed: the acceleration along x and y by a known
+    disturbance, m/s^2, world.
+    """
 
     def __init__(self, params: TrackedParams, drag: float) -> None:
         self.stamp: Time = 0
@@ -63,7 +67,8 @@ class TrackedPose:
         self.slope = self.pushed = self._pull = (0.0, 0.0)
 
     def take(self, pose: Pose, velocity: Vec3 = ZERO) -> None:
-        """Process a newer pose; the first one begins with this velocity."""
+        """Process a pose that is newer than the last. velocity: the velocity to start with if the
+        filter starts at this pose."""
         time, position, attitude = pose
         dt = (time - self.stamp) / NS
         self.stamp = time
@@ -82,11 +87,11 @@ class TrackedPose:
             self._pull = (sx + px, sy + py)
 
     def estimate(self, now: Time, source: str) -> Estimate | None:
-        """The motion now, None before there are enough poses."""
+        """Return the motion at `now`, or None before there are enough poses."""
         return self.predicted(now, source) if self.count >= self._params.samples else None
 
     def predicted(self, now: Time, source: str) -> Estimate:
-        """The motion now, however few poses there are."""
+        """Return the motion at `now`, however few poses there are."""
         age = (now - self.stamp) / NS
         px, py, pz = self.position
         vx, vy, vz = self.velocity
@@ -98,8 +103,9 @@ class TrackedPose:
         return made(Estimate, (now, position, velocity, attitude, rates, source, age, self.spread))
 
     def bent(self, motion: Estimate) -> Estimate:
-        """Return a predicted motion with the change of the acceleration until then, taken as
-        linear, which the attitude shows. Without it, a tracker sways over 50 ms and more."""
+        """Return a predicted motion corrected for the change of acceleration during the prediction,
+        which follows from the attitude and is assumed linear. Without this, a tracker sways at
+        latencies of 50 ms and more."""
         if self.count < 2:
             return motion
         now, position, velocity, attitude, rates, source, age, spread = motion
@@ -146,7 +152,8 @@ class TrackedPose:
         self.rates = (rx + b * ix, ry + b * iy, rz + b * iz)
 
     def _slope(self, attitude: Quat, velocity: Vec3) -> tuple[float, float]:
-        """Return the horizontal acceleration at an attitude if the thrust carries the weight."""
+        """Return the horizontal acceleration (m/s^2, world) at this attitude if the thrust carries
+        the weight."""
         w, x, y, z = attitude
         vx, vy, _ = velocity
         drag = self._drag
@@ -158,7 +165,7 @@ class TrackedPose:
 
 
 def _gains(wn: float, dt: float) -> tuple[float, float]:
-    """alpha, and beta over dt, of the filter whose poles are at exp(-wn)."""
+    """Return alpha, and beta divided by `dt`, of the filter with its poles at exp(-wn)."""
     theta = exp(-wn)
     rest = 1.0 - theta
     return 1.0 - theta * theta, rest * rest / dt

@@ -1,31 +1,31 @@
-"""A trajectory from a file: rows in time, and the smooth curve through them.
+"""A trajectory from a file: rows with times, and the smooth curve through them.
 
-The curve has no step in position, velocity and acceleration, and goes exactly through what the rows
-say. What they leave out comes from splines: velocities from the positions, accelerations from the
-velocities, headings' rates from the headings, at rest at both ends. Headings turn the shorter way
-from row to row.
+The curve is continuous in position, velocity and acceleration, and passes exactly through all given
+values. Missing values come from splines that are at rest at both ends: velocities from the
+positions, accelerations from the velocities, heading rates from the headings. The heading turns the
+shorter way from row to row.
 
-The file is a table of text: comma-separated, a header, a row a moment.
+The file is a table of text: comma-separated, with a header, one row per moment.
 
     t, x, y, z, vx, vy, vz, ax, ay, az, yaw [deg]
     0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     ...
 
-The form is that of `kybflow.core.tables`: units in brackets, `x [cm]`; `yaw` must say `[deg]` or
-`[rad]`. Needed are t, x, y, z; velocities and accelerations come as all three columns or none, and
-accelerations only with velocities. The time may begin anywhere and increases in every row.
-Everything raises FileError, which names the line.
+The format is that of `kybflow.core.tables`, with units in brackets, `x [cm]`; `yaw` must state
+`[deg]` or `[rad]`. The columns t, x, y and z are required. Velocities, and accelerations, have all
+three columns or none, and accelerations require velocities. The time may begin at any value and
+must increase in every row. Every error is a FileError that names the line.
 
-The curve is made of quintic pieces that join in position, velocity and acceleration (C2). Between
-two knots, with h the time between them and s = t - t0, the one polynomial of degree five that has
-position, slope and second derivative of both:
+The curve consists of quintic pieces that join in position, velocity and acceleration (C2). Between
+two knots, with h the time between them and s = t - t0, the piece is the only polynomial of degree
+five with the position, slope and second derivative of both:
 
     p(s) = p0 + v0 s + a0/2 s^2 + c3 s^3 + c4 s^4 + c5 s^5
     D = p1 - p0 - v0 h - a0 h^2/2,   V = v1 - v0 - a0 h,   A = a1 - a0
     c3 = (10 D - 4 V h + A h^2/2) / h^3
     c4 = (-15 D + 7 V h - A h^2) / h^4,   c5 = (6 D - 3 V h + A h^2/2) / h^5
 
-Slopes that are not known come from the cubic spline through the values that is level at both ends:
+Unknown slopes come from the cubic spline through the values that is level at both ends:
 
     m[i-1]/h[i-1] + 2 (1/h[i-1] + 1/h[i]) m[i] + m[i+1]/h[i] = 3 (d[i-1]/h[i-1] + d[i]/h[i])
 
@@ -69,7 +69,7 @@ _LIKE = "t, x, y, z"
 
 
 class TrajectoryPoint(NamedTuple):
-    """One row in SI units, and its line."""
+    """One row of a trajectory file, in SI units, with its line number."""
 
     time: float
     position: Vec3
@@ -80,7 +80,7 @@ class TrajectoryPoint(NamedTuple):
 
 
 def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
-    """Return the rows of `text`, at least two."""
+    """Return the rows of `text`, at least two. Raises FileError."""
     table = read_columns(text, COLUMNS, "a trajectory", _LIKE)
     _check(table, header_line(text))
     rows: list[TrajectoryPoint] = []
@@ -123,7 +123,7 @@ class Knot(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """One quintic piece: its coefficients from s^0 to s^5."""
+    """One quintic piece: its coefficients, from that of s^0 to that of s^5."""
 
     c0: float
     c1: float
@@ -134,7 +134,7 @@ class Quintic(NamedTuple):
 
     @classmethod
     def between(cls, start: Knot, end: Knot, h: float) -> Quintic:
-        """The piece from `start` to `end` in `h` seconds."""
+        """Return the piece that goes from `start` to `end` in `h` seconds."""
         p, v, a = start
         square = h * h
         gap = end.value - p - v * h - 0.5 * a * square
@@ -146,7 +146,7 @@ class Quintic(NamedTuple):
         return cls(p, v, 0.5 * a, c3, c4, c5)
 
     def at(self, s: float) -> tuple[float, float, float, float]:
-        """The value and its first three derivatives."""
+        """Return the value and its first three derivatives at `s`."""
         c0, c1, c2, c3, c4, c5 = self
         return (
             c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5)))),
@@ -157,8 +157,8 @@ class Quintic(NamedTuple):
 
 
 def slopes(times: Sequence[float], values: Sequence[float]) -> list[float]:
-    """The slope at each of at least two knots, zero at the first and the last. Solved by Thomas'
-    algorithm."""
+    """Return the slope at each of at least two knots; zero at the first and the last. The equations
+    are solved by Thomas' algorithm."""
     steps = [b - a for a, b in pairwise(times)]
     pull = [(b - a) / (h * h) for a, b, h in zip(values, values[1:], steps, strict=False)]
     found = [0.0] * len(times)
@@ -174,7 +174,7 @@ def slopes(times: Sequence[float], values: Sequence[float]) -> list[float]:
 
 
 def vector_slopes(times: Sequence[float], values: Sequence[Vec3]) -> list[Vec3]:
-    """`slopes` of each axis."""
+    """Return the slopes at each knot, found separately for each axis."""
     x, y, z = (slopes(times, [value[axis] for value in values]) for axis in range(3))
     return list(zip(x, y, z, strict=True))
 
@@ -185,12 +185,13 @@ _AGREE, _AGREE_SHARE = 0.1, 0.2
 _FINEST, _COARSEST = 0.02, 0.5
 _MOST_SAMPLES = 20_000
 _STRAIGHT = 0.005
-"""How far a path between two samples may be from the straight line, metres."""
+"""How far the path between two samples may be from the straight line, metres."""
 
 
 class Figures(NamedTuple):
-    """Extremes of a curve, each with the line where they are: speed and horizontal acceleration;
-    `points` along it, with their lines."""
+    """Extreme values of a curve. speed, acceleration: the largest speed, m/s, and horizontal
+    acceleration, m/s^2. fastest, sharpest: the lines in the file where they occur. points:
+    positions along the curve, each with its line."""
 
     speed: float
     fastest: int
@@ -200,7 +201,7 @@ class Figures(NamedTuple):
 
 
 class Trajectory:
-    """The curve through the rows of one file; time counts from its first row."""
+    """The curve through the rows of a file. Time counts from its first row."""
 
     def __init__(self, rows: Sequence[TrajectoryPoint]) -> None:
         times = [row.time - rows[0].time for row in rows]
@@ -226,8 +227,8 @@ class Trajectory:
             _check_velocities(rows, accelerations)
 
     def at(self, time: float) -> tuple[Motion, float | None, float]:
-        """(motion, heading, heading rate) `time` seconds after the first row; at rest at the last
-        from there on. The heading is None where the file has none."""
+        """Return (motion, heading, heading rate) `time` seconds after the first row. From the last
+        row on, the vehicle is at rest there. The heading is None if the file has none."""
         if time >= self.duration:
             return *self._last, 0.0
         time = max(time, 0.0)
@@ -245,7 +246,7 @@ class Trajectory:
 
     @functools.cached_property
     def figures(self) -> Figures:
-        """Return its extremes and the points along it."""
+        """The extreme values of the curve and the points along it."""
         speed, fastest, sharp, sharpest = 0.0, self._lines[0], 0.0, self._lines[0]
         samples: list[tuple[float, Vec3, int]] = []
         step = max(_FINEST, self.duration / _MOST_SAMPLES)
@@ -268,8 +269,8 @@ class Trajectory:
 
 @functools.lru_cache(maxsize=32)
 def read_trajectory(file: File) -> Trajectory:
-    """Return the trajectory in `file`. Raises FileError, with the line, for one that no vehicle can
-    fly."""
+    """Return the trajectory in `file`. Raises FileError, with the line, if no vehicle can fly
+    it."""
     rows = read_table(file.text)
     for row, end in ((rows[0], "begins"), (rows[-1], "ends")):
         if row.velocity is not None and norm(row.velocity) > REST:
@@ -282,8 +283,9 @@ def read_trajectory(file: File) -> Trajectory:
 
 
 def _check_velocities(rows: Sequence[TrajectoryPoint], accelerations: Sequence[Vec3]) -> None:
-    """Velocities that are not those of the positions: a wrong column or unit. Between two rows the
-    way is h (v0 + v1) / 2 - h^2 (a1 - a0) / 12, but for terms of the order h^5."""
+    """Raise FileError if the velocities contradict the positions, because of a wrong column or
+    unit. Between two rows the path is h (v0 + v1) / 2 - h^2 (a1 - a0) / 12, except for terms of the
+    order h^5."""
     for i, (a, b) in enumerate(pairwise(rows)):
         h = b.time - a.time
         if a.velocity is None or b.velocity is None:
@@ -318,8 +320,8 @@ def _unwrapped(angles: Sequence[float]) -> list[float]:
 def _thinned(
     samples: Sequence[tuple[float, Vec3, int]], sharpest: float
 ) -> tuple[tuple[Vec3, int], ...]:
-    """As few of the samples as a polyline needs to stay near the curve: it is off by at most
-    a h^2 / 8."""
+    """Return the few samples whose polyline stays near the curve: it is off by at most a h^2 /
+    8."""
     h = sqrt(8.0 * _STRAIGHT / sharpest) if sharpest > 0.0 else _COARSEST
     h = min(max(h, _FINEST), _COARSEST)
     kept = [samples[0]]

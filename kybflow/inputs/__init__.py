@@ -1,1 +1,2 @@
-"""Inputs, one part a file, and the rows in which they are recorded. Only the API opens inputs."""
+"""Input devices, one part per file, and the rows in which their readings are recorded. Only the API
+opens inputs."""

@@ -58,7 +58,7 @@ _LIKE = "controller, axis, source, low, centre, high"
 
 
 class Calibration(NamedTuple):
-    """The source of an axis, and the source's values at its ends and at rest."""
+    """The source of an axis, and the source's values at both ends and at rest."""
 
     source: str
     low: float = -1.0
@@ -66,14 +66,14 @@ class Calibration(NamedTuple):
     high: float = 1.0
 
     def scaled(self, raw: float) -> float:
-        """Scale a raw value to -1 to 1."""
+        """Return a raw value scaled to the range -1 to 1."""
         span = self.high - self.centre if raw > self.centre else self.centre - self.low
         return max(-1.0, min(1.0, (raw - self.centre) / span))
 
 
 @cache
 def read_controllers(file: File) -> dict[str, dict[str, Calibration]]:
-    """Return the axes of each controller in a table. Raises FileError."""
+    """Return the calibrations by controller and axis from a table. Raises FileError."""
     table = read_table(file.text, _COLUMNS, "axes", _LIKE)
     need(table, ("controller", "axis", "source"), header_line(file.text))
     found: dict[str, dict[str, Calibration]] = {}
@@ -129,7 +129,8 @@ class Gamepad(Input[GamepadParams]):
 
 
 class PadLink(InputLink):
-    """Reads one controller, from SDL's thread. Raises DriverError."""
+    """Reads one controller, through SDL's thread. The constructor raises DriverError if SDL can't
+    be used."""
 
     def __init__(self, params: GamepadParams) -> None:
         self._params = params
@@ -179,6 +180,6 @@ class PadLink(InputLink):
 
 
 def _value(state: sdl.PadState, own: Calibration) -> float:
-    """Return the value of an axis; zero if the device doesn't have it."""
+    """Return the value of an axis, -1 to 1; zero if the device doesn't have its source."""
     value = own.scaled(state.axes.get(own.source.removeprefix("-"), own.centre))
     return -value if own.source.startswith("-") else value

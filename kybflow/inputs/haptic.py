@@ -95,8 +95,8 @@ class Haptic(Input[HapticParams]):
 
 
 class HapticLink(FeltLink):
-    """Reads the last sample of a servo and passes forces to it. Steps the servo of a simulated
-    device up to the tick's time; that of a real device has its own thread."""
+    """Reads the last sample of a servo and passes forces to it. `read` steps the servo of a
+    simulated device up to the tick's time; the servo of a real device has its own thread."""
 
     def __init__(self, params: HapticParams, device: HapticDevice, *, threaded: bool) -> None:
         self._params, self._device = params, device
@@ -123,7 +123,8 @@ class HapticLink(FeltLink):
         return None if self._thread is None else self._thread.trouble
 
     def _deflection(self, place: float) -> float:
-        """Return the deflection; a value that is not finite stays so, and the input is lost."""
+        """Return the deflection, -1 to 1, at a coordinate of the hand. A value that is not finite
+        is returned unchanged, so that the input counts as lost."""
         if not isfinite(place):
             return place
         share = max(-1.0, min(1.0, place / self._params.reach))

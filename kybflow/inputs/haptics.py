@@ -1,8 +1,8 @@
 """Haptic devices: their interface, and an energy tank that keeps their forces passive.
 
 A force f gives the hand the energy f . dx while the hand moves by dx in a sample. A tank with the
-energy E, which starts at `RESERVE` and never exceeds `MOST`, gains what the hand puts in and loses
-what it takes out:
+energy E, which starts at `RESERVE` and never exceeds `MOST`, gains the energy that the hand puts in
+and loses the energy that the hand receives:
 
     E' = min(E - f . dx, MOST)
 
@@ -13,10 +13,11 @@ excess is taken back. (J. Ryu, D.-S. Kwon, B. Hannaford, "Stable Teleoperation w
 Passivity Control", 2004, observe the energy likewise, and dissipate the excess afterwards.) An
 empty tank makes forces weak, not zero; moving against them refills it.
 
-The servo has its own clock, so that a late tick neither holds a force nor draws energy. A command
-of the tick holds for `HELD` and then fades within `FADE` to damping alone.
+The servo has its own clock, so that a late tick neither prolongs a force nor draws energy. A force
+that the tick commands lasts for `HELD` and then fades within `FADE` to damping alone.
 
-Metres, newtons and seconds; x forward, y left, z up, as seen by a person at the device.
+Units are metres, newtons and seconds. The axes are x forward, y left and z up, as seen by a person
+at the device.
 """
 
 from __future__ import annotations
@@ -39,11 +40,11 @@ RESERVE, MOST = 0.05, 0.5
 FASTEST = 1.5
 """Largest speed of a hand, m/s."""
 STEP: Time = NS // 500
-"""How often the servo sets the force."""
+"""Period in which the servo sets the force."""
 LATEST = 0.01
 """Longest sample of the servo, seconds."""
 HELD, FADE = 0.1, 0.1
-"""Seconds for which a force holds without a new command, and in which it then fades."""
+"""Time for which a force holds without a new command, and time in which it then fades, seconds."""
 _RETRY = 0.05
 _NAMES = tuple(f"button{i}" for i in range(4))
 
@@ -61,14 +62,15 @@ class HapticDevice(Protocol):
         """Return the device's state."""
 
     def apply_force(self, force: Vec3) -> None:
-        """Push the hand from now on."""
+        """Apply a force to the hand from now on, N."""
 
     def close(self) -> None:
         """Release the hand and the device."""
 
 
 class HapticSample(NamedTuple):
-    """The servo's last sample. at: the time of its clock."""
+    """A sample of the servo: the device's state, and the force set. at: time of the servo's
+    clock."""
 
     state: HapticState
     force: Vec3
@@ -76,11 +78,11 @@ class HapticSample(NamedTuple):
 
 
 ForceLaw = Callable[[Vec3, HapticState, float], Vec3]
-"""Returns the force for a push, a state, and a factor, 0 to 1, on everything but damping."""
+"""Returns the force for a push, a state, and a factor, 0 to 1, on everything except the damping."""
 
 
 class EnergyTank:
-    """Limits forces so that the device stays passive. energy: of the tank, joules."""
+    """Limits forces so that the device stays passive. energy: the tank's energy, joules."""
 
     def __init__(self) -> None:
         self.energy = RESERVE
@@ -88,7 +90,7 @@ class EnergyTank:
         self._before: Vec3 | None = None
 
     def passed(self, force: Vec3, state: HapticState) -> Vec3:
-        """Return `force`, limited until the next sample."""
+        """Return the force, limited so that the tank can't fall below zero by the next sample."""
         if self._before is not None:
             work = dot(self._force, sub(state.position, self._before))
             self.energy = min(self.energy - work, MOST)
@@ -99,7 +101,7 @@ class EnergyTank:
 
 
 class Servo:
-    """Sets the force of a device from the tick's last command.
+    """Sets the force of a device according to the tick's last command.
 
     last: the last sample, None before the first. The engine's tick calls `apply_force` and
     `pressed` and reads `last`; the servo's thread calls `step`. They exchange immutable values.
@@ -113,15 +115,16 @@ class Servo:
         self._pressed = deque[frozenset[str]](maxlen=64)
 
     def apply_force(self, push: Vec3 | None, now: Time) -> None:
-        """Command a push at a time of the servo's clock; None to let all but damping fade."""
+        """Command a push at a time of the servo's clock; None lets everything except the damping
+        fade."""
         self._command = (push, now)
 
     def pressed(self) -> frozenset[str]:
-        """Return the buttons that went down since the last call."""
+        """Return the buttons that were pressed since the last call."""
         return frozenset().union(*(self._pressed.popleft() for _ in range(len(self._pressed))))
 
     def step(self, now: Time) -> None:
-        """Read the device and set its force; no force if that fails. Raises the device's
+        """Read the device and set its force, which is zero if reading fails. Raises the device's
         errors."""
         try:
             state = self._device.read(now)
@@ -150,7 +153,7 @@ class Servo:
 
 class ServoThread:
     """Steps the servo of a real device in a thread until `close`. trouble: why the last step
-    failed, None if it didn't."""
+    failed; None if it succeeded."""
 
     def __init__(self, servo: Servo) -> None:
         self.trouble: str | None = None
@@ -177,8 +180,8 @@ class ServoThread:
 
 
 class SimulatedHand:
-    """A simulated device and hand, a spring and damper on the device's mass. rows: the hand's
-    target over time, as fractions of `reach`."""
+    """A simulated device with a hand that acts as a spring and damper on the device's mass. rows:
+    the hand's target over time, as fractions of `reach`. reach: metres."""
 
     MASS, STIFFNESS, DAMPING = 0.2, 120.0, 6.0
     STEP: Time = NS // 2000
@@ -221,8 +224,9 @@ class SimulatedHand:
 
 
 class ForceDimension:
-    """An omega, delta, sigma or lambda of Force Dimension, through `forcedimension-core`, which
-    needs the maker's SDK. The device's x points to the person, its y to the right."""
+    """A device of the series omega, delta, sigma or lambda of Force Dimension, through
+    `forcedimension-core`, which needs the maker's SDK. The device's x points to the person, its y
+    to the right."""
 
     def __init__(self) -> None:
         try:

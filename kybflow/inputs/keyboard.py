@@ -26,7 +26,7 @@ STEERING = {
     "w": ("z", 1.0), "s": ("z", -1.0), "a": ("turn", 1.0), "d": ("turn", -1.0),
     "\x1b[A": ("x", 1.0), "\x1b[B": ("x", -1.0), "\x1b[D": ("y", 1.0), "\x1b[C": ("y", -1.0),
 }  # fmt: skip
-"""The axis that each key deflects, and which way."""
+"""The axis that each key deflects, and the sign of the deflection."""
 BUTTONS = (*(letter for letter in ascii_lowercase if letter not in STEERING), "enter")
 _STOP, _ENTER = " ", ("\r", "\n")
 _FIRST, _REPEATED = 6 * NS // 10, 15 * NS // 100

@@ -7,9 +7,10 @@
     12, , , , , , unplugged
 
 `t` is the run's time in seconds, which must rise from 0 on. An axis is -1 to 1, or `nan`. `buttons`
-are the names of held buttons. `lost` is the reason why the input is silent from then on; its axes
-are empty. Both columns are optional. A row holds until the next, the last one to the end. Tables
-that `kybflow record-input` and runs write end with a `lost` row.
+are the names of held buttons. `lost` is the reason why the input is silent from that time on; such
+a row has empty axes. The columns `buttons` and `lost` are optional. A row holds until the next one,
+the last row until the end. Tables written by `kybflow record-input` and by runs end with a `lost`
+row.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 class InputRow(NamedTuple):
-    """The reading of an input from `time` on. lost: why the input is silent; empty if it isn't."""
+    """The reading of an input from `time` on. lost: why the input is silent; empty if it is not."""
 
     time: Time
     axes: Mapping[str, float]
@@ -37,31 +38,31 @@ class InputRow(NamedTuple):
 
 
 class InputRows(NamedTuple):
-    """The rows of a file, in the order of their times, and the names of the axes."""
+    """The rows of a table in the order of their times, and the names of its axes."""
 
     axes: tuple[str, ...]
     rows: tuple[InputRow, ...]
 
     @property
     def buttons(self) -> tuple[str, ...]:
-        """Every button that any row holds."""
+        """The buttons that are held in any row, sorted by name."""
         return tuple(sorted({name for row in self.rows for name in row.held}))
 
 
 def head(axes: tuple[str, ...]) -> str:
-    """Return the first line of a file."""
+    """Return the first line of a table."""
     return ", ".join((TIME, *axes, BUTTONS, LOST)) + "\n"
 
 
 def line(row: InputRow, axes: tuple[str, ...]) -> str:
-    """Return a row as its line, which `parse` reads back as an equal row."""
+    """Return a row as a line, from which `parse` reads an equal row."""
     values = ("" if row.lost else f"{row.axes[axis]!r}" for axis in axes)
     why = " ".join(row.lost.replace(",", ";").split())
     return ", ".join((f"{row.time / NS!r}", *values, " ".join(sorted(row.held)), why)) + "\n"
 
 
 def parse(text: str) -> InputRows:
-    """Return the rows of a file's text. Raises FileError, which names the line."""
+    """Return the rows of a table. Raises FileError, which names the line."""
     lines = (
         (number, [cell.strip() for cell in words.split(",")])
         for number, words in enumerate(text.splitlines(), 1)

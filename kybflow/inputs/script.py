@@ -29,7 +29,7 @@ from kybflow.parts.input import SticksOf
 
 @cache
 def read_rows(file: File) -> InputRows:
-    """Return the rows of a file. Raises FileError."""
+    """Return the rows of a table. Raises FileError."""
     return parse(file.text)
 
 
@@ -59,7 +59,7 @@ class Script(Input[ScriptParams]):
 
 
 class RowsLink(InputLink):
-    """Returns rows at their times in the run."""
+    """Delivers the rows of a table at their times in the run."""
 
     def __init__(self, rows: tuple[InputRow, ...]) -> None:
         self._rows, self._next = rows, 0

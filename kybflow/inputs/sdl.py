@@ -2,8 +2,8 @@
 
 SDL is global to the process and must be called from one thread, which runs while any pad is open.
 The thread polls every 4 ms, passes every pad's state to the listeners, and detects pads that are
-plugged in or out. A controller that SDL knows has the names of an Xbox controller, whatever is
-printed on it; other devices have numbered axes, buttons and hats.
+plugged in or unplugged. A controller that SDL recognizes has the names of an Xbox controller,
+whatever is printed on it; other devices have numbered axes, buttons and hats.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PAD_BUTTONS = (
     "a", "b", "x", "y", "back", "guide", "start", "left_stick", "right_stick", "left_shoulder",
     "right_shoulder", "dpad_up", "dpad_down", "dpad_left", "dpad_right",
 )  # fmt: skip
-"""In the order of SDL's numbers."""
+"""The buttons, in the order of SDL's numbers."""
 NUMBERED = 32
 """Largest number of axes and of buttons of an unknown device."""
 PERIOD = 0.004
@@ -39,7 +39,7 @@ _SETTINGS = {
 
 class PadState(NamedTuple):
     """The state of a device. axes: -1 to 1, positive down and right, as in SDL. held: the buttons
-    that are held or were pressed since the last poll."""
+    that are held now or were pressed since the last poll."""
 
     name: str
     axes: Mapping[str, float]
@@ -47,7 +47,7 @@ class PadState(NamedTuple):
 
 
 Listener = Callable[[tuple[PadState, ...]], None]
-"""Receives the state of every plugged-in device, in SDL's thread."""
+"""A function that receives the state of every plugged-in device, in SDL's thread."""
 
 
 def listen(listener: Listener) -> None:
@@ -67,7 +67,7 @@ def listen(listener: Listener) -> None:
 
 
 def ignore(listener: Listener) -> None:
-    """Remove a listener. SDL's thread ends after the last one."""
+    """Remove a listener. Removing the last one ends SDL's thread."""
     with _LOCK:
         _LISTENERS.remove(listener)
         if not _LISTENERS:
@@ -80,7 +80,8 @@ _THREADS: list[threading.Thread] = []
 
 
 class _SdlThread(threading.Thread):
-    """began: set when SDL works or has failed. failed: why SDL can't be used."""
+    """The thread that uses SDL. began: set when SDL works or has failed. failed: why SDL can't be
+    used."""
 
     def __init__(self) -> None:
         super().__init__(name="SDL", daemon=True)

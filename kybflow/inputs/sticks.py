@@ -63,4 +63,4 @@ class SticksLink(InputLink):
         return self._reading
 
     def close(self) -> None:
-        """The vehicle's link is the driver's."""
+        """Do nothing: the vehicle's link belongs to its driver."""

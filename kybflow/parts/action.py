@@ -15,29 +15,30 @@ BUILT_IN = frozenset(
 
 
 class ActionContext(Protocol):
-    """The requests that an action can make. None makes a vehicle less safe: a safety part can't be
-    disabled, its parameters only tighten, and a vehicle with a latched reaction refuses milder
-    ones. Events name the callback's line in the mission; a refused request is an event too."""
+    """The requests that an action can make. None of them makes a vehicle less safe: a safety part
+    can't be disabled, its parameters only tighten, and a vehicle with a latched reaction refuses
+    milder ones. Events about a request name the callback's line in the mission; a refusal is
+    reported by an event too."""
 
     def switch(self, vehicle: str, state: str, values: tuple[tuple[str, Any], ...] = ()) -> None:
-        """Request that a vehicle enters one of its states, with other values (SI) of some of its
-        parameters."""
+        """Request that a vehicle enters one of its states. values: new values (SI) of some of the
+        state's parameters."""
 
     def set(self, option: str, value: Any) -> None:
-        """Request a new value for an option: SI, or text with a unit."""
+        """Request a new value for an option, in SI units or as text with a unit."""
 
     def enable(self, vehicle: str, label: str, on: bool) -> None:
-        """Request that a processor, by its label `processors.NAME`, is switched on or off."""
+        """Request that a processor, labelled `processors.NAME`, is switched on or off."""
 
     def emit(self, name: str) -> None:
-        """Emit a custom event, delivered in the next tick. Raises ValueError for the name of an
-        event that the engine emits."""
+        """Emit a custom event, which is delivered in the next tick. Raises ValueError if the engine
+        emits an event of this name."""
 
     def phase(self, flow: str, phase: str) -> None:
         """Request that a flow enters one of its phases."""
 
     def perform(self, vehicle: str, act: str) -> None:
-        """Request that a vehicle performs an act of its driver."""
+        """Request that a vehicle performs one of its driver's `acts`."""
 
     def log(self, text: str) -> None:
         """Record `text` in a `logged` event."""
@@ -47,9 +48,9 @@ class ActionContext(Protocol):
 
 
 class Action(Part[P]):
-    """What a callback does, `do: [{NAME: {...}}]`. Created when the run begins. An action that
-    raises is reported as the event `action_failed` and not called again. `events` are the names of
-    the events that it emits."""
+    """Something that a callback does, `do: [{NAME: {...}}]`. Created when the run begins. An action
+    that raises is reported as the event `action_failed` and not called again. `events` are the
+    names of the events that it emits."""
 
     kind = "actions"
     reserved = BUILT_IN
@@ -59,4 +60,4 @@ class Action(Part[P]):
 
     @abstractmethod
     def __call__(self, event: Event, context: ActionContext) -> None:
-        """React to `event`; called once for each event that the callback listens to."""
+        """React to `event`. Called once for each event that the callback listens to."""

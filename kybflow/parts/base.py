@@ -11,8 +11,8 @@ P = TypeVar("P")
 
 
 class Objection(NamedTuple):
-    """Why a part can't work as configured: the parameter, the reason, and what to write. is_doubt:
-    it can, but hardly as it was meant."""
+    """Why a part can't work as configured: the parameter, the reason, and a hint on what to write
+    instead. is_doubt: the part can work, but probably not as intended."""
 
     parameter: str
     reason: str
@@ -21,8 +21,8 @@ class Objection(NamedTuple):
 
 
 class Claim(NamedTuple):
-    """What a part takes for its vehicle alone: the parameter that says it, and what it is, in
-    words."""
+    """Something that a part needs for its vehicle alone. parameter: the parameter that names it.
+    what: a description of it."""
 
     parameter: str
     what: str
@@ -31,12 +31,12 @@ class Claim(NamedTuple):
 class Part(ABC, Generic[P]):
     """The base class of every part.
 
-    kind: the plural that names the kind's folder and its group in the catalog. own_events: what a
-    behavior or a processor emits beside its output. events: the names of what the part's alarms
-    become, or an action emits; those of `own_events` are added. reserved: names that no part of the
-    kind may have, because the language uses them. helpers: modules in the kind's folder that are no
-    parts. packages: optional dependencies that the part needs, of alternatives any one; the record
-    of a run has their versions.
+    kind: the plural name of the kind of part, which is also its folder and its group in the
+    catalog. own_events: events that a behavior or a processor emits beside its output. events: the
+    names of the events that the part's alarms become or that an action emits; those of `own_events`
+    are added. reserved: names that no part of this kind may have, because the language uses them.
+    helpers: modules in the kind's folder that are not parts. packages: optional dependencies of the
+    part (if they are alternatives, any one is enough); the record of a run contains their versions.
     """
 
     kind: ClassVar[str]

@@ -1,4 +1,4 @@
-"""Behaviors, the context in which one is entered, and the footprint of its path."""
+"""Behaviors, the data that a behavior receives on entry, and the footprint of its path."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ from kybflow.parts.base import Objection, P, Part
 from kybflow.world.vehicle_context import VehicleContext
 
 SPEED_SHARE = 0.95
-"""The share of the airframe's speed limit that a planned motion may use; tracking has the rest."""
+"""The share of the airframe's speed limit that a planned motion may use; the rest is left for
+tracking."""
 
 
 class Flight(Enum):
-    """Where a vehicle is between behaviors. MOVING: a take-off or a landing was left before its
-    end, so it may be on the ground or in the air."""
+    """Where a vehicle is between two behaviors. MOVING: a take-off or a landing ended early, so the
+    vehicle may be on the ground or in the air."""
 
     GROUND = "ground"
     AIR = "air"
@@ -48,7 +49,8 @@ class Flight(Enum):
 
 
 class Leg(NamedTuple):
-    """A flight type, `start >> end`: where a behavior may begin, and where its normal end is."""
+    """A flight type, `start >> end`: where the vehicle is when a behavior begins, and where it is
+    at the behavior's normal end."""
 
     start: Flight
     end: Flight
@@ -58,13 +60,13 @@ GROUND, AIR, MOVING = Flight.GROUND, Flight.AIR, Flight.MOVING
 
 
 class Entry(NamedTuple):
-    """What a behavior knows when it is entered.
+    """The situation in which a behavior is entered.
 
-    setpoint: the last one that the tracker followed, None on the ground (and sometimes in the air:
-    `flight` says where the vehicle is). hover_thrust: the tracker's estimate of the thrust that
-    holds the vehicle, newtons. resting_force: the specific force along body z that the IMU
-    measured at rest on the ground, m/s^2; gravity if unknown.
-    inputs: what the mission's inputs say.
+    setpoint: the last setpoint that the tracker followed; None on the ground and sometimes in the
+    air, so use `flight` to tell where the vehicle is. hover_thrust: the tracker's estimate of the
+    hover thrust, newtons. resting_force: the specific force along body z that the IMU measured at
+    rest on the ground, m/s^2; gravity if unknown. inputs: the current readings of the mission's
+    inputs.
     """
 
     now: Time
@@ -78,9 +80,9 @@ class Entry(NamedTuple):
 
     @property
     def position(self) -> Vec3:
-        """Where the behavior begins: the last setpoint if the vehicle is within 0.3 m of it, which
-        leaves no step in the trajectory; else the estimate; else the vehicle's start. Without an
-        estimate the setpoint counts at any distance."""
+        """The position at which the behavior begins, metres, world frame: the last setpoint if the
+        vehicle is within 0.3 m of it, so that the trajectory has no step; else the estimate.
+        Without an estimate it is the last setpoint, else the vehicle's start."""
         wanted = self.setpoint.position if self.setpoint else None
         if self.estimate is None:
             return wanted or self.context.start
@@ -90,15 +92,16 @@ class Entry(NamedTuple):
 
     @property
     def heading(self) -> float:
-        """The heading to hold, radians: the setpoint's, else the estimate's, else the start's."""
+        """The heading to hold, radians: that of the setpoint, else of the estimate, else of the
+        start."""
         if self.setpoint is not None and self.setpoint.heading is not None:
             return self.setpoint.heading
         return heading_of(self.estimate.attitude) if self.estimate else self.context.heading
 
     @property
     def motion(self) -> Motion:
-        """Position and velocity at `now`: the last setpoint's, advanced by one tick, if `position`
-        is the setpoint's; else `position` with the estimate's velocity."""
+        """Position and velocity at `now`. If `position` is the last setpoint's, both are the
+        setpoint's, advanced by one tick; else they are `position` and the estimate's velocity."""
         wanted = self.setpoint
         if wanted is not None and wanted.velocity is not None and wanted.position == self.position:
             moved = scale(wanted.velocity, self.context.dt)
@@ -111,7 +114,8 @@ class Entry(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """`file:line` of each of a footprint's points, of its fastest and its sharpest place."""
+    """Source lines, as `file:line`, of a footprint's points, its fastest point and its sharpest
+    curve."""
 
     points: Mapping[Vec3, str]
     fastest: str
@@ -119,15 +123,17 @@ class Origin(NamedTuple):
 
 
 class Footprint(NamedTuple):
-    """Where a behavior will fly, for the compiler's checks, in the world frame.
+    """Where a behavior will fly, in the world frame; the compiler checks it.
 
-    points: bound its path, metres. speed: its largest, m/s. exit: where its normal end leaves the
-    vehicle, None if unknown. is_endless: it has no normal end. acceleration: the largest horizontal
-    one that its curves need, m/s^2. path: corners of a polyline within 1 cm of the path, empty if
-    unknown (but two `points` are the path). origin: where a path from a file is described.
-    duration: the least time from an entry at rest to its normal end, s; None: see `least_time`.
-    longest: the time after which it has ended in any case, s, None if unknown. goals: the places
-    that it must have reached to go on, each with the distance (m) within which it has.
+    points: points that bound the path, metres. speed: the highest speed, m/s. exit: the position of
+    the vehicle at the behavior's normal end, None if unknown. is_endless: the behavior has no
+    normal end. acceleration: the largest horizontal acceleration in its curves, m/s^2. path:
+    corners of a polyline within 1 cm of the path; empty if unknown, except that two `points` are
+    themselves the path. origin: the source lines of a path that is read from a file. duration: the
+    least time from an entry at rest to the normal end, s; if None, `least_time` computes it.
+    longest: the time after which the behavior has ended in any case, s, None if unknown. goals:
+    positions that the vehicle must have reached for the behavior to go on, each with its tolerance,
+    m.
     """
 
     points: tuple[Vec3, ...]
@@ -143,7 +149,7 @@ class Footprint(NamedTuple):
 
     def least_time(self, entry: Vec3 | None) -> float:
         """Return a lower bound (s) of the time from an entry at rest to the normal end: `duration`,
-        else the straight line to `exit` at `speed`, else zero."""
+        else the time for the straight line to `exit` at `speed`, else zero."""
         if self.duration is not None:
             return self.duration
         if entry is None or self.exit is None or self.speed <= 0.0:
@@ -151,7 +157,8 @@ class Footprint(NamedTuple):
         return distance(entry, self.exit) / self.speed
 
     def line_of(self, point: Vec3) -> tuple[str, ...]:
-        """Return a note with the line of the file that leads to `point`; empty without a file."""
+        """Return a note that names the line of the path's file nearest to `point`; empty if the
+        path isn't read from a file."""
         if self.origin is None or not self.origin.points:
             return ()
         nearest = min(self.origin.points, key=lambda p: distance(p, point))
@@ -159,21 +166,21 @@ class Footprint(NamedTuple):
 
 
 class Behavior(Part[P]):
-    """Decides where the vehicle should be; it lives while its state is active.
+    """Decides where the vehicle should be. Exists while its state is active.
 
-    The constructor may raise Refused with a reason. An exception of `update`, or an IDLE setpoint
-    in the air, hands the vehicle to the failsafe.
+    The constructor may raise Refused with a reason. If `update` raises, or returns an IDLE setpoint
+    in the air, the failsafe takes over the vehicle.
 
-    flight: its flight types. emits: the kind of setpoint that `update` returns, or of command.
-    needs_estimate: whether it can fly only with an estimate. needs: kinds of measurement to
-    subscribe to while it is active, if the driver provides them. grips: `update` may return a Grip.
-    waits_for: what it waits for, in words, None while it goes on; it emits `behavior_waits`.
-    lets_go: whether no command is sent now, so that the vehicle's own watchdog brings it down.
-    axes: the axes that the inputs named by its parameters must have. push: the force on the hand
-    that steers it, along the axes x, y and z. hears: whether it receives what other vehicles
-    publish. says: what it publishes to them in its latest update, recorded as a measurement of its
-    class. keeps_pace: whether it flies one straight line at a `pace` and can `keep` a slower one,
-    so that several vehicles arrive together.
+    flight: the flight types of the behavior. emits: the kind of setpoint or of command that
+    `update` returns. needs_estimate: whether it can fly only with an estimate. needs: kinds of
+    measurement to subscribe to while it is active, if the driver provides them. grips: whether
+    `update` may return a Grip. waits_for: a description of what it is waiting for, emitted in
+    `behavior_waits`; None while it isn't waiting. lets_go: whether no command is sent now, so that
+    the vehicle's own watchdog lands it. axes: the axes that the inputs named by its parameters must
+    have. push: the force on the hand of the person who steers, along the axes x, y and z. hears:
+    whether it receives what other vehicles publish. says: what its latest update publishes to them,
+    recorded as a measurement of its class. keeps_pace: whether it flies one straight line at a
+    `pace` and accepts a slower one by `keep`, so that several vehicles arrive together.
     """
 
     kind = "behaviors"
@@ -209,41 +216,43 @@ class Behavior(Part[P]):
 
     @abstractmethod
     def update(self, tick: Tick) -> Setpoint | Command | Grip | Emitting | Done | Failed:
-        """Return the setpoint at `tick.now`, or Done or Failed with the last one; called once a
-        tick. A behavior that `emits` commands returns a Command, which bypasses the tracker; one
-        that `grips` may return a Grip, one with `own_events` an Emitting."""
+        """Return the setpoint at `tick.now`, or Done or Failed with the last setpoint. Called once
+        a tick. A behavior that `emits` commands returns a Command, which bypasses the tracker; one
+        that `grips` may return a Grip, and one with `own_events` an Emitting."""
 
     def take(self, point: PlannedPoint, now: Time) -> str | None:
-        """Take a point of an external planner's trajectory before the update of a tick; return why
-        it is refused, None where it is not."""
+        """Accept a point of an external planner's trajectory, before the update of a tick. Return
+        why the point is refused, or None if it is accepted."""
         return "its behavior takes no trajectory"
 
     def keep(self, pace: Pace) -> None:
-        """Fly at another pace, no quicker than its own, from the second update on. Called after the
-        first update if it `keeps_pace`."""
+        """Fly at the given pace, no faster than the behavior's own, from the second update on.
+        Called after the first update if the behavior has `keeps_pace`."""
         raise NotImplementedError
 
     @classmethod
     def prepare(cls) -> None:
-        """Load what takes long to load. Called before take-off for behaviors with `hears`."""
+        """Load slow dependencies. Called before take-off for behaviors with `hears`."""
 
     @classmethod
     def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
-        """Yield what makes these parameters senseless for the vehicle of `context`."""
+        """Yield why these parameters make no sense for the vehicle of `context`."""
         yield from ()
 
     @classmethod
     def footprint(cls, params: P, entry: Vec3 | None) -> Footprint | None:
-        """Return where it flies when entered at `entry` (world, None: unknown); None if unknown."""
+        """Return where the behavior flies if it is entered at `entry` (world frame, None if
+        unknown), or None if that is unknown."""
         return None
 
     @classmethod
     def objection(cls, params: P, entry: Entry) -> str | None:
-        """Return why no `next` and no request may enter it now, so that the vehicle stays in its
-        present behavior; None if one may."""
+        """Return why no `next` and no request may enter the behavior now, so that the vehicle stays
+        in its present one; None if they may."""
         return None
 
     @classmethod
     def refusal(cls, params: P, entry: Vec3) -> str | None:
-        """Return why it would refuse to start at rest at `entry` (world); None if it starts."""
+        """Return why the behavior would refuse to start at rest at `entry` (world frame), or None
+        if it would start."""
         return None

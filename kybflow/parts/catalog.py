@@ -46,7 +46,8 @@ GROUP = "kybflow.parts"
 
 @dataclass(frozen=True)
 class PartSpec:
-    """A part: its class, its parameters' class and fields, and its module's docstring."""
+    """A part: its class, the class and the fields of its parameters, and the docstring of its
+    module."""
 
     kind: str
     name: str
@@ -79,15 +80,16 @@ class Catalog:
         return self._names.get(kind, ())
 
     def get(self, kind: str, name: str) -> PartSpec:
-        """Import a part's module and return its specification. Raises KeyError for an unknown name,
-        PartError for a wrong declaration."""
+        """Import a part's module and return its specification. Raises KeyError if the name is
+        unknown, PartError if the declaration is invalid."""
         key = (kind, name)
         if key not in self._specs:
             self._specs[key] = _load(kind, name, self._modules[kind][name])
         return self._specs[key]
 
     def always(self, kind: str) -> tuple[PartSpec, ...]:
-        """Return the parts of a kind that every vehicle has, named in the mission or not."""
+        """Return the parts of a kind that every vehicle has, even if the mission doesn't name
+        them."""
         if kind not in self._always:
             found = (self.get(kind, name) for name in self.names(kind))
             self._always[kind] = tuple(s for s in found if getattr(s.cls, "always", False))
@@ -109,7 +111,7 @@ def _own_modules() -> dict[str, dict[str, str]]:
 @functools.cache
 def load_catalog() -> Catalog:
     """Return the catalog of all installed parts. Raises PartError if two packages offer the same
-    part, or if a part has a name that the language reserves."""
+    part, or if the name of a part is reserved by the language."""
     modules = _own_modules()
     for entry in entry_points(group=GROUP):
         for kind in BASES:
@@ -163,7 +165,8 @@ def _load(kind: str, name: str, module_name: str) -> PartSpec:
 
 
 def _judge_bases(cls: type[Any]) -> None:
-    """Raise PartError for a part in Python with a compiled base, which Python can't construct."""
+    """Raise PartError if a Python class inherits from a compiled class: Python can't construct
+    it."""
     compiled = [base.__name__ for base in cls.__mro__ if is_compiled(base)]
     if compiled and not is_compiled(cls):
         raise PartError(

@@ -1,5 +1,5 @@
-"""The parts between a vehicle's measurements and its command (estimators, processors, trackers) and
-the supervisors that watch it."""
+"""The parts that turn a vehicle's measurements into its command (estimators, processors, trackers),
+and the supervisors that watch it."""
 
 from __future__ import annotations
 
@@ -33,14 +33,15 @@ if TYPE_CHECKING:
 
 
 class Estimator(Part[P]):
-    """Turns measurements into an estimate. Lives as long as its vehicle.
+    """Turns measurements into an estimate. Exists as long as its vehicle.
 
     An estimator that raises is not called again, and its vehicle lands.
 
-    needs: the kinds of measurement that it can't work without. needs_tags: it can use frames only
-    if the world has tags. own: its estimate comes from the vehicle itself, so it is not sent back
-    as an external position. sighting: what it found in the newest camera frames, None in most.
-    refusal: why it refuses what arrives of the position, None while it takes it.
+    needs: the kinds of measurement that it can't work without. needs_tags: whether it can use
+    camera frames only if the world has tags. own: whether its estimate comes from the vehicle
+    itself, so that it is not sent back as an external position. sighting: what it found in the
+    newest camera frames, None in most ticks. refusal: why it refuses the measured positions, None
+    while it accepts them.
     """
 
     kind = "estimators"
@@ -55,16 +56,16 @@ class Estimator(Part[P]):
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """Return the kinds in `needs` that hold with these parameters."""
+        """Return the kinds of `needs` that are needed with these parameters."""
         return cls.needs
 
     @abstractmethod
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
-        """Return the estimate at `now`, None while there is none. Called once a tick with every
-        measurement of any kind that arrived since the last tick, oldest first."""
+        """Return the estimate at `now`, or None if there is none. Called once a tick with all
+        measurements of any kind that arrived since the last tick, oldest first."""
 
     def anchor(self, estimate: Estimate) -> None:
-        """Receive the estimate that the vehicle flies on, so that dead reckoning can start from it.
+        """Accept the estimate on which the vehicle flies, so that dead reckoning can start from it.
         Called after `update` in every tick in which another estimator is in use."""
 
 
@@ -73,13 +74,15 @@ class Processor(Part[P]):
 
     Processors run in the order of the mission while a behavior with an estimate flies: `safety`
     ones from take-off to touch-down, the others only in behaviors that stay in the air. A processor
-    that raises is not called again, and its vehicle lands. `accepts` maps each kind of setpoint
-    that it accepts to the kind that it returns. `clamps`: what it changes is taken away for good,
-    as beyond a fence, and does not only come later or around something: it emits
-    `clamp_started`, and a behavior that is done while its goal is clamped has failed. idle: it will
-    never change anything, and is not called. goes_round: what stands between where the vehicle is
-    and where it is led is no hindrance. retunes: the options of the vehicle's tracker that it may
-    give other values.
+    that raises is not called again, and its vehicle lands.
+
+    accepts: the kinds of setpoint that it accepts, each with the kind that it returns. safety:
+    whether it also runs during take-off and landing. clamps: whether what it cuts off the setpoint
+    is lost (a goal beyond a fence), not only delayed or flown around; it then emits
+    `clamp_started`, and a behavior that ends while its goal is clamped has failed. goes_round:
+    whether it leads the vehicle around obstacles between it and its goal. idle: whether it will
+    never change anything; it is then not called. retunes: the options of the vehicle's tracker that
+    it may change.
     """
 
     kind = "processors"
@@ -95,34 +98,37 @@ class Processor(Part[P]):
 
     @classmethod
     def takes(cls, params: P) -> dict[SetpointKind, SetpointKind]:
-        """Return the entries of `accepts` that hold with these parameters."""
+        """Return the entries of `accepts` that apply with these parameters."""
         return cls.accepts
 
     @classmethod
     def keeps_inside(cls, params: P, fence: Box) -> Box | None:
-        """Return the box inside `fence` that no setpoint leaves; None if it bounds none."""
+        """Return the box inside `fence` that no setpoint leaves, or None if there is no such
+        box."""
         return None
 
     @classmethod
     def keeps_off(cls, params: P, airframe: Airframe) -> float:
-        """Return how far from obstacles it keeps the centre of an airframe, m; 0 if it doesn't."""
+        """Return the distance (m) that it keeps between obstacles and the centre of an airframe, 0
+        for none."""
         return 0.0
 
     @classmethod
     def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
-        """Yield what makes these parameters senseless for the vehicle of `context`: bounds that are
-        crossed at once, or never."""
+        """Yield why these parameters make no sense for the vehicle of `context`, such as bounds
+        that are crossed at once or never."""
         yield from ()
 
     @abstractmethod
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint | Alarm | Emitting | Retune:
-        """Return the changed setpoint, with one of its `own_events` as an Emitting or values
-        that it `retunes` as a Retune, or an Alarm that requests a reaction; called once a tick."""
+        """Return the changed setpoint. Return an Emitting with one of its `own_events`, a Retune
+        with new values of its `retunes`, or an Alarm that requests a reaction, instead if needed.
+        Called once a tick."""
 
 
 class Tracker(Part[P]):
     """Turns a setpoint into a command. Created anew at each take-off. accepts: kinds of setpoint.
-    emits: the kind of command that it returns; a tracker of several kinds overrides `kinds`."""
+    emits: the kind of command that it returns; a tracker with several kinds overrides `kinds`."""
 
     kind = "trackers"
     accepts: ClassVar[frozenset[SetpointKind]]
@@ -138,21 +144,22 @@ class Tracker(Part[P]):
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """Return the kinds of measurement that it follows better with."""
+        """Return the kinds of measurement with which it tracks better, beside the estimate."""
         return frozenset()
 
     @classmethod
     def outer_loop(
         cls, params: P, airframe: Airframe, inner: InnerLoop | None, period: float
     ) -> OuterLoop | None:
-        """Return the position loop that it closes around `inner` with these parameters, of which
-        margins are computed; None for no such loop. period: of the control, seconds."""
+        """Return the position loop that it closes around `inner` with these parameters, from which
+        stability margins are computed; None if it has no such loop. period: the control period,
+        seconds."""
         return None
 
     @property
     @abstractmethod
     def hover_thrust(self) -> float:
-        """The estimated thrust that holds the vehicle now, newtons."""
+        """The thrust that is estimated to carry the vehicle now, newtons."""
 
     @abstractmethod
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
@@ -160,10 +167,12 @@ class Tracker(Part[P]):
 
 
 class Supervisor(Part[P]):
-    """Watches one bound and reports; it never acts. Lives as long as its vehicle.
+    """Watches one bound and reports when it is crossed; it never acts itself. Exists as long as its
+    vehicle.
 
-    A supervisor that raises is not called again, and its vehicle lands. always: every vehicle has
-    it, named in the mission or not. unhurried: it is called every 20 ms, not once a tick.
+    A supervisor that raises is not called again, and its vehicle lands. always: whether every
+    vehicle has it, even if the mission doesn't name it. unhurried: whether it is called every 20 ms
+    instead of once a tick.
     """
 
     kind = "supervisors"
@@ -175,26 +184,28 @@ class Supervisor(Part[P]):
 
     @classmethod
     def reserve(cls, params: P) -> float:
-        """Return the share of a battery's charge, 0 to 1, below which it ends a flight."""
+        """Return the share of a battery's charge, 0 to 1, below which the supervisor ends a
+        flight."""
         return 0.0
 
     @classmethod
     def keeps_apart(cls, params: P, own: float, other: float) -> float:
-        """Return the distance (m) of two vehicles' centres below which it alarms, their diameters
-        being `own` and `other`; 0 where it watches no such distance."""
+        """Return the distance (m) between the centres of two vehicles with diameters `own` and
+        `other` below which it alarms; 0 if it doesn't watch this distance."""
         return 0.0
 
     @classmethod
     def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:
-        """Return those of `events` that it can raise for the vehicle of `context`."""
+        """Return the `events` that it can emit for the vehicle of `context`."""
         return cls.events
 
     @classmethod
     def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
-        """Yield what makes these parameters senseless for the vehicle of `context`: bounds that are
-        crossed at once, or never."""
+        """Yield why these parameters make no sense for the vehicle of `context`, such as bounds
+        that are crossed at once or never."""
         yield from ()
 
     @abstractmethod
     def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        """Return an Alarm while the bound is crossed. Called before the tick's other decisions."""
+        """Return an Alarm while the bound is crossed, otherwise None. Called before the tick's
+        other decisions."""

@@ -18,55 +18,56 @@ if TYPE_CHECKING:
 
 
 class Seat(NamedTuple):
-    """One vehicle that a driver should open: its context and the driver's parameters for it."""
+    """A vehicle for a driver to open: its context and the driver's parameters for it."""
 
     context: VehicleContext
     params: Any
 
 
 class Charge(NamedTuple):
-    """The charge with which a battery begins: the driver's parameter that says it, and its share of
-    a full one."""
+    """The initial charge of a battery. parameter: the driver's parameter that sets it. share: the
+    charge as a share of a full battery."""
 
     parameter: str
     share: float
 
 
 class Act(NamedTuple):
-    """What a vehicle can perform on request, beside flying its mission. moves: it doesn't follow
-    commands meanwhile. needs: the driver's parameter that must be true for it; None if there is
-    none."""
+    """Something that a vehicle can perform on request, beside flying its mission. moves: whether
+    the vehicle moves by itself and doesn't follow commands meanwhile. needs: the driver's parameter
+    that must be true for it, None if there is none."""
 
     moves: bool = False
     needs: str | None = None
 
 
 class Session(ABC):
-    """An open driver: the links of its vehicles, by name, and the world's time."""
+    """An open driver. links: the links of its vehicles, by name."""
 
     links: dict[str, Link]
 
     @abstractmethod
     def advance(self, now: Time) -> None:
-        """Advance the world to `now`; a simulation steps its physics. Raises DriverError."""
+        """Advance the session to `now`; a simulation steps its physics. Raises DriverError."""
 
     @abstractmethod
     def close(self) -> None:
-        """Release the links and everything behind them."""
+        """Close the links and release all their resources."""
 
 
 class Driver(Part[P]):
-    """Connects to the vehicles that fly on it.
+    """Connects to the vehicles that use this driver.
 
-    accepts: kinds of command. provides: kinds of measurement. simulated: its vehicles are simulated
-    and can have faults. lands: its vehicles have a land mode, and their links are `Lands`.
-    lands_blind: that mode needs no position, and lands a vehicle that doesn't take the commands of
-    the built-in state `land_blind`. grips: its vehicles may have a servo that holds a payload, and
-    their links are `Grips`. acts: what its vehicles perform, by name; their links are `Performs`
-    then. shared: a pilot or another program may command its vehicles too.
-    brings: sensors that the compiler adds if an estimator needs what they measure.
-    preflight_timeout: seconds in which its vehicles must become ready to fly. targets: targets that
-    every mission has without declaring them, each with the driver's parameters.
+    accepts: kinds of command that the vehicles follow. provides: kinds of measurement. simulated:
+    the vehicles are simulated and can have faults. lands: the vehicles have a land mode, and their
+    links implement `Lands`. lands_blind: the land mode needs no position; it also lands a vehicle
+    that doesn't accept the commands of the built-in state `land_blind`. grips: the vehicles may
+    have a servo that holds a payload, and their links implement `Grips`. acts: the acts that the
+    vehicles perform, by name; if there are any, the links implement `Performs`. shared: a pilot or
+    another program may command the vehicles too. brings: sensors that the compiler adds if an
+    estimator needs their measurements. preflight_timeout: seconds in which the vehicles must become
+    ready to fly. targets: targets that every mission has without declaring them, each with the
+    driver's parameters.
     """
 
     kind = "drivers"
@@ -85,71 +86,72 @@ class Driver(Part[P]):
 
     @classmethod
     def takes(cls, params: P) -> frozenset[CommandKind]:
-        """Return the kinds in `accepts` that its vehicles follow with these parameters."""
+        """Return the kinds in `accepts` that the vehicles follow with these parameters."""
         return cls.accepts
 
     @classmethod
     def tracker(cls, params: P) -> Mapping[str, str] | None:
-        """Return the tracker that replaces the mission's, unless the target names one, as YAML
-        would: `use` and its parameters. None keeps the mission's."""
+        """Return the tracker that replaces the mission's unless the target names one, in the form
+        of YAML: `use` and its parameters. None keeps the mission's tracker."""
         return None
 
     @classmethod
     def shows(cls, params: P) -> bool:
-        """Return whether its links report a simulator's truth, which simulated sensors observe."""
+        """Return whether the links report a simulator's truth, which simulated sensors observe."""
         return cls.simulated
 
     @classmethod
     def objection(cls, params: P, start: Vec3, payload: Parcel | None) -> Objection | None:
-        """Return why it can't work with these parameters or fly a vehicle that starts at `start`,
-        m, world, and has `payload`; None if it can. The objection's parameter may be the
-        vehicle's."""
+        """Return why the driver can't work with these parameters, or can't fly a vehicle with this
+        `start` (metres, world frame) and `payload`; None if it can. The objection may name a
+        parameter of the driver or of the vehicle."""
         return None
 
     @classmethod
     def claim(cls, params: P, vehicle: str, number: int) -> Claim | None:
-        """Return what no other vehicle may have; `number` is the vehicle's place among those of
-        this driver, from 1. None if there is nothing."""
+        """Return what this vehicle uses that no other vehicle may use, None if there is nothing.
+        number: the vehicle's number among those of this driver, from 1."""
         return None
 
     @classmethod
     @abstractmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        """Open every vehicle of `seats` in one session; all randomness comes from `generator`.
+        """Open all vehicles of `seats` in one session. All randomness comes from `generator`.
         Raises DriverError."""
 
     @classmethod
     def watchdog(cls, params: P) -> str | None:
         """Return what is dangerous about the vehicle's own watchdog, which lands it if this program
-        dies; None if nothing is. The preflight fails with this reason."""
+        dies, or None if nothing is. The reason makes the preflight check fail."""
         return None
 
     @classmethod
     def real_time(cls, params: P) -> bool:
-        """Return whether its simulated vehicles need a real-time clock, as behind sockets."""
+        """Return whether its simulated vehicles need a real-time clock, for example because they
+        are reached over sockets."""
         return False
 
     @classmethod
     def world(cls, params: P) -> str | None:
-        """Return in a few words the simulated world of a vehicle with these parameters, for which
-        the figures of the flight hold; None in reality."""
+        """Return a short name of the simulated world of a vehicle with these parameters, to which
+        the reported flight figures apply; None for a real vehicle."""
         return None
 
     @classmethod
     def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
-        """Return the inner loop that follows a tracker's commands on `airframe`, for the design of
-        gains; None where it isn't known."""
+        """Return the inner loop that follows a tracker's commands on `airframe`, from which gains
+        are designed; None if unknown."""
         return None
 
     @classmethod
     def charge(cls, params: P) -> Charge | None:
-        """Return the charge with which a vehicle's battery begins; None where it isn't known."""
+        """Return the initial charge of a vehicle's battery, None if unknown."""
         return None
 
     @classmethod
     def control_rate(cls, params: P) -> int:
-        """Return the default control rate of its vehicles, Hz. A mission without `control` flies
-        at the highest of its vehicles."""
+        """Return the default control rate of the vehicles, Hz. A mission without `control` uses the
+        highest rate of its vehicles."""
         return 250
 
     @classmethod

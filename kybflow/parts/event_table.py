@@ -48,7 +48,7 @@ def _row(event: type[BaseEvent], owner: str) -> str:
 
 
 def _unit(hint: object) -> str:
-    """The SI unit of a field in brackets; empty for one without a unit."""
+    """Return the SI unit of a field in brackets; empty if it has none."""
     found = (part for kind in (hint, *get_args(hint)) for part in get_args(kind))
     units = [part.si for part in found if isinstance(part, Dimension) and part.si]
     return f" [{units[0]}]" if units else ""

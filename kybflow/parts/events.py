@@ -1,8 +1,8 @@
 """The events that the engine emits.
 
-An event is added here and where it is emitted; what missions may wait for, the schema and the table
-in docs/parts.md follow. Behaviors and processors declare their own events beside themselves
-(`own_events`), and a supervisor or a processor names its alarm (`AlarmRaised`).
+To add an event, define it here and emit it; the events that missions can wait for, the schema and
+the table in docs/parts.md follow. Behaviors and processors declare their own events beside
+themselves (`own_events`), and a supervisor or a processor names its alarm (`AlarmRaised`).
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class PositionRefused(VehicleEvent):
 
 
 class PositionAccepted(VehicleEvent):
-    """The estimator accepts them again, after `value` seconds."""
+    """The estimator accepts measured positions again, after refusing them for `value` seconds."""
 
     estimator: str
     value: Duration
@@ -644,10 +644,10 @@ ENGINE_EVENTS: dict[str, type[BaseEvent]] = {
     for event in [*globals().values()]
     if isinstance(event, type) and issubclass(event, BaseEvent) and event.__module__ == __name__
 }
-"""The events of this page, by name."""
+"""The events of this module, by name."""
 AWAITED_EVENTS = {name: e for name, e in ENGINE_EVENTS.items() if e.awaited != "nowhere"}
-"""Those that a mission can know."""
+"""The events that a mission can use, by name."""
 RUN_EVENTS = frozenset(name for name, e in AWAITED_EVENTS.items() if issubclass(e, RunEvent))
-"""Those of the whole run."""
+"""The names of the awaited events that belong to the whole run."""
 VEHICLE_EVENTS = frozenset(AWAITED_EVENTS) - RUN_EVENTS
-"""Those of a vehicle."""
+"""The names of the awaited events that belong to a vehicle."""

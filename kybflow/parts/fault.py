@@ -1,4 +1,4 @@
-"""Faults, their effects, and what applies them to a simulated vehicle."""
+"""Faults, their effects, and the effects that are active on a simulated vehicle."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 Filter = Callable[[Measurement], Measurement | None]
 """Changes a measurement before it arrives, or drops it (None)."""
 Air = Callable[[float], Vec3]
-"""Wind in the world frame, m/s, as a function of the seconds since it began."""
+"""Wind in the world frame, m/s, as a function of the seconds since the effect began."""
 Rotors = tuple[float, float, float, float]
 """A value for each rotor: front left, rear left, rear right, front right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Effect:
-    """What a fault does to one simulated vehicle; the defaults do nothing.
+    """What a fault does to one simulated vehicle. The defaults have no effect.
 
-    filter: changes every arriving measurement, simulated cameras' frames included. repeats: whether
-    that filter sends again what was sent before, so that it comes after all others. wind: added to
-    the world's. push: a force over the body's mass, m/s^2, world frame. mass: factor on the body's
-    mass and inertia. payload: mass added to that, kg. rotors: factor on each rotor's thrust. sag:
-    fraction of the battery's charge that is missing.
-    gyro_bias, accelerometer_bias: added to the IMU's, rad/s and m/s^2, body frame. late: delay of
-    commands, seconds. body: the vehicle whose poses motion capture reports as this one's. camera:
-    the degradation of its simulated cameras. view: the vehicle from whose place its cameras see.
+    filter: changes every arriving measurement, including simulated camera frames. repeats: whether
+    the filter sends earlier measurements again; it then runs after all other filters. wind: wind
+    that is added to the world's. push: an external force per body mass, m/s^2, world frame. mass: a
+    factor on the body's mass and inertia. payload: mass that is added to the body's, kg. rotors: a
+    factor on each rotor's thrust. sag: the missing fraction of the battery's charge. gyro_bias,
+    accelerometer_bias: biases that are added to the IMU's, rad/s and m/s^2, body frame. late: delay
+    of commands, seconds. body: the vehicle whose poses motion capture reports for this one. camera:
+    the degradation of its simulated cameras. view: the vehicle from whose position its cameras see.
     estimator: the name of the estimator that fails. deaf: nothing from the vehicle arrives over its
     link. mute: nothing sent over its link reaches the vehicle. silent: what it publishes to other
     vehicles is lost.
@@ -64,7 +64,7 @@ class Effect:
 
 class ActiveFaults:
     """The effects that are active on one simulated vehicle, oldest first, and their combination. An
-    effect that ends leaves no trace. `changed` is called after each change.
+    effect leaves no trace when it ends. `changed` is called after each change.
 
     estimators: the names of the estimators that fail.
     """
@@ -90,7 +90,7 @@ class ActiveFaults:
 
     @property
     def filters(self) -> tuple[Filter, ...]:
-        """Every filter, in the order in which they apply."""
+        """All filters, in the order in which they are applied."""
         effects = sorted((e for e, _ in self._effects), key=lambda e: e.repeats)
         return tuple(e.filter for e in effects if e.filter is not None)
 
@@ -109,22 +109,22 @@ class ActiveFaults:
 
     @property
     def push(self) -> Vec3:
-        """The sum of all forces over the body's mass, m/s^2, world frame."""
+        """The sum of all forces per body mass, m/s^2, world frame."""
         return _sum(e.push for e, _ in self._effects)
 
     @property
     def mass(self) -> float:
-        """The product of all factors."""
+        """The product of all mass factors."""
         return prod(e.mass for e, _ in self._effects)
 
     @property
     def payload(self) -> float:
-        """The sum of all payloads, kg."""
+        """The sum of all payload masses, kg."""
         return sum(e.payload for e, _ in self._effects)
 
     @property
     def rotors(self) -> Rotors:
-        """The product of all factors, for each rotor."""
+        """The product of all thrust factors of each rotor."""
         a, b, c, d = (prod(e.rotors[i] for e, _ in self._effects) for i in range(4))
         return (a, b, c, d)
 
@@ -135,22 +135,23 @@ class ActiveFaults:
 
     @property
     def gyro_bias(self) -> Vec3:
-        """The sum of all biases, rad/s."""
+        """The sum of all gyroscope biases, rad/s, body frame."""
         return _sum(e.gyro_bias for e, _ in self._effects)
 
     @property
     def accelerometer_bias(self) -> Vec3:
-        """The sum of all biases, m/s^2."""
+        """The sum of all accelerometer biases, m/s^2, body frame."""
         return _sum(e.accelerometer_bias for e, _ in self._effects)
 
     @property
     def late(self) -> float:
-        """The sum of all delays, seconds."""
+        """The sum of all command delays, seconds."""
         return sum(e.late for e, _ in self._effects)
 
     @property
     def body(self) -> str:
-        """The vehicle that the newest effect names, else the vehicle itself."""
+        """The vehicle whose poses motion capture reports: that of the newest effect with a `body`,
+        else the vehicle itself."""
         return next((e.body for e, _ in reversed(self._effects) if e.body), self.vehicle)
 
     @property
@@ -165,7 +166,8 @@ class ActiveFaults:
 
     @property
     def view(self) -> str:
-        """The vehicle that the newest effect names, else the vehicle itself."""
+        """The vehicle from which the cameras see: that of the newest effect with a `view`, else the
+        vehicle itself."""
         return next((e.view for e, _ in reversed(self._effects) if e.view), self.vehicle)
 
     @property
@@ -175,7 +177,7 @@ class ActiveFaults:
 
     @property
     def silent(self) -> bool:
-        """Whether any effect keeps other vehicles from hearing it."""
+        """Whether any effect keeps the vehicle's messages from other vehicles."""
         return any(e.silent for e, _ in self._effects)
 
     @property
@@ -192,13 +194,13 @@ def _sum(vectors: Iterable[Vec3]) -> Vec3:
 
 
 class Fault(Part[P]):
-    """Breaks simulated vehicles, or our side of them. Created when it is injected; all randomness
-    comes from `generator`.
+    """Breaks a simulated vehicle, or this program's side of one. Created when it is injected; all
+    randomness comes from `generator`.
 
     A fault that raises is reported as the event `fault_failed` and ends. spoils: the kind of
     measurement that it corrupts; the compiler reports a vehicle whose estimators don't need it.
-    ours: whether it breaks this program's side alone (what simulated sensors say, the link, an
-    estimator), so that it can be injected on any simulator, a firmware's own too.
+    ours: whether it affects only this program's side (simulated sensors, the link, an estimator);
+    it can then be injected on any simulator, including a firmware's own.
     """
 
     kind = "faults"
@@ -211,13 +213,13 @@ class Fault(Part[P]):
 
     @classmethod
     def is_nothing(cls, params: P) -> bool:
-        """Return whether it changes nothing with these parameters, as one whose vectors are all
-        zero."""
+        """Return whether the fault changes nothing with these parameters, which is so if all its
+        vectors are zero."""
         declared: Any = type(params)
         vectors = [f.name for f in fields_of(declared) if f.shape == "vector"]
         return bool(vectors) and all(not any(getattr(params, name)) for name in vectors)
 
     @abstractmethod
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
-        """Return the effects by vehicle, on `vehicle`, where the fault is injected, and on others.
-        Called once; the effects are active until the fault ends."""
+        """Return the effects by vehicle: on `vehicle`, where the fault is injected, and on any
+        others. Called once; the effects are active until the fault ends."""

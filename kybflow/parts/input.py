@@ -1,4 +1,4 @@
-"""Inputs: the devices with which a person steers and emits events."""
+"""Inputs: the devices with which a person steers vehicles and emits events."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from kybflow.parts.base import Objection, P, Part
 AXES = ("x", "y", "z", "turn")
 """The axes by which a vehicle is steered: forward, to the left, up, counter-clockwise."""
 SticksOf = Callable[[str], Sticks | None]
-"""Gives the pilot's sticks that a vehicle reported last, None while it has reported none."""
+"""Returns the pilot's sticks that a vehicle, given by name, reported last; None if it has reported
+none."""
 
 
 class InputLink(ABC):
@@ -21,11 +22,11 @@ class InputLink(ABC):
 
     @abstractmethod
     def read(self, now: Time) -> InputReading | None:
-        """Return the newest reading, None before the first. A button that went down since the last
-        call counts as held, however short it was. Raises DriverError."""
+        """Return the newest reading, None before the first. A button that was pressed since the
+        last call counts as held, however short the press was. Raises DriverError."""
 
     def trouble(self) -> str | None:
-        """Return why the device delivers nothing, in words for a person; None if no problem is
+        """Return a human-readable reason why the device delivers nothing, or None if no problem is
         known."""
         return None
 
@@ -35,21 +36,21 @@ class InputLink(ABC):
 
 
 class FeltLink(InputLink):
-    """An open input that pushes back."""
+    """An open input with force feedback."""
 
     @abstractmethod
     def apply_force(self, push: Vec3 | None) -> None:
         """Apply the force `push` to the hand, along the axes x, y and z, about 1 for a full
-        mismatch; None for no force, while what it steers is held or the input is lost. Called once
-        a tick, after `read`. Raises DriverError."""
+        mismatch. None applies no force: the steered vehicle is paused or the input is lost. Called
+        once a tick, after `read`. Raises DriverError."""
 
 
 class Input(Part[P]):
-    """Gives axes, each -1 to 1, and buttons. A button emits the event `INPUT.BUTTON`.
+    """Provides axes, each -1 to 1, and buttons. A pressed button emits the event `INPUT.BUTTON`.
 
-    stuck_after: seconds after which an axis away from its centre that gives the same number over
-    and over is stuck, unless the mission says otherwise; None for a device whose axes have steps.
-    reads_terminal: it reads the keys of the terminal, so that nothing else may.
+    stuck_after: seconds after which an axis away from its centre counts as stuck if it repeats one
+    value, unless the mission sets another time; None for a device whose axes have steps.
+    reads_terminal: whether it reads the keys of the terminal, which nothing else may then read.
     """
 
     kind = "inputs"
@@ -59,22 +60,23 @@ class Input(Part[P]):
 
     @classmethod
     def real_time(cls, params: P) -> bool:
-        """Return whether a person uses it, so that a simulation with it must run in real time."""
+        """Return whether a person uses the input, so that a simulation with it must run in real
+        time."""
         return True
 
     @classmethod
     def axes(cls, params: P) -> tuple[str, ...]:
-        """Return the names of its axes."""
+        """Return the names of the axes."""
         return AXES
 
     @classmethod
     @abstractmethod
     def buttons(cls, params: P) -> tuple[str, ...]:
-        """Return the names of its buttons."""
+        """Return the names of the buttons."""
 
     @classmethod
     def objection(cls, params: P) -> Objection | None:
-        """Return why it can't work with these parameters, None if it can."""
+        """Return why the input can't work with these parameters, or None if it can."""
         return None
 
     @classmethod

@@ -1,7 +1,7 @@
-"""A vehicle's link: the engine reads measurements from it and sends it commands, once a tick.
+"""The link to a vehicle: once a tick, the engine reads measurements from it and sends it a command.
 
-A link must `read` and `send`. It offers each further capability by implementing one of the
-protocols below, which the runtime finds with `isinstance`.
+Every link can `read` and `send`. It offers each further capability by implementing one of the
+protocols below, which the runtime detects with `isinstance`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from kybflow.parts.fault import ActiveFaults
 
 
 class Check(NamedTuple):
-    """A preflight check by the vehicle itself: its name, whether it passed, and what was found and
-    must change (with an optional table, `kybflow.core.details`). waits: it may still pass by
-    itself."""
+    """A preflight check made by the vehicle itself. name: its name. green: whether it passed.
+    reason: what was found and must change, optionally with a table (`kybflow.core.details`). waits:
+    whether it may still pass without intervention."""
 
     name: str
     green: bool
@@ -26,25 +26,25 @@ class Check(NamedTuple):
 
 
 class StatusText(NamedTuple):
-    """A message from the vehicle in its own words. severity: `critical`, `error`, `warning`, or
-    `notice` and less."""
+    """A text message from the vehicle. severity: `critical`, `error`, `warning`, or a lower one
+    such as `notice`."""
 
     severity: str
     text: str
 
 
 class ForeignCommand(NamedTuple):
-    """A command that another program or person gave a vehicle, in words. allowed: whether the run
-    may still succeed."""
+    """A command that another program or person gave a vehicle. reason: a description of it.
+    allowed: whether the run may still succeed."""
 
     reason: str
     allowed: bool
 
 
 class Override(NamedTuple):
-    """Why a vehicle with a working link doesn't follow commands. lands: its own failsafe controls
-    it, not a person, and it must land. refused: why a request for control was refused; empty
-    before a request and until it is answered."""
+    """Why a vehicle with a working link doesn't follow commands. lands: its own failsafe, not a
+    person, controls it, and it must land. refused: why a request for control was refused; empty if
+    none was made or answered yet."""
 
     reason: str
     lands: bool = False
@@ -52,15 +52,15 @@ class Override(NamedTuple):
 
 
 class Link(ABC):
-    """One vehicle's connection.
+    """The connection to one vehicle.
 
-    faults: act on a simulated vehicle, or on our side of the link to one; None on hardware.
-    override: why the vehicle doesn't follow commands, because a pilot flies it or it changed its
-    mode by itself; None while it follows. While overridden, the link sends no command until the
+    faults: the faults that act on a simulated vehicle or on our side of its link; None on hardware.
+    override: why the vehicle doesn't follow commands (a pilot flies it, or it changed its mode by
+    itself); None while it follows them. While overridden, the link sends no command until the
     operator requests control (`Reclaimable`). armed: whether the vehicle reports that it is armed;
     None if it reports nothing. is_heard: whether the last `read` received data from the vehicle
-    itself, not only from a simulator beside it. delay: seconds of a round trip to the vehicle, the
-    shorter one of the newest two, so that a single slow one doesn't count; zero while unknown.
+    itself, not only from a simulator beside it. delay: round-trip time to the vehicle in seconds:
+    the shorter of the newest two, so that a single slow one doesn't count; zero while unknown.
     """
 
     faults: ActiveFaults | None = None
@@ -72,7 +72,7 @@ class Link(ABC):
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:
         """Return the measurements that arrived since the last call, oldest first. A measurement
-        more than 5 ms later than `now` is discarded and reported. Raises DriverError."""
+        whose time is more than 5 ms after `now` is discarded and reported. Raises DriverError."""
 
     @abstractmethod
     def send(self, command: Command, now: Time) -> None:
@@ -84,7 +84,7 @@ class Subscribable(Protocol):
     """A link that delivers some kinds of measurement only on demand."""
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        """Deliver at least these kinds from now on, if the driver provides them."""
+        """From now on, deliver at least these kinds of measurement, if the driver provides them."""
 
 
 @runtime_checkable
@@ -92,10 +92,10 @@ class Arms(Protocol):
     """A vehicle that must be armed before it follows commands."""
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Arm; return whether the rotors turn and the vehicle follows commands. Called once a tick
-        in place of `send`, from the first armed command until it returns True, while the behavior's
-        time stands still. command: what the behavior commands meanwhile. Raises Refused with the
-        vehicle's own words; DriverError."""
+        """Arm the vehicle. Return whether the rotors turn and the vehicle follows commands. Called
+        once a tick instead of `send`, from the first armed command until it returns True; the
+        behavior's time is frozen meanwhile. command: the behavior's current command. Raises Refused
+        with the vehicle's own message, or DriverError."""
 
 
 @runtime_checkable
@@ -103,27 +103,27 @@ class StopsRotors(Protocol):
     """A vehicle whose rotors can be stopped in the air."""
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors at once, in flight. Disarmed commands follow."""
+        """Stop the rotors at once, in flight. The commands that follow are disarmed ones."""
 
 
 @runtime_checkable
 class DisarmsByForce(Protocol):
-    """A vehicle that may stay armed on the ground."""
+    """A vehicle that may refuse to disarm on the ground, and can be disarmed by force."""
 
     def disarm_by_force(self, now: Time) -> None:
-        """Disarm a vehicle that stands on the ground and was asked to in vain. Raises Refused if it
-        says that it flies."""
+        """Disarm by force a vehicle that stands on the ground and ignored the normal command.
+        Raises Refused if the vehicle reports that it is flying."""
 
 
 @runtime_checkable
 class Lands(Protocol):
-    """A vehicle that has its own land mode."""
+    """A vehicle that has a land mode of its own."""
 
     def land(self, now: Time) -> bool:
-        """Land in the vehicle's own land mode; return whether it is on the ground with its rotors
-        at rest. Called once a tick in place of `send` while the failsafe lands a vehicle whose
+        """Land in the vehicle's own land mode. Return whether it is on the ground with its rotors
+        at rest. Called once a tick instead of `send` while the failsafe lands a vehicle whose
         driver `lands`: the first call starts the mode, the next `send` ends it. Raises Refused with
-        the vehicle's own words if it refuses or stops landing; DriverError."""
+        the vehicle's own message if it refuses or stops landing, or DriverError."""
 
 
 @runtime_checkable
@@ -131,51 +131,51 @@ class Grips(Protocol):
     """A vehicle with a servo that holds a payload."""
 
     def grip(self, is_open: bool, now: Time) -> None:
-        """Open or close the servo on the channel that the vehicle's context names. Called every
-        tick until a Payload measurement acknowledges it, so a bad link loses nothing; the link
-        repeats the request as its protocol requires. Raises Refused with the vehicle's own words;
-        DriverError."""
+        """Open or close the servo on the channel given in the vehicle's context. Called every tick
+        until a Payload measurement acknowledges the request, so that a bad link loses nothing; the
+        link repeats the request as its protocol requires. Raises Refused with the vehicle's own
+        message, or DriverError."""
 
 
 @runtime_checkable
 class Performs(Protocol):
-    """A vehicle that performs the acts of its driver."""
+    """A vehicle that performs the driver's `acts`."""
 
     def perform(self, act: str, now: Time) -> None:
-        """Ask the vehicle once for one of the driver's `acts`. Raises Refused with what speaks
-        against it now; DriverError."""
+        """Request one of the driver's `acts`, once. Raises Refused with the reason if it is
+        impossible now, or DriverError."""
 
 
 @runtime_checkable
 class TakesPosition(Protocol):
-    """A vehicle that fuses an external position, such as an autopilot without GPS."""
+    """A vehicle that fuses a position sent to it, such as an autopilot without GPS."""
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
-        """Send the vehicle its position; called once a tick while it is known."""
+        """Send the vehicle its position. Called once a tick while the position is known."""
 
 
 @runtime_checkable
 class ReportsChecks(Protocol):
-    """A vehicle that answers preflight checks itself."""
+    """A vehicle that makes preflight checks of its own."""
 
     def checks(self, now: Time) -> Sequence[Check]:
-        """Return the vehicle's own preflight checks; called once a tick until all have passed."""
+        """Return the vehicle's own preflight checks. Called once a tick until all have passed."""
 
 
 @runtime_checkable
 class SendsStatusTexts(Protocol):
-    """A vehicle that sends messages in words."""
+    """A vehicle that sends text messages."""
 
     def status_texts(self) -> Sequence[StatusText]:
-        """Return the messages since the last call, oldest first, each once."""
+        """Return the messages that arrived since the last call, oldest first."""
 
 
 @runtime_checkable
 class NoticesOthers(Protocol):
-    """A vehicle that others may command too, beside this program."""
+    """A vehicle that other programs or people may command too."""
 
     def foreign_commands(self) -> Sequence[ForeignCommand]:
-        """Return what others were noticed to command since the last call."""
+        """Return the commands of others that were noticed since the last call."""
 
 
 @runtime_checkable
@@ -188,7 +188,7 @@ class Reclaimable(Protocol):
 
 @runtime_checkable
 class ShowsTruth(Protocol):
-    """A link to a simulator that knows where the vehicle is."""
+    """A link to a simulator that knows the vehicle's true state."""
 
     def truth(self) -> Truth | None:
         """Return the true state for the recorder and the expectations; None if unknown."""
@@ -196,22 +196,23 @@ class ShowsTruth(Protocol):
 
 @runtime_checkable
 class ShowsView(Protocol):
-    """A link to a simulator in which a fault can exchange the cameras of two vehicles."""
+    """A link to a simulator in which a fault can swap the cameras of two vehicles."""
 
     def view(self) -> Truth | None:
-        """Return the true state of the vehicle from which this one's cameras see."""
+        """Return the true state of the vehicle from which this vehicle's cameras see."""
 
 
 @runtime_checkable
 class SimulatesLab(Protocol):
-    """A link to a simulator that may model the imperfections of a lab. is_calm: it models none."""
+    """A link to a simulator that may model the imperfections of a lab. is_calm: whether it models
+    none."""
 
     is_calm: bool
 
 
 class Touch(NamedTuple):
-    """A vehicle begins to touch something. carries: whether that pushes it upward, as ground
-    does."""
+    """The beginning of a contact between a vehicle and something else. into: what the vehicle
+    touches. carries: whether the contact pushes the vehicle upward, as the ground does."""
 
     into: str
     carries: bool
@@ -219,25 +220,26 @@ class Touch(NamedTuple):
 
 @runtime_checkable
 class ReportsTouches(Protocol):
-    """A link to a simulator that knows what its vehicle touches."""
+    """A link to a simulator that detects the contacts of its vehicle."""
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
-        """Call `tell` with each touch from now on, in the tick in which it begins."""
+        """From now on, call `tell` with each contact, in the tick in which it begins."""
 
 
 def truth_source(link: Link) -> Callable[[], Truth | None]:
-    """Return a function that returns the vehicle's true state, always None without a simulator."""
+    """Return a function that returns the vehicle's true state, or always None if there is no
+    simulator."""
     return link.truth if isinstance(link, ShowsTruth) else _unknown
 
 
 def view_source(link: Link) -> Callable[[], Truth | None]:
     """Return a function that returns the true state of the vehicle from which a simulated camera
-    sees: its own, or another while a fault has exchanged them."""
+    sees: the camera's own vehicle, or another one while a fault has swapped them."""
     return link.view if isinstance(link, ShowsView) else truth_source(link)
 
 
 def is_calm(link: Link) -> bool:
-    """Return whether the vehicle's world has no imperfections, as without a simulator."""
+    """Return whether the vehicle's world models no imperfections; True if there is no simulator."""
     return link.is_calm if isinstance(link, SimulatesLab) else True
 
 

@@ -1,7 +1,7 @@
 """The observables of conditions and expectations.
 
-The compiler reads an observable's type, the runtime its getter. In a condition `View.state` is the
-estimate; in an expectation it is the simulator's truth, if there is one.
+The compiler uses an observable's type; the runtime calls its getter. `View.state` is the estimate
+in a condition, and the simulator's truth in an expectation if there is one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, RATIO, SPEED, VO
 
 
 class Unavailable(Exception):
-    """A value is unknown now, such as an estimate; a comparison with it is false."""
+    """Raised if a value, such as the estimate, is unknown now. A comparison with it is then
+    false."""
 
 
 def chains_of(state: str) -> tuple[str, ...]:
@@ -29,36 +30,39 @@ def chains_of(state: str) -> tuple[str, ...]:
 
 
 def is_in(behavior: str, state: str) -> bool:
-    """Return whether `behavior`, a vehicle's state, is `state` or inside the chain `state`."""
+    """Return whether a vehicle in the state `behavior` is in `state`, which may be a chain that
+    contains it."""
     return behavior == state or ("." in behavior and behavior.startswith(f"{state}."))
 
 
 class State(Protocol):
-    """The common part of an Estimate and a Truth."""
+    """The properties that an Estimate and a Truth have in common."""
 
     @property
     def position(self) -> Vec3:
-        """In the world, metres."""
+        """The position in the world frame, metres."""
 
     @property
     def velocity(self) -> Vec3:
-        """In the world, m/s."""
+        """The velocity in the world frame, m/s."""
 
     @property
     def attitude(self) -> Quat:
-        """Body to world."""
+        """The attitude, body to world."""
 
 
 class View(Protocol):
-    """One vehicle as observables read it. A property raises Unavailable while it is unknown."""
+    """The values of one vehicle that observables read. A property raises Unavailable while its
+    value is unknown."""
 
     @property
     def state(self) -> State:
-        """The estimate or the truth."""
+        """The estimate in a condition; the simulator's truth, if any, in an expectation."""
 
     @property
     def wanted(self) -> Setpoint:
-        """The setpoint that the behavior asks for, before processors; Unavailable on the ground."""
+        """The setpoint that the behavior requests, before processors change it; Unavailable on the
+        ground."""
 
     @property
     def battery(self) -> Battery:
@@ -66,7 +70,7 @@ class View(Protocol):
 
     @property
     def behavior(self) -> str:
-        """The name of the active state, empty before the first."""
+        """The name of the active state; empty before the first."""
 
     @property
     def estimator(self) -> str:
@@ -78,7 +82,7 @@ class View(Protocol):
 
     @property
     def start(self) -> Vec3:
-        """The declared start in the world, metres."""
+        """The vehicle's declared start in the world frame, metres."""
 
     @property
     def age(self) -> float:
@@ -90,25 +94,28 @@ class View(Protocol):
 
     @property
     def payload(self) -> PayloadState:
-        """Where the payload is, as the vehicle acknowledged it."""
+        """The state of the payload, as the vehicle acknowledged it."""
 
     @property
     def payload_place(self) -> Vec3:
-        """The payload's centre in the world, metres; Unavailable outside a simulator."""
+        """The position of the payload's centre in the world frame, metres; Unavailable outside a
+        simulator."""
 
     @property
     def releases(self) -> int:
-        """How often the payload was released."""
+        """How often the payload has been released."""
 
     @property
     def sticks(self) -> Sticks:
-        """A pilot's sticks; Unavailable without a transmitter or a ground station."""
+        """The pilot's sticks; Unavailable without a transmitter or a ground station."""
 
 
 class Envelope(NamedTuple):
-    """How far a vehicle's values go, SI. start: its place on the ground. low, high: of its
-    position. speed: of its velocity. error, velocity_error: how far it is from its setpoint. age:
-    of the newest measurement. spread: what the best of sensors leaves."""
+    """Bounds on the values that a vehicle can reach, in SI units and the world frame. start: its
+    position on the ground. low, high: bounds of its position. speed: bound of its speed. tilt:
+    bound of its tilt. error, velocity_error: bounds of the differences between its state and its
+    setpoint. age: bound of the estimate's age. spread: the least standard deviation of the
+    estimated position, with the best sensors."""
 
     start: Vec3
     low: Vec3
@@ -124,9 +131,10 @@ class Envelope(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Observable:
     """A value that conditions and expectations can read by name. dimension: None for text (the name
-    of a state or an estimator), which is compared with `==` and `!=`. low, high: its bounds, SI.
-    words: the values that a text can have, if they are fixed. reach: its bounds on a vehicle that
-    keeps to an envelope, None for those of every vehicle."""
+    of a state or an estimator), which is compared with `==` and `!=`. low, high: bounds that hold
+    for every vehicle, SI. words: all possible values of a text, if they are fixed. reach: returns
+    the bounds for a vehicle within an envelope; None if these don't differ from `low` and
+    `high`."""
 
     help: str
     dimension: Dimension | None
@@ -137,7 +145,8 @@ class Observable:
     reach: Callable[[Envelope], tuple[float, float]] | None = None
 
     def bounds(self, envelope: Envelope | None) -> tuple[float, float]:
-        """Return the range that the value never leaves."""
+        """Return the range that the value never leaves, for a vehicle within `envelope` if it is
+        given."""
         if envelope is None or self.reach is None:
             return self.low, self.high
         low, high = self.reach(envelope)

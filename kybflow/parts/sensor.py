@@ -1,4 +1,5 @@
-"""Sensors beside the vehicle's driver: a camera, motion capture on the network."""
+"""Sensors that don't belong to the vehicle's driver, such as a camera or motion capture on the
+network."""
 
 from __future__ import annotations
 
@@ -22,10 +23,10 @@ class Stream(ABC):
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:
         """Return the measurements that arrived since the last call, oldest first. A measurement
-        more than 5 ms later than `now` is discarded and reported. Raises DriverError."""
+        whose time is more than 5 ms after `now` is discarded and reported. Raises DriverError."""
 
     def trouble(self) -> str | None:
-        """Return why nothing can arrive, in words for a person; None if no problem is known."""
+        """Return a human-readable reason why nothing can arrive, or None if no problem is known."""
         return None
 
     @abstractmethod
@@ -34,9 +35,10 @@ class Stream(ABC):
 
 
 class Sensor(Part[P]):
-    """Provides measurements that the vehicle's driver doesn't. provides: their kinds. simulated: it
-    observes a simulator's truth, and works with no other vehicle. tracks_bodies: it is of a system
-    that tracks other bodies beside its vehicle, and has parameters for their `tracking`."""
+    """Provides measurements that the vehicle's driver doesn't. provides: their kinds. simulated:
+    whether it observes a simulator's truth, so that it works only with simulated vehicles.
+    tracks_bodies: whether its system also tracks other bodies, for which `tracking` returns
+    parameters."""
 
     kind = "sensors"
     provides: ClassVar[frozenset[MeasurementKind]]
@@ -45,35 +47,36 @@ class Sensor(Part[P]):
 
     @classmethod
     def seen_by(cls, params: P, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
-        """Return the vehicle's cameras on this target, by name: the airframe's, with what the
-        sensor knows better, such as a calibration."""
+        """Return the vehicle's cameras on this target, by name: those of the airframe, with any
+        better data that the sensor has, such as a calibration."""
         return cameras
 
     @classmethod
     def objection(cls, params: P, cameras: Mapping[str, Camera]) -> Objection | None:
-        """Return why it can't work with these parameters and cameras, None if it can."""
+        """Return why the sensor can't work with these parameters and cameras, or None if it can."""
         return None
 
     @classmethod
     def claims(cls, params: P, cameras: Mapping[str, Camera]) -> Sequence[str]:
-        """Return, in words, what no other sensor of the vehicle may provide; they would be
-        indistinguishable."""
+        """Return descriptions of what no other sensor of the vehicle may provide, because the
+        measurements would be indistinguishable."""
         return [f"`{kind_name(kind)}` measurements" for kind in cls.provides]
 
     @classmethod
     def claim(cls, params: P, vehicle: str) -> Claim | None:
-        """Return what no other vehicle's sensor may have; None if there is nothing."""
+        """Return what this sensor uses that no other vehicle's sensor may use, None if there is
+        nothing."""
         return None
 
     @classmethod
     def tracking(cls, params: P, body: str) -> P:
-        """Return the parameters with which it gives the poses of another body. Called of those that
-        track bodies."""
+        """Return the parameters with which the sensor provides the poses of another body. Called
+        only if it `tracks_bodies`."""
         raise NotImplementedError
 
     @classmethod
     def real_time(cls, params: P) -> bool:
-        """Return whether it runs in real time, so that a simulation beside it must too."""
+        """Return whether the sensor runs in real time, so that a simulation with it must too."""
         return False
 
     @classmethod
@@ -81,10 +84,10 @@ class Sensor(Part[P]):
     def open(
         cls, params: P, context: VehicleContext, link: Link, generator: random.Random
     ) -> Stream:
-        """Open the sensor for the vehicle of `context`, whose driver's link is `link`; all
+        """Open the sensor for the vehicle of `context`. link: the link of the vehicle's driver. All
         randomness comes from `generator`. Raises DriverError."""
 
 
 def frames_of(cameras: Iterable[str]) -> Sequence[str]:
-    """Return what a sensor claims, in words, that takes these cameras' frames."""
+    """Return the `claims` of a sensor that takes the frames of these cameras."""
     return [f"frames of `{camera}`" for camera in cameras]

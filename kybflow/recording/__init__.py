@@ -1,4 +1,6 @@
-"""The files of a run: `recorder` writes the recording as an observer of the engine, `run_folder`
-the other files, `earlier_run` reads them to repeat a run. `kybflow.api` uses them and
-`kybflow.report` reads the result; the runtime never imports this package.
+"""Writes the files of a run.
+
+`recorder` writes the recording as an observer of the engine, `run_folder` writes the other files,
+and `earlier_run` reads them to repeat a run. `kybflow.api` uses this package and `kybflow.report`
+reads its files; the runtime never imports it.
 """

@@ -1,4 +1,5 @@
-"""Reads an earlier run from its folder to repeat it: its request, its commands and its inputs."""
+"""Reads from the folder of an earlier run what is needed to repeat it: its request, commands and
+inputs."""
 
 from __future__ import annotations
 
@@ -18,8 +19,11 @@ from kybflow.runtime.commanding.lease import SCHEDULE
 
 
 class EarlierRun(NamedTuple):
-    """sets, options, emits: as on the command line. commands: those that weren't scheduled before
-    the run, in the order of their arrival. inputs: the table of each."""
+    """The settings and inputs of an earlier run.
+
+    sets, options, emits: as on the command line. commands: in order of arrival, without those
+    scheduled before the run. inputs: the recorded table of each input.
+    """
 
     target: str
     seed: int
@@ -57,7 +61,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
 
 
 def _tables(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield (input, table) for each table with rows. Raises RunFolderError for one that can't be
+    """Yield (input, table) for each table that has rows. Raises RunFolderError if a table can't be
     read."""
     for path in sorted(folder.glob("*.csv")):
         lines = whole_lines(path)

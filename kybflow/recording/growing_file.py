@@ -1,4 +1,4 @@
-"""A file that grows while a run flies."""
+"""A file that grows while a run is flying."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from stat import S_ISREG
 class GrowingFile:
     """An unbuffered file that a run appends to, so that its contents survive a crash.
 
-    The first error ends the file: `failed` holds the reason and later data is dropped. A file that
-    another program removes, replaces or truncates is such an error. what: the name of the contents
-    in `failed`. Raises OSError when the file can't be opened.
+    After the first error, `failed` holds the reason and further data is dropped. It counts as an
+    error if another program removes, replaces or truncates the file. what: a name for the contents,
+    used in `failed`. Raises OSError if the file can't be opened.
     """
 
     def __init__(self, path: Path, what: str) -> None:
@@ -26,7 +26,7 @@ class GrowingFile:
         self.failed: str | None = None
 
     def write(self, data: bytes) -> int:
-        """Append `data`; return its length, even if it can't be written."""
+        """Append `data` and return its length, even if it can't be written."""
         left = memoryview(data)
         try:
             while left and self.failed is None:
@@ -37,14 +37,14 @@ class GrowingFile:
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Return the end of the file: with seeking disabled the MCAP writer asks for no more."""
+        """Return the size of the file. The MCAP writer calls this even with seeking disabled."""
         return self._size
 
     def flush(self) -> None:
         """Do nothing: the file is unbuffered."""
 
     def check(self) -> None:
-        """Check that the file still holds what was written."""
+        """Check that the file still holds everything that was written."""
         if self.failed is None and not self._file.closed:
             lost = self._lost()
             if lost:
@@ -60,7 +60,7 @@ class GrowingFile:
                 self._fail(error.strerror or str(error))
 
     def _lost(self) -> str | None:
-        """Return what another program did to the file, None for nothing."""
+        """Return what another program did to the file, or None."""
         ours = os.fstat(self._file.fileno())
         if not S_ISREG(ours.st_mode):
             return None
@@ -79,7 +79,7 @@ class GrowingFile:
 
 
 def whole_lines(path: Path) -> list[str]:
-    """Return the complete lines of a growing file, none where there is no file. The last line of a
-    run that was killed may be incomplete."""
+    """Return the complete lines of a growing file; none if there is no file. After a run that was
+    killed, the last line may be incomplete and is left out."""
     text = path.read_text(encoding="utf-8") if path.exists() else ""
     return text.split("\n")[:-1]

@@ -1,8 +1,8 @@
 """The layout of a recording's messages.
 
-It gives the ROS 1 message definition in the file, with which any tool can read it, the `struct`
-format of the recorder, and the NumPy type of the report. ROS 1 encodes numbers and nested messages
-as their little-endian bytes in order, without padding (https://wiki.ros.org/msg).
+For each message it gives the ROS 1 definition, by which any tool can read the file, the `struct`
+format for the recorder, and the NumPy type for the report. ROS 1 encodes numbers and nested
+messages as their little-endian bytes in order, without padding (https://wiki.ros.org/msg).
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ OBSTACLES_TOPIC = "/obstacles"
 METADATA = "kybflow"
 
 RATE = 50
-"""The highest rate at which the recorder writes estimators and the report reads ticks, Hz."""
+"""The highest rate at which the recorder writes estimates and the report reads ticks, Hz."""
 
 SETPOINT_KINDS = {kind: number for number, kind in enumerate(SetpointKind, start=1)}
-"""The number of each kind of setpoint in a recording; 0 is no setpoint."""
+"""The number of each kind of setpoint in a recording; 0 means no setpoint."""
 
 COMMAND_KINDS = {kind: number for number, kind in enumerate(CommandKind, start=1)}
 """The number of each kind of command in a recording."""
 
 SWITCHES = 32
-"""The most recorded switches of a transmitter."""
+"""The most switches of a transmitter that are recorded."""
 
 HAS_POSITION, HAS_VELOCITY, HAS_ACCELERATION, HAS_JERK, HAS_HEADING = 1, 2, 4, 8, 16
 
@@ -167,12 +167,13 @@ _ARRAYS = {
 
 
 def kept_every(control_rate: int) -> int:
-    """Return n to keep every n-th tick, at most `RATE` per second."""
+    """Return n such that every n-th tick makes at most about `RATE` per second."""
     return max(1, control_rate // RATE)
 
 
 def event_record(event: Event) -> dict[str, Any]:
-    """Return an event as in `/events` and `events.jsonl`; `t_s` is in seconds since the start."""
+    """Return an event as written to `/events` and `events.jsonl`; `t_s` is in seconds since the
+    start."""
     return {
         "t_s": event.time / NS,
         "event": event.name,
@@ -183,8 +184,8 @@ def event_record(event: Event) -> dict[str, Any]:
 
 
 def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
-    """Return the moving obstacles as in `/obstacles`: the last time at which each was seen, in
-    seconds since the start, and its position; metres, world frame."""
+    """Return the moving obstacles as written to `/obstacles`, by name: when each was last seen, in
+    seconds since the start, its position (world) and radius in metres."""
     return {
         name: {"seen_s": one.time / NS, "position": one.position, "radius": one.radius}
         for name, one in seen.items()
@@ -192,7 +193,7 @@ def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
 
 
 def head(plan: Plan) -> dict[str, Any]:
-    """Return the metadata of a recording: what its readers need to know of the mission."""
+    """Return the metadata of a recording: the facts about the mission that its readers need."""
     return {
         "mission": plan.mission,
         "summary": plan.summary,
@@ -222,16 +223,19 @@ def _vehicle(vehicle: VehiclePlan, plan: Plan) -> dict[str, Any]:
 
 
 def _kept_apart(vehicle: VehiclePlan, other: VehiclePlan) -> float:
-    """Return the initial distance (m) below which a supervisor alarms; 0 for none."""
+    """Return the distance (m) below which a supervisor alarms at the start; 0 if none does."""
     own, theirs = vehicle.airframe.diameter, other.airframe.diameter
     bounds = (s.cls.keeps_apart(s.params, own, theirs) for s in vehicle.supervisors)
     return max(bounds, default=0.0)
 
 
 class MeasurementLayout:
-    """The message of one kind of measurement, by the annotations of its class
-    (`kybflow.core.signals.Measurement`). message, fields: its name and fields. packed: encodes a
-    measurement. Raises TypeError for a field that can't be recorded."""
+    """The message of one kind of measurement, derived from the annotations of its class
+    (`kybflow.core.signals.Measurement`).
+
+    message, fields: the message's name and fields. packed: encodes a measurement. Raises TypeError
+    for a field that can't be recorded.
+    """
 
     def __init__(self, kind: MeasurementKind) -> None:
         self.message, self._topic = kind.__name__, kind_name(kind)
@@ -249,7 +253,7 @@ class MeasurementLayout:
         self.packed = _packed(Struct("<" + _codes(self.fields)), pieces, index + 1)
 
     def topic(self, measurement: Any) -> str:
-        """Return the topic below the vehicle's, one for each camera."""
+        """Return the topic relative to the vehicle's; for frames it contains the camera."""
         return "/".join((self._topic, *(measurement[key] for key in self._keys)))
 
     @property
@@ -259,15 +263,15 @@ class MeasurementLayout:
 
 _Field = tuple[str, str, str]
 _Piece = int | slice | Callable[[Any], tuple[float, ...]]
-"""Takes the numbers of one field from a measurement, as a tuple."""
+"""How to take the numbers of a field from a measurement: an index, a slice or a function."""
 _flat = chain.from_iterable
 _SCALARS = {int: "int64", float: "float64", bool: "bool"}
 _TUPLES = {Vec3: "Vector", Quat: "Quaternion"}
 
 
 def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any], bytes]:
-    """Return the encoder of a measurement of `width` fields. It is fast where no field needs a
-    call, and fastest where it records all fields and vectors come last."""
+    """Return the function that encodes a measurement of `width` fields. It is fast if no field
+    needs a function call, and fastest if it records all fields and the vectors come last."""
     pack = struct.pack
     if any(map(callable, pieces)):
         return lambda m: pack(*_flat(p(m) if callable(p) else m[p] for p in pieces))
@@ -279,7 +283,7 @@ def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any],
 
 
 def _recorded(name: str, plain: Any, note: Any, index: int) -> tuple[tuple[_Field, ...], _Piece]:
-    """Return the message's fields for one field of a measurement, and how to take their numbers."""
+    """Return the message fields for one field of a measurement, and how to take their numbers."""
     if plain in _SCALARS:
         return ((_SCALARS[plain], name, note),), slice(index, index + 1)
     if plain in _TUPLES:
@@ -314,8 +318,8 @@ def _fields_of(message: str | MeasurementKind) -> tuple[_Field, ...]:
 
 
 def definition(message: str | MeasurementKind) -> bytes:
-    """Return the ROS 1 message definition: the message's fields, then each nested type after a line
-    of `=`."""
+    """Return the ROS 1 message definition: the message's fields, then each nested message after a
+    line of `=`."""
     fields = _fields_of(message)
     texts = [_text(fields)]
     for name in _parts(fields):
@@ -329,7 +333,7 @@ def struct_format(message: str | MeasurementKind) -> str:
 
 
 def dtype_spec(message: str | MeasurementKind) -> list[Any]:
-    """Return the argument of `numpy.dtype` for a message; vectors and quaternions are arrays."""
+    """Return the argument of `numpy.dtype` for a message. Vectors and quaternions become arrays."""
     spec: list[Any] = []
     for kind, name, _ in _fields_of(message):
         if kind in _PLAIN:

@@ -1,21 +1,23 @@
-"""The result of a run: its outcome, the exit code and `summary.json`.
+"""The result of a run: its outcome, exit code and `summary.json`.
 
-The summary is stable: fields are added, never renamed. Lengths are metres, speeds m/s, times
-seconds; numbers have six significant digits; null is "not known" or "does not apply".
+The format is stable: fields are added but never renamed. Lengths are in metres, speeds in m/s and
+times in seconds. Numbers have six significant digits. Null means "unknown" or "doesn't apply".
 
 - `outcome`: succeeded, failed, interrupted or driver_failed; `reason`: why it did not succeed.
 - `world`: the environment in which the figures hold, such as `a lab`, `still air` or `real`.
-- `vehicles.NAME.final`: ground or air, in simulation by the truth. Errors are between the
-  behavior's setpoint, before processors, and the true position (the estimate on hardware), over the
-  intervals `airborne_s` in the air. The last interval ends with null where the run ended first.
+- `vehicles.NAME.final`: ground or air, in simulation by the truth. The vehicle's errors are between
+  the behavior's setpoint, before processors, and the true position (on hardware, the estimate).
+  They cover the intervals `airborne_s` in the air; if the run ended in the air, the last of these
+  ends with null.
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
   failed, within, refused, asked, failsafe or run_ended.
-- `vehicles.NAME.estimators`: the start of each estimator's use; an empty name: none was healthy.
-- `vehicles.NAME.foreign_commands`: commands of another program.
+- `vehicles.NAME.estimators`: when the use of each estimator began; an empty name means that none
+  was healthy.
+- `vehicles.NAME.foreign_commands`: commands from another program.
 - `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
   (its vehicles have left the requested states), asked, operator or run_ended.
-- `expectations`: each line of `expect:`; `margin` is positive when it held, in the value's `unit`.
-- `recording`: null when complete, else why the recording stopped.
+- `expectations`: each line of `expect:`; `margin`, in the value's `unit`, is positive if it held.
+- `recording`: null if complete, otherwise why the recording stopped.
 """
 
 from __future__ import annotations
@@ -45,11 +47,12 @@ EXIT_CODES: Mapping[Outcome, int] = {
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How the engine stopped.
+    """How a run ended.
 
-    reason: why the mission did not reach its end, None where it did. driver: the error of a driver
-    or device. recording: why the recording stopped early. airborne: the vehicles in the air at the
-    end. expected_faults: the vehicles that the mission expects to end in `fault`.
+    reason: why the mission did not reach its end, None if it did. interrupted: whether a person
+    interrupted the run. driver: the error of a driver or device. recording: why the recording
+    stopped early. airborne: the vehicles still in the air. expected_faults: the vehicles that the
+    mission expects to end in `fault`.
     """
 
     reason: str | None = None
@@ -61,7 +64,8 @@ class Ending:
 
 
 def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[Outcome, str | None]:
-    """Return the most serious outcome that applies, and its reason, None for a success."""
+    """Return the most serious outcome that applies, and its reason; None as the reason of a
+    success."""
     if ending.driver is not None:
         return "driver_failed", ending.driver
     if ending.interrupted:

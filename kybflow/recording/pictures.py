@@ -1,12 +1,12 @@
 """Writes camera pictures into the run folder, as an observer of the engine.
 
-It keeps a few frames of each camera of each estimator: some spread evenly over the flight, however
-long it is, and some at changes of the estimator that the vehicle flies on. The files are
+For each camera of each estimator it keeps a few frames: some spread evenly over the flight, however
+long it is, and some from when the vehicle changed to another estimator. The files are
 
     frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-9-used-1-rejected.jpg
     frames/VEHICLE/ESTIMATOR/CAMERA/0012.345s-no-pose.jpg
 
-named by the time of the frame and the numbers of tags. Where a file can't be written, the observer
+named by the time of the frame and the numbers of tags. If a file can't be written, the observer
 raises RunFolderError; the engine reports the error, drops the observer and flies on.
 """
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
 
 EVENLY, AT_CHANGES = 8, 4
-"""The most pictures of a camera of each kind."""
+"""The most pictures of a camera that are spread evenly, and the most at changes of the estimator.
+"""
 _FIRST_PACE = NS
 
 
@@ -54,8 +55,8 @@ class Pictures:
 
 
 class _Album:
-    """The pictures of one camera. When there are too many, it deletes every other one and doubles
-    the time to the next one."""
+    """The pictures of one camera. If there are too many evenly spread ones, every other one is
+    deleted and the time between them doubles."""
 
     def __init__(self, folder: RunFolder, place: str) -> None:
         self._folder, self._place = folder, place

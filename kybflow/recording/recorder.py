@@ -1,9 +1,9 @@
-"""Records a run into one MCAP file; the only user of the foxglove SDK.
+"""Records a run into an MCAP file. This is the only module that uses the foxglove SDK.
 
 - `/NAME/tick`: one message per control tick (`kybflow.recording.layout`).
-- `/NAME/KIND`: each measurement as it arrives; of a frame, in `/NAME/frame/CAMERA`, only its time.
-  `pose`, `battery` and `imu` always exist, the others from the first measurement on.
-- `/NAME/wanted`: the behavior's setpoint in each tick in which the tracker followed another one.
+- `/NAME/KIND`: each measurement as it arrives. For a camera frame, `/NAME/frame/CAMERA` holds only
+  its time. `pose`, `battery` and `imu` always exist, other topics from their first message on.
+- `/NAME/wanted`: the behavior's setpoint, in ticks in which the tracker followed another one.
 - `/NAME/command`: the setpoint of each command that has one.
 - `/NAME/estimator/ESTIMATOR`: each estimator's estimate, at most 50 times a second.
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
@@ -68,7 +68,7 @@ from kybflow.recording.run_folder import RunUnwritten
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
-"""The most flight time in a chunk, which is lost if the program is killed."""
+"""The most flight time in a chunk, s. The last chunk is lost if the program is killed."""
 
 _TICK = Struct(struct_format("Tick"))
 _pack_tick = _TICK.pack
@@ -78,10 +78,11 @@ _pack_candidate = Struct(struct_format("Candidate")).pack
 _Message = str | MeasurementKind
 _Log = Callable[[bytes, int], None]
 _Measured = tuple[Callable[[Measurement], bytes], _Log | None]
-"""Encodes the measurements of one kind, and logs them."""
+"""The encoder for measurements of one kind, and the function that logs them; None if the kind has
+several topics."""
 
 _LARGEST = (2.0 - 2.0**-23) * 2.0**127
-"""The largest number of type float32."""
+"""The largest float32 number."""
 _ZERO = (0.0, 0.0, 0.0)
 _ZERO_4 = (0.0, 0.0, 0.0, 0.0)
 _NO_ESTIMATE = Estimate(0, _ZERO, _ZERO, _ZERO_4, _ZERO, "", 0.0, 0.0)
@@ -96,8 +97,8 @@ _POSITION_NUMBER = SETPOINT_KINDS[_POSITION]
 
 
 class Recorder:
-    """The recording of a run. failed: why the recording stopped, None while it goes on; no method
-    raises for it. Raises RunUnwritten when the file can't be opened."""
+    """The recording of a run. failed: why recording stopped, None while it works; no method raises
+    for this. Raises RunUnwritten if the file can't be opened."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
         try:
@@ -134,7 +135,7 @@ class Recorder:
         return self._file.failed
 
     def check(self) -> None:
-        """Check that the file still holds the recording."""
+        """Check that the file still holds everything recorded."""
         self._file.check()
 
     def vehicle(self, name: str) -> VehicleChannel:
@@ -148,7 +149,7 @@ class Recorder:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
 
     def close(self) -> None:
-        """Write the pending data and the index; may be called again."""
+        """Write pending data and the index, and close the file; may be called again."""
         if not self._closed:
             self._closed = True
             self._writer.close()
@@ -156,7 +157,7 @@ class Recorder:
 
 
 class VehicleChannel(VehicleObserver):
-    """Records one vehicle; its estimators in every `every`-th tick."""
+    """Records one vehicle. every: its estimators are recorded in every `every`-th tick."""
 
     def __init__(self, name: str, every: int, context: Context) -> None:
         self._every, self._ticks = every, 0
@@ -178,7 +179,7 @@ class VehicleChannel(VehicleObserver):
         truth: Truth | None,
         estimation: EstimationState,
     ) -> None:
-        """Record a control tick. wanted, setpoint: before and after the processors."""
+        """Record a control tick. wanted, setpoint: the setpoint before and after the processors."""
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
         attitude, thrust, rates, heading, armed, kind, sent = command
         number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
@@ -230,7 +231,7 @@ class VehicleChannel(VehicleObserver):
             log(packed(measurement), now)
 
     def _open(self, kind: MeasurementKind) -> _Measured:
-        """Open the channel of a kind of measurement, unless the kind has several."""
+        """Open the channel for a kind of measurement, unless the kind has several topics."""
         layout = layout_of(kind)
         log = None
         if not layout.has_topics:
@@ -239,14 +240,15 @@ class VehicleChannel(VehicleObserver):
         return layout.packed, log
 
     def _log_optional(self, topic: str, message: _Message, data: bytes, now: Time) -> None:
-        """Log to a topic whose channel opens with its first message."""
+        """Log to a topic whose channel is opened with its first message."""
         if topic not in self._optional:
             self._optional[topic] = _log(self._context, f"/{self._name}/{topic}", message)
         self._optional[topic](data, now)
 
 
 def _numbers(setpoint: Setpoint | None) -> tuple[float, ...]:
-    """Return a setpoint's kind, its present fields, and all fields with zeros where absent."""
+    """Return a setpoint's kind, the sum of its present fields' marks, and all fields with zeros for
+    absent ones."""
     if setpoint is None:
         return _NO_SETPOINT
     kind, position, velocity, acceleration, jerk, heading, rate = setpoint
@@ -271,8 +273,8 @@ def _numbers(setpoint: Setpoint | None) -> tuple[float, ...]:
 
 
 def _within_float32(value: Any) -> Any:
-    """Return the nearest number that fits, because a part's setpoint or command may be absurd.
-    Integers stay integers, also when compiled."""
+    """Return the nearest number that fits a float32, because a part's setpoint or command may be
+    too large. Integers stay integers, also when compiled."""
     return max(-_LARGEST, min(value, _LARGEST))
 
 

@@ -1,9 +1,9 @@
-"""The run folder and its files beside the recording.
+"""The run folder and its files, except for the recording.
 
-Before the run: `mission.resolved.yaml`, the files that it names, and `provenance.json`. During the
-run: `events.jsonl`, one line per event, and a table per input. After the run: `summary.json` and
-`report.html`. Only `provenance.json`, `summary.json` and the folder's name depend on the wall
-clock; the other files depend on plan and seed alone.
+Written before the run: `mission.resolved.yaml`, the files that it names, and `provenance.json`.
+During the run: `events.jsonl`, one line per event, and a table per input. After the run:
+`summary.json` and `report.html`. Only `provenance.json`, `summary.json` and the folder's name
+depend on the wall clock; the other files depend on plan and seed alone.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 SUMMARY, EVENTS, LOG, REPORT = "summary.json", "events.jsonl", "log.mcap", "report.html"
 FRAMES = "frames"
-"""The folder of camera pictures."""
+"""The folder of the camera pictures."""
 INPUTS = "inputs"
-"""The folder of the inputs' tables (`kybflow.inputs.script`)."""
+"""The folder of the input tables (`kybflow.inputs.script`)."""
 FILES = frozenset({CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES, INPUTS})
 FLOWN_FROM = "files"
-"""The key of `provenance.json` for the copies of the mission's files."""
+"""The key in `provenance.json` that lists the copies of the mission's files."""
 _VERSION = re.compile(r"^Version: *(.*)$", re.MULTILINE)
 _PACKAGES = ("kybflow", "mujoco", "numpy", "foxglove-sdk", "transitions", "PyYAML", "jsonschema")
 
@@ -52,7 +52,7 @@ class RunUnwritten(RunFolderError):
 
 
 class RunFolder:
-    """The folder of one run. failed: why a file can't be written, None while all can."""
+    """The folder of a run. failed: why a file can't be written, None while all can."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -71,12 +71,13 @@ class RunFolder:
         return self.path / LOG
 
     def event(self, event: Event) -> None:
-        """Append an event. Raises nothing; an error goes to `failed` and ends the file."""
+        """Append an event. Never raises; an error is stored in `failed`, and later events are
+        dropped."""
         line = json.dumps(event_record(event), ensure_ascii=False) + "\n"
         self._events.write(line.encode())
 
     def input(self, name: str, now: Time, reading: InputReading | None, why: str) -> None:
-        """Append a reading of an input, or why there is none, to its table. Raises nothing."""
+        """Append to an input's table a reading, or the reason `why` there is none. Never raises."""
         row = InputRow(now, {}, lost=why) if reading is None else InputRow(now, *reading[1:3])
         if name in self._inputs:
             file, axes = self._inputs[name]
@@ -89,8 +90,8 @@ class RunFolder:
             file.check()
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
-        """Write the resolved mission, the files that it names, and `provenance.json`. Raises
-        RunUnwritten."""
+        """Write the resolved mission, the files that it names, and `provenance.json`; open the
+        input tables. Raises RunUnwritten."""
         files = copies(plan.files, FILES)
         write_file(self.path / RESOLVED, plan.resolved)
         write_file(self.path / PROVENANCE, _json(provenance(plan, request, started, files)))
@@ -111,14 +112,14 @@ class RunFolder:
         file.write(head(axes).encode())
 
     def add(self, name: str, data: bytes) -> Path:
-        """Write one more file and return its path. name: the path within the folder. Raises
-        RunUnwritten and leaves no incomplete file."""
+        """Write another file of the run and return its path. name: its path within the folder.
+        Raises RunUnwritten and leaves no incomplete file."""
         path = self.path / name
         write_file(path, data)
         return path
 
     def finish(self, summary: dict[str, Any]) -> bool:
-        """Close the folder and write the summary; return whether the summary is written."""
+        """Close the folder and write the summary; return whether the summary could be written."""
         self.close()
         try:
             write_file(self.path / SUMMARY, _json(summary))
@@ -135,10 +136,10 @@ class RunFolder:
 
 
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
-    """Create `out`, or `runs/<mission>-<time>` with a number appended if it exists.
+    """Create the folder `out`, or `runs/<mission>-<time>` with a number appended if that exists.
 
-    `out` must be new or empty. Raises RunFolderError for a folder with files, RunUnwritten where
-    the folder can't be created.
+    `out` must be new or empty. Raises RunFolderError for a folder with files, RunUnwritten if the
+    folder can't be created.
     """
     path = (
         out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
@@ -159,7 +160,7 @@ def _free(parent: Path, name: str) -> Path:
 
 
 def _check_empty(path: Path) -> None:
-    """Raise RunFolderError for a folder with files: a run never replaces any."""
+    """Raise RunFolderError for a folder with files, because a run never replaces files."""
     found = sorted(entry.name for entry in path.iterdir())
     ours = FILES | _copied(path)
     foreign = [name for name in found if name not in ours or EVENTS not in found]
@@ -173,7 +174,7 @@ def _check_empty(path: Path) -> None:
 
 
 def _copied(path: Path) -> set[str]:
-    """Return the entries of an earlier run's folder that are files of its mission."""
+    """Return the entries of an earlier run's folder that are copies of its mission's files."""
     try:
         names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
         return {PurePath(name).parts[0] for name in names}
@@ -182,9 +183,12 @@ def _copied(path: Path) -> set[str]:
 
 
 def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
-    """Return the mission's files by their path in the run folder, which is the path in the resolved
-    mission, so that the mission flies from there. A file is left out where its path is `taken` by
-    the run or by another file: the compiler refuses a missing file, but would fly a wrong one."""
+    """Return the mission's files by their path in the run folder.
+
+    The paths are those in the resolved mission, so that the copy can be flown from there. A file is
+    left out if its path is `taken` by the run or needed by another file: the compiler reports a
+    missing file but would not notice a wrong one.
+    """
     placed: dict[str, dict[str, File]] = {}
     for file in files:
         placed.setdefault(os.path.normpath(file.name), {})[file.sha256] = file
@@ -197,7 +201,8 @@ def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
 
 
 def contents(file: File) -> bytes:
-    """Return the bytes of a file as they were read, with the byte order mark if there was one."""
+    """Return the bytes of a file as they were read, including a byte order mark if there was
+    one."""
     data = file.data
     same = hashlib.sha256(data).hexdigest() == file.sha256
     return data if same else BOM_UTF8 + data
@@ -207,8 +212,8 @@ def provenance(
     plan: Plan, request: Mapping[str, Any], started: datetime, files: Iterable[str]
 ) -> dict[str, Any]:
     """Return the content of `provenance.json`: the request, the sources with their SHA-256, the
-    copied `files`, versions and machine."""
-    # as `platform.platform()`, which would start `uname -p`
+    paths of the copied `files`, the versions and the machine."""
+    # like `platform.platform()`, which would run `uname -p`
     kernel, libc = f"{platform.system()}-{platform.release()}", "".join(platform.libc_ver())
     return {
         "kybflow": 1,
@@ -228,7 +233,7 @@ def provenance(
 
 
 def _packages(plan: Plan) -> Iterator[str]:
-    """Yield the packages of every run, then those of its sensors, estimators and inputs."""
+    """Yield the packages that every run uses, then those of its sensors, estimators and inputs."""
     yield from _PACKAGES
     for vehicle in plan.vehicles:
         parts: list[SensorPlan | EstimatorPlan] = [*vehicle.sensors, *vehicle.estimators]
@@ -239,8 +244,8 @@ def _packages(plan: Plan) -> Iterator[str]:
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of the installed packages. It reads only the head of their metadata,
-    because `importlib.metadata.version` is slow: it parses all of it as an e-mail."""
+    """Return the versions of the installed packages. Only the head of their metadata is searched,
+    because `importlib.metadata.version` parses all of it as an e-mail and is slow."""
     found = {}
     for package in dict.fromkeys(packages):
         try:
@@ -258,7 +263,7 @@ def _json(value: dict[str, Any]) -> str:
 
 
 def write_file(path: Path, what: str | bytes) -> None:
-    """Write a whole file of a run, or none. Raises RunUnwritten."""
+    """Write a file of a run completely or not at all. Raises RunUnwritten."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, what if isinstance(what, bytes) else what.encode())

@@ -1,7 +1,7 @@
 """Reads a run folder for the report: `log.mcap`, `events.jsonl`, `summary.json`, the obstacles and
-points of `mission.resolved.yaml`, the pictures in `frames/`, the tables in `inputs/`.
+points of `mission.resolved.yaml`, the pictures in `frames/` and the tables in `inputs/`.
 
-A run that was killed has no summary and a truncated log; the report shows what it can read.
+A run that was killed has no summary and a truncated log; the report shows what can be read.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimato
 from kybflow.report.world import RecordedWorld, read_world
 
 MOST_TICKS = 6000
-"""The most ticks of one vehicle in the report; a longer run is thinned."""
+"""The most ticks per vehicle in the report; of a longer run only every n-th tick is used."""
 MOST_PICTURES = 96
-"""The most pictures in one report; the folder has the others."""
+"""The most pictures in a report; the others remain in the folder."""
 
 _TICK, _SETPOINT = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Setpoint"))
 _BATTERY = np.dtype(dtype_spec(Battery))
@@ -50,9 +50,12 @@ _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.
 
 @dataclass(frozen=True)
 class StateVisit:
-    """One visit to a state, from `start` to `end` seconds. ended: how its behavior ended, empty
-    where the recording ends before. aloft: the behavior neither takes off nor lands. built_in: the
-    language adds the state. hears: the behavior uses what other vehicles publish."""
+    """One visit to a state, from `start` to `end` seconds.
+
+    ended: how its behavior ended; empty if the recording ends first. aloft: whether the behavior
+    neither takes off nor lands. built_in: whether the language adds the state. hears: whether the
+    behavior uses what other vehicles publish.
+    """
 
     name: str
     part: str
@@ -66,11 +69,12 @@ class StateVisit:
 
 @dataclass(frozen=True)
 class Track:
-    """One vehicle over time, SI, not-a-number where there is no value.
+    """One vehicle over time. SI units; not-a-number where there is no value.
 
-    position: the true one in simulation, else the estimate. reference: the setpoint that the
-    tracker followed. position_error, velocity_error: in the air, from the behavior's setpoint.
-    to_target: distance from the position to the last setpoint of the behavior.
+    position: the true position in simulation, otherwise the estimate. reference: the setpoint that
+    the tracker followed. position_error, velocity_error: the distances from the behavior's
+    setpoint, while in the air. to_target: the distance from the position to the last setpoint of
+    the behavior.
     """
 
     name: str
@@ -88,7 +92,7 @@ class Track:
 
 @dataclass(frozen=True)
 class MovingTrack:
-    """A moving obstacle: times in seconds, positions (n, 3) and radius in metres."""
+    """A moving obstacle. time: seconds, (n,). position: metres, world, (n, 3). radius: metres."""
 
     time: Array
     position: Array
@@ -97,8 +101,11 @@ class MovingTrack:
 
 @dataclass(frozen=True)
 class Picture:
-    """A camera frame with its tags marked. time: seconds. used, rejected: the numbers of tags that
-    the pose uses and rejects, None without a pose."""
+    """A camera frame with its tags marked.
+
+    time: seconds. used, rejected: the numbers of tags that the pose estimate used and rejected;
+    None if there was no pose.
+    """
 
     vehicle: str
     estimator: str
@@ -111,9 +118,12 @@ class Picture:
 
 @dataclass(frozen=True)
 class Run:
-    """The content of a report. mission: the metadata of the recording. summary: empty for a run
-    that was killed. end: seconds. estimators: one without a name holds the estimates that its
-    vehicle flew on."""
+    """The content of a report.
+
+    mission: the metadata of the recording. summary: empty for a run that was killed. end: the run's
+    end, s. estimators: an estimator without a name stands for the estimates that its vehicle flew
+    on.
+    """
 
     mission: dict[str, Any]
     summary: dict[str, Any]
@@ -175,7 +185,8 @@ def read_moving(log: Recording) -> dict[str, MovingTrack]:
 
 
 def read_inputs(folder: Path) -> dict[str, InputRows]:
-    """Return the rows of each input that has any, by name. Raises FileError."""
+    """Return the recorded rows of each input by name, without inputs that have none. Raises
+    FileError."""
     texts = {p.stem: whole_lines(p) for p in sorted((folder / INPUTS).glob("*.csv"))}
     return {name: parse("\n".join(lines)) for name, lines in texts.items() if len(lines) > 1}
 
@@ -243,8 +254,8 @@ def _track(
 def _wanted(
     followed: NDArray[Any], stamps: NDArray[np.int64], others: list[Message]
 ) -> NDArray[Any]:
-    """Return the behavior's setpoint in each tick: that of `/wanted` where there is one for its
-    time, else the one that the tracker followed."""
+    """Return the behavior's setpoint in each tick: the one from `/wanted` at that time, or else the
+    one that the tracker followed."""
     wanted, other = followed.copy(), np.frombuffer(b"".join(m.data for m in others), _SETPOINT)
     _, index, of = np.intersect1d(
         stamps, np.array([m.log_time for m in others], np.int64), return_indices=True
@@ -254,7 +265,7 @@ def _wanted(
 
 
 def _state(ticks: NDArray[Any], name: str) -> Array:
-    """Return the truth where it is known, else the estimate."""
+    """Return the truth if it is known, otherwise the estimate, per tick."""
     truth, estimate = ticks["truth"], ticks["estimate"]
     estimated = np.where(estimate["present"][:, None], estimate[name], np.nan)
     known: Array = np.where(truth["present"][:, None], truth[name], estimated)
@@ -282,7 +293,8 @@ def _to_target(
 @dataclass(frozen=True)
 class Recording:
     """The messages of a recording that the report needs, by topic. mission: the metadata. seen,
-    last: the number and the newest log time of a topic's messages, including those left out."""
+    last: for each topic, the number of messages and the newest log time (ns), including messages
+    left out."""
 
     mission: dict[str, Any]
     messages: dict[str, list[Message]] = field(default_factory=dict)
@@ -291,8 +303,8 @@ class Recording:
 
 
 def read_log(path: Path) -> Recording:
-    """Read the recording at `path`, as far as it goes. Raises OSError, ValueError or McapError for
-    a file that is no recording, or one of another version of kybflow."""
+    """Read the recording at `path`, which may be truncated. Raises OSError, ValueError or McapError
+    for a file that is no recording, or one of another version of kybflow."""
     mission: dict[str, Any] = {}
     topics: dict[int, str] = {}
     log = Recording(mission)
@@ -308,14 +320,14 @@ def read_log(path: Path) -> Recording:
                 elif isinstance(record, Metadata) and record.name == METADATA:
                     mission.update(json.loads(record.metadata["plan"]))
         except EndOfFile:
-            pass  # the run was killed, or still flies
+            pass  # the run was killed, or is still flying
     if not mission:
         raise ValueError(f"`{path.name}` has no metadata of a mission")
     return log
 
 
 def _check_layout(path: Path, schema: Schema) -> None:
-    """Raises ValueError for ticks with other fields than this version's."""
+    """Raise ValueError if the ticks have other fields than in this version."""
     if schema.name == f"{PACKAGE}/Tick" and schema.data != definition("Tick"):
         raise ValueError(
             f"`{path.name}` was recorded by another version of kybflow, whose ticks have another"
@@ -324,7 +336,8 @@ def _check_layout(path: Path, schema: Schema) -> None:
 
 
 def _keep(log: Recording, topic: str, message: Message) -> None:
-    """Keep battery reports, estimators and obstacles, and ticks at the rate of the report."""
+    """Keep all battery reports, estimates and obstacles, and the ticks at the rate of the
+    report."""
     log.last[topic] = message.log_time
     if topic.endswith("/battery") or "/estimator/" in topic or topic == OBSTACLES_TOPIC:
         log.messages.setdefault(topic, []).append(message)
@@ -339,7 +352,7 @@ def _keep(log: Recording, topic: str, message: Message) -> None:
 
 
 def read_pictures(folder: Path) -> tuple[Picture, ...]:
-    """Read the pictures of a run, in the order of time for each camera. Raises OSError."""
+    """Read the pictures of a run, for each camera in order of time. Raises OSError."""
     found: list[Picture] = []
     for path in sorted((folder / FRAMES).glob("*/*/*/*.jpg")):
         named = _PICTURE_NAME.fullmatch(path.name)

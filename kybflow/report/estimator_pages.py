@@ -1,4 +1,4 @@
-"""The estimators in a report: a row of statistics and a page of figures and pictures for each."""
+"""Makes the report's statistics of each estimator, and its page of figures and pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kybflow.report.estimators import (
 from kybflow.report.plot import Figure, bands, dashed, line, over_time
 
 MOST_POINTS = 3000
-"""The most points of a curve."""
+"""The most points in a curve."""
 _USED = "rgba(31,158,119,0.16)"
 _AXES = (("x", "#2f7ed8"), ("y", "#e07b26"), ("z", "#a55ec4"))
 
@@ -54,8 +54,8 @@ def estimator_pages(run: Run) -> list[EstimatorPage]:
 
 
 def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]:
-    """Yield each estimator with its statistics. A vehicle with several has one more without a name:
-    the estimates that it flew on."""
+    """Yield each estimator with its statistics. If a vehicle has several, first yield the estimates
+    that it flew on, as an estimator without a name."""
     for vehicle in dict.fromkeys(track.vehicle for track in run.estimators):
         flown, *others = (track for track in run.estimators if track.vehicle == vehicle)
         for track in [flown, *others] if len(others) > 1 else others:
@@ -63,7 +63,7 @@ def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]
 
 
 def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
-    """Draw the position error, and its bound by the estimator's spread."""
+    """Draw the position error and its bound according to the estimator's spread."""
     kept = _kept(track)
     time, bound = track.time[kept], CHI_95 * track.spread[kept] * 100.0
     off, each = track.position_error[kept] * 100.0, track.error[kept] * 100.0
@@ -87,7 +87,7 @@ def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
 
 
 def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
-    """Draw the errors of the attitude and of the heading."""
+    """Draw the errors of attitude and heading."""
     kept = _kept(track)
     time, attitude = track.time[kept], track.attitude_error[kept] / DEG
     yaw = np.abs(track.yaw_error[kept]) / DEG
@@ -122,12 +122,12 @@ def _reference(run: Run) -> str:
 
 
 def _highest(used: Any, off: Array, bound: Array) -> float:
-    """Return the largest error in use, or the 99 % quantile of the bounds where that is larger."""
+    """Return the largest error while in use, or the 99 % quantile of the bounds if it is larger."""
     errors, bounds = (values[used & np.isfinite(values)] for values in (off, bound))
     common = float(np.quantile(bounds, 0.99)) if len(bounds) else 0.0
     return max(common, float(errors.max(initial=0.0)))
 
 
 def _in_use(track: EstimatorTrack) -> dict[str, Any]:
-    """Return bands of the time in use as part of a layout."""
+    """Return the bands that mark when the vehicle flew on the estimator, as part of a layout."""
     return bands(("in use", start, end, _USED, {}) for start, end in track.intervals_used())

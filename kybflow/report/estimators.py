@@ -1,4 +1,4 @@
-"""The errors of each estimator over time, whether the vehicle flew on it or not, and their
+"""Computes the errors of each estimator over time, whether or not the vehicle flew on it, and their
 statistics."""
 
 from __future__ import annotations
@@ -17,22 +17,24 @@ from kybflow.recording.layout import dtype_spec
 Array = NDArray[np.float64]
 
 CHI_95 = 2.796
-"""Bound of 95 % of the errors in three dimensions, in standard deviations along an axis, for equal
-axes: the root of the 95 % quantile of the chi-square distribution with three degrees of freedom."""
+"""Bound of 95 % of the position errors, in standard deviations along an axis, if they are equal for
+all axes: the root of the 95 % quantile of the chi-square distribution with three degrees of
+freedom."""
 
 _SAME_POSITION = 1e-4
-"""Metres below which an offset is negligible."""
+"""The largest negligible offset between two positions, m."""
 _TICK, _CANDIDATE = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Candidate"))
 
 
 @dataclass(frozen=True)
 class EstimatorTrack:
-    """One estimator over time, SI, not-a-number where it has no estimate.
+    """One estimator over time. SI units; not-a-number where it has no estimate.
 
-    error: (n, 3), from the true position, or without a truth from the estimate that the vehicle
-    flew on. yaw_error, attitude_error: heading and whole attitude against that reference. usable,
-    used: whether the vehicle could have flown on it, and whether it did. blended: whether the
-    vehicle flew on an estimate with an offset that was being removed.
+    error: (n, 3), the offset from the true position or, if there is no truth, from the estimate
+    that the vehicle flew on. yaw_error, attitude_error: the angles between its heading or attitude
+    and those of this reference. usable, used: whether the vehicle could have flown on it, and
+    whether it did. blended: whether the vehicle flew on an estimate that still contained an offset
+    being removed.
     """
 
     vehicle: str
@@ -49,11 +51,12 @@ class EstimatorTrack:
 
     @property
     def position_error(self) -> Array:
-        """The length of `error`, metres."""
+        """The norm of `error`, metres."""
         return norm(self.error)
 
     def intervals_used(self) -> list[tuple[float, float]]:
-        """Return the (start, end) of each interval on this estimator, seconds."""
+        """Return the (start, end) of each interval in which the vehicle flew on this estimator,
+        seconds."""
         step = float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
         edges = np.flatnonzero(np.diff(np.concatenate(([False], self.used, [False])).astype(int)))
         return [
@@ -64,10 +67,11 @@ class EstimatorTrack:
 
 @dataclass(frozen=True)
 class EstimatorStatistics:
-    """The errors of an estimator while the vehicle flew on it, None where it never did.
+    """The errors of an estimator while the vehicle flew on it; None if it never did.
 
-    share: of all ticks. mean, p99, highest: of the position error, m. within: the share of position
-    errors within `CHI_95` spreads, without blended ticks. yaw_p99: rad. age_mean, age_highest: s.
+    share: the share of the vehicle's ticks. mean, p99, highest: of the position error, m. within:
+    the share of position errors within `CHI_95` spreads, without blended ticks. yaw_p99: rad.
+    age_mean, age_highest: s.
     """
 
     share: float
@@ -81,7 +85,7 @@ class EstimatorStatistics:
 
 
 def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
-    """Return the statistics of one estimator. ticks: the number of ticks of its vehicle."""
+    """Return the statistics of one estimator. ticks: the number of the vehicle's ticks."""
     used = track.used & ~np.isnan(track.age)
     share = float(track.used.sum()) / max(ticks, 1)
     age, distance = track.age[used], track.position_error
@@ -105,8 +109,8 @@ def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
 def read_estimators(
     messages: Mapping[str, Sequence[Message]], vehicle: str
 ) -> Iterator[EstimatorTrack]:
-    """Yield the estimates that a vehicle flew on, as an estimator without a name, then each of its
-    estimators; nothing where none was recorded. messages: by topic."""
+    """Yield the estimates that a vehicle flew on as a track without a name, then a track for each
+    of its estimators; nothing if none was recorded. messages: by topic."""
     ticks, stamps = _decoded(messages.get(f"/{vehicle}/tick", ()), _TICK)
     flown, truth = ticks["estimate"], ticks["truth"]
     is_known = truth["present"][:, None]
@@ -127,7 +131,7 @@ def read_estimators(
         name = topic.removeprefix(prefix)
         nearest = _Reference(reference.position[index], reference.attitude[index])
         found.append(_track(vehicle, name, at, nearest, rows, rows["usable"], used, own))
-    if found:  # a tick without a candidate is as blended as the last one with
+    if found:  # a tick without a candidate counts like the last one that has any
         last = np.maximum.accumulate(np.where(blended >= 0, np.arange(len(blended)), 0))
         present, offset = flown["present"], blended[last] == 1
         yield _track(vehicle, "", stamps, reference, flown, present, present, offset)
@@ -135,7 +139,8 @@ def read_estimators(
 
 
 class _Reference(NamedTuple):
-    """The truth, or the estimate that the vehicle flew on: (n, 3), (n, 4)."""
+    """The truth or, without it, the estimate that the vehicle flew on: positions (n, 3) and
+    quaternions (n, 4)."""
 
     position: Array
     attitude: Array
@@ -174,7 +179,7 @@ def _track(
 
 
 def _rotation(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return the angles between the headings and between the attitudes `b` and `a`, radians."""
+    """Return the heading of `a` minus that of `b`, and the angle between the attitudes; radians."""
     product: Array = np.abs((a * b).sum(axis=1))
     yaw: Array = (_heading(a) - _heading(b) + np.pi) % (2.0 * np.pi) - np.pi
     turn: Array = 2.0 * np.arccos(product.clip(0.0, 1.0))
@@ -188,13 +193,13 @@ def _heading(q: Array) -> Array:
 
 
 def _present(rows: NDArray[Any], name: str) -> Array:
-    """Return a field, not-a-number where there is no estimate."""
+    """Return a field of the rows, not-a-number where there is no estimate."""
     values, present = rows[name], rows["present"]
     known: Array = np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
     return known
 
 
 def norm(vectors: Array) -> Array:
-    """Return the length of each row of (n, 3)."""
+    """Return the norm of each row, for an array of shape (n, 3)."""
     length: Array = np.sqrt((vectors * vectors).sum(axis=1))
     return length

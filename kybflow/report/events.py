@@ -1,4 +1,4 @@
-"""Classifies events as alarms or routine, formats their fields and marks them in the timeline."""
+"""Classifies events as alarms or routine, formats their fields, and marks them in the timeline."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ _MARKERS = {
 
 
 def kind_of(event: Mapping[str, Any]) -> str:
-    """Return the kind of mark. An event with a reaction and a bound is a supervisor's alarm."""
+    """Return the kind of mark for an event. An event with a reaction and a bound is a supervisor's
+    alarm."""
     name = event["event"]
     if name in IMPACTS:
         return COLLISION
@@ -39,7 +40,7 @@ def kind_of(event: Mapping[str, Any]) -> str:
 
 
 def is_notable(event: Mapping[str, Any]) -> bool:
-    """Return whether an event is more than a step of a normal flight."""
+    """Return whether an event is more than a normal step of a flight."""
     if event["event"] == "estimator_changed":
         return event["fields"].get("previous") is not None
     return event["event"] not in _ROUTINE and not event["event"].endswith(".finished")
@@ -59,8 +60,8 @@ def fields_text(event: Mapping[str, Any]) -> str:
 
 
 def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Return a trace for each kind of mark. rows: the y coordinates of the vehicles' marks and of
-    those of the `run`. The events of one vehicle at one time share a mark."""
+    """Return a trace for each kind of mark. Events of one vehicle at the same time share a mark.
+    rows: the y coordinates of the marks, by vehicle and for the `run`."""
     found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _MARKERS}
     for event in run.events:
         row = event["vehicle"] or "run"
@@ -86,7 +87,8 @@ def _value(value: Any) -> str:
 
 
 def ending(run: Run, name: str) -> str:
-    """Describe the end of a vehicle's run: its place, its fault, and what it hit."""
+    """Describe how a vehicle's run ended: in the air or on the ground, any fault, and what it
+    hit."""
     vehicle = run.summary["vehicles"][name]
     visits = vehicle["behaviors"]
     last = visits[-1] if visits else None
@@ -104,7 +106,7 @@ def ending(run: Run, name: str) -> str:
 
 
 def _fault_reason(events: list[dict[str, Any]]) -> str:
-    """Return the reason of the last failsafe that ended the flight, else of the last failure."""
+    """Return the reason of the last failsafe that ended the flight, or else of the last failure."""
     stopped = [
         event["fields"]["reason"]
         for event in events

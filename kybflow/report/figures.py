@@ -1,4 +1,4 @@
-"""The figures of a report in their order, and the curves over time: inputs, errors, heights and
+"""Makes all figures of a report in order, and the curves over time: inputs, errors, heights and
 batteries."""
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _BELOW = "The setpoint of a landing goes below the ground; the vehicle stops at 
 
 
 def figures(run: Run) -> list[Figure]:
-    """Return the figures in the order of the page, none where no tick was recorded."""
+    """Return the figures in the order of the page; none if no tick was recorded."""
     if not any(len(track.time) for track in run.tracks):
         return []
     return [
@@ -37,9 +37,9 @@ def figures(run: Run) -> list[Figure]:
 
 
 def _input(name: str, recorded: InputRows, run: Run) -> Figure:
-    """Draw the axes of an input, with bands where it was lost."""
+    """Draw the axes of an input, with bands while it was lost."""
     times = [*(row.time / NS for row in recorded.rows), run.end]
-    time = np.repeat(times, 2)[1:-1]  # each row holds until the time of the next
+    time = np.repeat(times, 2)[1:-1]  # each row is valid until the time of the next
     traces = []
     for number, axis in enumerate(recorded.axes):
         values = np.repeat([row.axes.get(axis, np.nan) for row in recorded.rows], 2)
@@ -81,7 +81,8 @@ def _errors(run: Run, what: str, unit: str) -> Figure:
 
 
 def _highest_aloft(track: Track, what: str) -> float:
-    """Return the largest error in behaviors that neither take off nor land, SI; 0 without any."""
+    """Return the largest error in behaviors that neither take off nor land, in SI units; 0 if there
+    are none."""
     errors = track.position_error if what == "position" else track.velocity_error
     aloft = np.zeros(len(track.time), bool)
     for visit in track.visits:

@@ -1,5 +1,4 @@
-"""The intervals of a run, from the events that begin and end them: faults, holds, clamps and
-estimators in use."""
+"""Finds the intervals of a run in its events: faults, holds, clamps and estimators in use."""
 
 from __future__ import annotations
 
@@ -18,12 +17,12 @@ TINTS = {
     BLIND: "rgba(120,40,140,0.30)",
     FALLBACK: "rgba(47,126,216,0.20)",
 }
-"""The colour of each kind, light enough for curves on top of it, on white and on black."""
+"""The colour of each kind, light enough for curves on top of it in both themes."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """An interval of one vehicle, from `start` to `end` seconds."""
+    """An interval in a vehicle's flight, from `start` to `end`, s."""
 
     kind: str
     vehicle: str
@@ -33,8 +32,8 @@ class Interval:
 
 
 def faults_and_holds(run: Run) -> list[Interval]:
-    """Return the faults, holds and clamps of each vehicle; one without an end lasts until the run
-    ends."""
+    """Return the faults, holds and clamps of each vehicle. An interval without an end lasts until
+    the run ends."""
     found: list[Interval] = []
     for track in run.tracks:
         own = [event for event in run.events if event["vehicle"] == track.name]
@@ -45,7 +44,8 @@ def faults_and_holds(run: Run) -> list[Interval]:
 
 
 def estimators_in_use(run: Run) -> dict[str, list[Interval]]:
-    """Return the estimators that each vehicle flew on, all but the first one as FALLBACK."""
+    """Return the intervals in which each vehicle flew on each estimator, by vehicle. Their kind is
+    FALLBACK for all estimators but the first, and BLIND while there was no estimate."""
     found: dict[str, list[Interval]] = {}
     for track in run.tracks:
         own = (event for event in run.events if event["vehicle"] == track.name)
@@ -54,7 +54,7 @@ def estimators_in_use(run: Run) -> dict[str, list[Interval]]:
 
 
 def shaded(run: Run) -> list[Interval]:
-    """Return the intervals to shade behind curves: all but those of the first estimator."""
+    """Return the intervals to shade behind curves: all except the use of the first estimator."""
     used = [interval for own in estimators_in_use(run).values() for interval in own]
     besides = [interval for interval in used if interval.kind in (BLIND, FALLBACK)]
     order = list(TINTS)
@@ -87,7 +87,7 @@ def _clamps(events: list[dict[str, Any]], vehicle: str, end: float) -> Iterator[
 
 
 def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
-    """Yield pauses and brakes. A hold also ends with the behavior that it froze."""
+    """Yield pauses and brakes. A hold also ends when the behavior that it interrupts ends."""
     running: dict[str, float] = {}
     for event in events:
         name, time, fields = event["event"], event["t_s"], event["fields"]

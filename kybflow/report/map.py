@@ -1,4 +1,4 @@
-"""The map: the vehicles' paths from above, with the fence, obstacles and points."""
+"""The figure of the vehicles' paths from above, with the fence, obstacles and points."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from kybflow.report.plot import Figure, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
 
 _NEAR = 3.0
-"""Metres around the path that the map always shows; a long path shows more."""
+"""Metres around the path that the map always shows; it shows more around a long path."""
 _ROUND = 48
-"""Corners of a circle."""
+"""The number of corners of a drawn circle."""
 _GREY = "#7d8894"
 
 
 class Extent(NamedTuple):
-    """A rectangle of the map, in metres."""
+    """A rectangle of the map; metres, world frame."""
 
     x0: float
     y0: float
@@ -84,7 +84,7 @@ def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
 
 
 def shown(run: Run) -> tuple[Extent, list[str]]:
-    """Return the extent of the figures from above, and the labels of what lies outside it."""
+    """Return the extent of the figures from above, and the labels of the objects outside it."""
     standing = _extents(run)
     ways = np.concatenate(
         [*(t.position[:, :2] for t in run.tracks), np.array([t.start[:2] for t in run.tracks])]
@@ -164,8 +164,8 @@ Coordinates = list[float | None]
 
 
 def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
-    """Return the outline of an obstacle from above: for a wall a line through the window, for a
-    floor or ceiling nothing. None separates several outlines."""
+    """Return the outline of an obstacle from above as x and y coordinates. A wall is a line through
+    the window; a floor or ceiling has no outline. None separates several outlines."""
     if isinstance(shape, Box):
         (x0, y0, _), (x1, y1, _) = shape
         return [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
@@ -187,8 +187,9 @@ def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
 
 
 def _rows(cloud: Scanned) -> tuple[Coordinates, Coordinates]:
-    """Return a point cloud from above, as the cells of a grid that hold points. A cell is as wide
-    as the radius; neighbours in a row make one rectangle, grown by half a radius."""
+    """Return the outlines of a point cloud from above: the occupied cells of a grid. A cell is as
+    wide as the radius. Neighbouring cells in a row form one rectangle, enlarged by half a radius.
+    """
     r = cloud.radius
     cells = np.unique(np.floor(cloud.array[:, :2] / r)[:, ::-1], axis=0)
     begins = np.ones(len(cells), bool)
@@ -239,7 +240,8 @@ def moving_paths(run: Run) -> Iterator[dict[str, Any]]:
 
 
 def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str, Any]]:
-    """Return a moving obstacle at its last known position at a moment (s), with a text in it."""
+    """Return the traces of a moving obstacle at its last known position before `moment` (s), with a
+    text inside."""
     ball = run.moving[name]
     seen = max(0, int(np.searchsorted(ball.time, moment, side="right")) - 1)
     x, y, z = map(float, ball.position[seen])
@@ -250,8 +252,8 @@ def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str,
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:
-    """Return the traces of obstacles and points. Points at one place share a label; a point with
-    the name of an obstacle has no label."""
+    """Return the traces of obstacles and points. Points at the same position share a label; a point
+    with the name of an obstacle has none."""
     traces = []
     for number, (name, shape) in enumerate(run.world.obstacles.items()):
         xs, ys = outline(shape, window)

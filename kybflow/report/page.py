@@ -1,5 +1,5 @@
-"""Writes `report.html` from a run folder. The page needs no network and no other file; its look is
-in `templates/`."""
+"""Writes `report.html` from a run folder. The page needs no network and no other file; its design
+is in `templates/`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _DASH = "\N{EN DASH}"
 
 
 def write_report(folder: Path) -> Path:
-    """Write the report of the run in `folder` and return its path. Raises RunFolderError where the
-    run can't be read, RunUnwritten where the page can't be written."""
+    """Write the report of the run in `folder` and return its path. Raises RunFolderError if the run
+    can't be read, RunUnwritten if the page can't be written."""
     page, path = render(read_run(folder)), folder / REPORT
     write_file(path, page)
     return path
@@ -64,25 +64,25 @@ def render(run: Run) -> str:
 
 
 def _is_change(event: dict[str, Any]) -> bool:
-    """Whether the estimator changed in flight."""
+    """Return whether an event is a change of the estimator in flight."""
     is_one = event["event"] in ("estimator_changed", "estimator_lost")
     return is_one and event["fields"]["reason"] != "the first estimate"
 
 
 def _scaled(value: float | None, factor: float = 1.0, digits: int = 2, unit: str = "") -> str:
-    """Format a number times `factor`, a dash for None."""
+    """Format a number times `factor`; None becomes a dash."""
     return _DASH if value is None else f"{value * factor:.{digits}f}{unit}"
 
 
 def _quantity(value: float | None, unit: str, sign: str = "") -> str:
-    """Format a value in SI, a dash for None."""
+    """Format a value given in SI units; None becomes a dash."""
     if value is None:
         return _DASH
     return format_measured(value, unit, sign).replace("-", "\N{MINUS SIGN}")
 
 
 def _errors(record: dict[str, Any]) -> list[str]:
-    """Format mean, rms and largest position error in cm, then velocity error in cm/s."""
+    """Format the mean, rms and largest position error in cm, then those of the velocity in cm/s."""
     return [
         _scaled((record[field] or {}).get(figure), 100.0)
         for field in ("position_error_m", "velocity_error_m_s")
@@ -91,7 +91,7 @@ def _errors(record: dict[str, Any]) -> list[str]:
 
 
 def _code(text: str) -> Markup:
-    """Format text with names between backticks."""
+    """Return text as HTML, with the names between backticks as code."""
     parts = escape(text).split("`")
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if n % 2 else part for n, part in enumerate(parts)

@@ -1,4 +1,4 @@
-"""Traces and layouts of figures, as the dictionaries that plotly.js draws.
+"""Makes traces and layouts of figures, as the dictionaries that plotly.js draws.
 
 The page replaces the colours `ink`, `soft`, `alarm` and `paper` by those of its theme.
 """
@@ -17,12 +17,14 @@ from kybflow.report.intervals import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS,
 VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
 
 _SIDES = {FAULT: "top", HOLD: "middle", CLAMP: "middle", BLIND: "middle", FALLBACK: "bottom"}
-"""The place of an interval's label, so that overlapping labels stay readable."""
+"""The vertical position of an interval's label by kind, so that overlapping labels stay readable.
+"""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure. over_time: its x axis is the time of the run; all such figures zoom together."""
+    """One figure. over_time: whether its x axis is the time of the run; all these figures zoom
+    together."""
 
     name: str
     title: str
@@ -35,7 +37,7 @@ class Figure:
 def line(
     name: str, x: Array, y: Array, colour: str, width: float, hover: str = ""
 ) -> dict[str, Any]:
-    """Return a line. hover: the template of a point's label, empty for no label."""
+    """Return the trace of a line. hover: the template of a point's label; empty for no label."""
     trace = {
         "type": "scatter",
         "mode": "lines",
@@ -52,8 +54,8 @@ def line(
 
 
 def dashed(name: str, x: Array, y: Array, shown: bool) -> dict[str, Any]:
-    """Return a thin dashed line in the colour of the text. Lines of one name share the legend entry
-    of the one that is `shown`."""
+    """Return a thin dashed line in the colour of the text. Lines with the same name share a legend
+    entry, that of the line which is `shown`."""
     trace = line(name, x, y, "ink", 1.2)
     trace["line"]["dash"] = "5px,3px"
     return {**trace, "legendgroup": name, "showlegend": shown}
@@ -62,13 +64,13 @@ def dashed(name: str, x: Array, y: Array, shown: bool) -> dict[str, Any]:
 def markers(
     name: str, x: list[Any], y: list[Any], marker: dict[str, Any], hover: str, **more: Any
 ) -> dict[str, Any]:
-    """Return points. more: further properties of the trace."""
+    """Return the trace of points. more: further properties of the trace."""
     trace = {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": y, "marker": marker}
     return {**trace, "hovertemplate": f"{hover}<extra></extra>", **more}
 
 
 def _packed(values: Array) -> dict[str, str]:
-    """Encode an array as plotly.js reads it; a gap stays not-a-number."""
+    """Encode an array for plotly.js; not-a-number leaves a gap."""
     data = values.astype("<f4").tobytes()
     return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
 
@@ -89,7 +91,8 @@ def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
 
 
 def shade(intervals: Sequence[Interval], named: bool) -> dict[str, Any]:
-    """Return intervals behind curves as part of a layout. named: labels include the vehicle."""
+    """Return intervals drawn behind the curves, as part of a layout. named: whether labels include
+    the vehicle."""
     found = []
     for one in intervals:
         text = f"{one.vehicle}: {one.label}" if named else one.label
@@ -100,8 +103,8 @@ def shade(intervals: Sequence[Interval], named: bool) -> dict[str, Any]:
 
 
 def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dict[str, Any]:
-    """Return bands over the whole height of a figure as part of a layout, from (legend entry,
-    start, end, colour, further properties)."""
+    """Return bands over the full height of a figure, as part of a layout. found: (legend entry,
+    start, end, colour, further properties) of each."""
     shapes: list[dict[str, Any]] = []
     seen: set[str] = set()
     for name, start, end, colour, more in found:
@@ -126,5 +129,5 @@ def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dic
 
 
 def coloured(run: Run) -> list[tuple[Track, str]]:
-    """Return each track with the colour that its vehicle has in all figures."""
+    """Return each track with its vehicle's colour, which is the same in all figures."""
     return [(track, VEHICLES[n % len(VEHICLES)]) for n, track in enumerate(run.tracks)]

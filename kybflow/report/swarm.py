@@ -1,5 +1,5 @@
-"""The figures of several vehicles and of moving obstacles: all from above at moments of the flight,
-and the distances between the vehicles."""
+"""The figures of several vehicles and of moving obstacles: their positions from above at several
+moments, and the distances between vehicles."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from kybflow.report.map import moving_ball, room, seen_from_above, shown
 from kybflow.report.plot import VEHICLES, Figure, coloured, line, markers, over_time
 
 _MOST_PAIRS = 28
-"""The most pairs with a line each; with more, each vehicle has the distance to its nearest one."""
+"""The most pairs that get a line each. If there are more, each vehicle gets a line with the
+distance to its nearest one."""
 _MOST_NAMED = 15
-"""The most lines in the legend; with more, the names are only in the labels of points."""
+"""The most lines in the legend. If there are more, the names are only in the hover labels."""
 _MOMENTS = 9
 """The number of moments in the figure from above."""
 _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
 
 
 def swarm_figures(run: Run) -> list[Figure]:
-    """Return the figures of several vehicles, or of one among moving obstacles."""
+    """Return the figures of several vehicles, or of one vehicle and moving obstacles."""
     flown = [track for track in run.tracks if len(track.time)]
     above = [_from_above(run)] if len(flown) > 1 or (flown and run.moving) else []
     return [*above, _distances(run, flown)] if len(flown) > 1 else above
 
 
 def _distances(run: Run, tracks: list[Track]) -> Figure:
-    """Draw the distance of each pair while both fly, with the bounds of supervisors and of
+    """Draw the distance of each pair while both fly, with the bounds of supervisors and
     expectations."""
     pairs = list(combinations(tracks, 2))
     if len(pairs) <= _MOST_PAIRS:
@@ -68,15 +69,15 @@ def _bound(run: Run, name: str, bound: float, dash: str) -> dict[str, Any]:
 
 
 def alarm_distances(run: Run) -> list[float]:
-    """Return the initial distances below which supervisors alarm, metres, without duplicates and
-    zeros."""
+    """Return the distances below which supervisors alarm, as at the start of the run; metres,
+    without duplicates and zeros."""
     vehicles = run.mission.get("vehicles", {}).values()
     kept = (bound for facts in vehicles for bound in facts.get("keeps_apart", {}).values())
     return sorted({round(bound, 3) for bound in kept if bound > 0.0})
 
 
 def least_separation(run: Run) -> float | None:
-    """Return the largest separation that an expectation demands, metres; None where none does."""
+    """Return the largest separation that an expectation requires, metres; None if none does."""
     found = []
     for expectation in run.summary.get("expectations", ()):
         for bound in _BOUND.findall(expectation["text"]):
@@ -88,7 +89,8 @@ def least_separation(run: Run) -> float | None:
 
 
 def _between(a: Track, b: Track) -> Array:
-    """Return the distance of two vehicles at the times of the first, NaN where one doesn't fly."""
+    """Return the distance between two vehicles at the times of the first, m; NaN where one doesn't
+    fly."""
     here, there = _aloft(a), _at(b, a.time)
     gap: Array = norm(here - there)
     return gap
@@ -102,7 +104,7 @@ def _to_nearest(a: Track, tracks: list[Track]) -> Array:
 
 
 def _aloft(track: Track) -> Array:
-    """Return a vehicle's positions, NaN where it doesn't fly."""
+    """Return a vehicle's positions (n, 3), NaN where it doesn't fly."""
     flies = ~np.isnan(track.position_error)
     place: Array = np.where(flies[:, None], track.position, np.nan)
     return place
@@ -117,7 +119,8 @@ def _at(track: Track, times: Array) -> Array:
 
 
 def _from_above(run: Run) -> Figure:
-    """Draw the paths from above, with the moving obstacles and the flying vehicles at moments."""
+    """Draw the paths from above, with the moving obstacles and flying vehicles at several
+    moments."""
     window, _ = shown(run)
     traces = room(run, window)
     for track, colour in coloured(run):
@@ -135,8 +138,8 @@ def _from_above(run: Run) -> Figure:
 
 
 def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
-    """Draw a dot for each vehicle that flies at a moment, and lines between those in one state
-    whose behavior uses what the others publish."""
+    """Draw a dot for each vehicle that flies at `moment` (s), and lines between vehicles in the
+    same state if its behavior uses what the others publish."""
     places = {}
     for track, colour in coloured(run):
         here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)

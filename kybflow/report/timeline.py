@@ -22,9 +22,11 @@ from kybflow.report.plot import Figure, time_axis
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
 _GREY = "#9aa3ad"
 _BAR, _LANE, _MARKS, _GAP, _LEVEL = 28.0, 15.0, 20.0, 14.0, 13.0
-"""Pixels: a bar, a lane, the room for marks below a bar, between rows, a level of labels."""
+"""Heights in pixels: of a bar, of a lane, of the room for marks below a bar, of the gap between
+rows, and of a level of labels."""
 _LEVELS, _WIDTH, _LETTER = 3, 920.0, 6.6
-"""Levels of labels above a bar; pixels of the time axis and of a letter."""
+"""The number of label levels above a bar; the widths of the time axis and of a letter, in pixels.
+"""
 _NOTE = (
     "Bars are behaviors or phases; marks below them are events, as in the table of events. Hover "
     "for details; drag to zoom."
@@ -32,9 +34,9 @@ _NOTE = (
 
 
 def timeline(run: Run) -> Figure:
-    """Draw a row for each vehicle and flow, with behaviors or phases as bars and events as marks
-    below; under a vehicle's row a lane each for its faults, holds, clamps and estimators, if any.
-    The y axis counts pixels from the top."""
+    """Draw a row for each vehicle and flow: its behaviors or phases as bars, and events as marks
+    below. Under a vehicle's row, its faults, holds, clamps and estimators have a lane each, if
+    there are any. The y axis counts pixels from the top."""
     visits = {track.name: track.visits for track in run.tracks} | _phases(run)
     colours = _visit_colours([visit for own in visits.values() for visit in own])
     traces: list[dict[str, Any]] = []
@@ -80,8 +82,8 @@ def timeline(run: Run) -> Figure:
 
 
 def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateVisit, int], float]:
-    """Return (the level above the bar for each visit whose name doesn't fit into it, the pixels
-    that the levels need). A name that fits on no level is left out."""
+    """Return (the level above the bar of each visit whose name doesn't fit inside, the height of
+    the levels in pixels). A name that fits on no level is left out."""
     each = _WIDTH / end
     free = [float("-inf")] * _LEVELS
     levels: dict[StateVisit, int] = {}
@@ -98,7 +100,7 @@ def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateV
 
 
 def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
-    """Return the lanes of each vehicle. A single estimator needs no lane."""
+    """Return the lanes of each vehicle. There is no lane for a single estimator."""
     found: dict[str, dict[str, list[Interval]]] = {}
     lasting = faults_and_holds(run)
     for name, used in estimators_in_use(run).items():
@@ -114,7 +116,7 @@ def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
 
 
 def _label(visit: StateVisit, top: float, level: int) -> dict[str, Any]:
-    """Return a name above its bar, with a line down to it."""
+    """Return a visit's name above its bar, with a line down to the bar."""
     return {
         "text": visit.name,
         "x": (visit.start + visit.end) / 2,
@@ -132,7 +134,8 @@ def _label(visit: StateVisit, top: float, level: int) -> dict[str, Any]:
 def _bar(
     span: Interval | StateVisit, middle: float, width: float, text: str, title: str, more: str = ""
 ) -> dict[str, Any]:
-    """Return a bar with a text in it. title, more: of its label, around its times."""
+    """Return a bar with a text inside. title, more: the text of its hover label before and after
+    the times."""
     time = f"{span.start:.2f} to {span.end:.2f} s"
     return {
         "type": "bar",
@@ -173,7 +176,7 @@ def _visit(visit: StateVisit, middle: float, colour: str, named: bool) -> dict[s
 
 
 def _phases(run: Run) -> dict[str, list[StateVisit]]:
-    """Return the phases of each flow, by the name of its row."""
+    """Return the phases of each flow, by row name."""
     found: dict[str, list[StateVisit]] = {}
     for event in run.events:
         fields = event["fields"]
@@ -188,7 +191,7 @@ def _phases(run: Run) -> dict[str, list[StateVisit]]:
 
 
 def _visit_colours(visits: Sequence[StateVisit]) -> dict[str, str]:
-    """Return a colour for each name, grey for built-in states."""
+    """Return a colour for each state name; grey for built-in states."""
     own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
     colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
     return {visit.name: colours.get(visit.name, _GREY) for visit in visits}

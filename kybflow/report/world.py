@@ -29,7 +29,7 @@ class RecordedWorld:
 
 
 def read_world(path: Path) -> RecordedWorld:
-    """Read the world of the mission in `path`, an empty one where there is no file. Raises
+    """Read the world of the mission file at `path`; an empty one if there is no file. Raises
     ValueError."""
     if not path.exists():
         return RecordedWorld()
@@ -64,7 +64,7 @@ def _shape(obstacle: dict[str, Any], folder: Path) -> Shape | None:
 
 
 def _cloud(of: dict[str, Any], folder: Path) -> PointCloud | None:
-    """Read a point cloud from the copy of its file, None where there is none."""
+    """Read a point cloud from the copy of its file; None if there is no copy."""
     file = _copy(folder, of["file"])
     if file is None:
         return None
@@ -77,7 +77,7 @@ def _cloud(of: dict[str, Any], folder: Path) -> PointCloud | None:
 
 
 def _columns(of: dict[str, Any], folder: Path) -> Columns | None:
-    """Read a map from the copies of its files, None where one is missing."""
+    """Read an occupancy map from the copies of its files; None if one is missing."""
     file = _copy(folder, of["file"])
     info = None if file is None else read_info(file)
     image = None if info is None else _copy((folder / of["file"]).parent, info.image)
@@ -89,7 +89,7 @@ def _columns(of: dict[str, Any], folder: Path) -> Columns | None:
 
 
 def _copy(folder: Path, name: str) -> File | None:
-    """Read the copy of a mission's file in a run folder, None where there is none."""
+    """Read the copy of a mission's file in a run folder; None if there is no copy."""
     try:
         text = (folder / name).read_bytes().decode("utf-8-sig", "surrogateescape")
     except OSError:

@@ -1,6 +1,6 @@
-"""Clocks: simulated and wall time. Only they may sleep in the runtime.
+"""The simulated clock and the wall clock. Only clocks may sleep in the runtime.
 
-Time is integer nanoseconds since the run began. A tick falls on every multiple of the period.
+Time is an integer number of nanoseconds since the run began. Ticks fall on multiples of the period.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Clock(ABC):
 
 
 class SimulatedClock(Clock):
-    """Simulated time: as fast as possible, or paced by `speed`, where 1 is real time."""
+    """Simulated time. It runs as fast as possible, or at `speed`, where 1 is real time."""
 
     def __init__(
         self,
@@ -50,10 +50,11 @@ class SimulatedClock(Clock):
 
 
 class WallClock(Clock):
-    """Real time. A late tick is counted, and the ones it missed are skipped, never caught up.
+    """Real time. Late ticks are counted; ticks that were missed are skipped and never made up for.
 
-    The time is read again after waiting: a process that was stopped while it slept dates what
-    arrived meanwhile in this tick, and not back to when the tick was due.
+    The time is read again after waiting. If the process was stopped while it slept, the
+    measurements that arrived in that time are stamped with the actual time, not with the time at
+    which the tick was due.
     """
 
     def __init__(
@@ -79,5 +80,5 @@ class WallClock(Clock):
         return self.now
 
     def _behind(self) -> Time:
-        """Return how long the tick has been due, negative before it is."""
+        """Return how long the next tick has been due (ns), negative before it is due."""
         return self._read() - self._began - self.now

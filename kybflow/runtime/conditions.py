@@ -1,7 +1,7 @@
 """Compiles conditions into closures over live views of the vehicles.
 
-A comparison with an unavailable value is false, and its `not` is therefore true. A condition that
-waits for something to stop should use the opposite comparison instead of `not`.
+A comparison with an unavailable value is false, so its negation with `not` is true. A condition
+that waits for something to stop should use the opposite comparison instead of `not`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,13 @@ def bind(
     now: Callable[[], float],
     inputs: InputReadings = NO_INPUTS,
 ) -> Callable[[], bool]:
-    """Return the condition as a function without arguments. `own` is the vehicle that an unnamed
-    read refers to; `now` returns seconds of the run; `inputs` is what these say. Raises TypeError
-    for any other expression."""
+    """Return a function without arguments that evaluates the condition.
+
+    own: the vehicle whose values are read if the expression names none.
+    now: returns the seconds since the start of the run.
+    inputs: the readings of the input devices.
+    Raises TypeError if `expression` is not a condition.
+    """
     match expression:
         case tree.Compare(left=tree.Read(vehicle, name), right=tree.Quantity(bound, _)):
             view = views[vehicle or own or ""]
@@ -65,7 +69,8 @@ def value_of(
     now: Callable[[], float],
     inputs: InputReadings = NO_INPUTS,
 ) -> Callable[[], Any]:
-    """Return the value (SI) as a function that raises Unavailable while the value is unknown."""
+    """Return a function that returns the value (SI), or raises Unavailable while it is unknown.
+    The arguments are those of `bind`."""
     match value:
         case tree.Quantity(constant, _) | tree.Word(constant):
             return lambda: constant

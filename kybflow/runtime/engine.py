@@ -1,8 +1,10 @@
-"""The engine: runs every vehicle tick by tick, and owns time, order and failures.
+"""The engine runs every vehicle tick by tick. It controls time and the order of execution, and
+handles failures.
 
-now ─► 1. every vehicle: measurements ─► estimate        then the fleet snapshot is taken
-       2. every vehicle: events ─► behavior ─► processors ─► tracker ─► command ─► link
-       3. flows, callbacks, expectations, observers
+now ─► 0. the run: events, inputs, commands, options, faults, moving obstacles
+       1. every vehicle: measurements ─► estimate        then the fleet snapshot is taken
+       2. every vehicle: supervisors, transitions ─► behavior ─► processors ─► tracker ─► link
+       3. the run: flows, callbacks, expectations, observers
 """
 
 from __future__ import annotations
@@ -47,18 +49,18 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.runtime.views import BelievedView, TrueView
 
 LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
-"""Seconds that vehicles have to land after the mission's time limit, and the speed (m/s) of a
-descent from the top of the fence, for which they have longer if necessary."""
+"""Vehicles have `LANDING_TIMEOUT` seconds to land after the mission's time limit, or, if that is
+longer, the time of a descent from the top of the fence at `SLOWEST_DESCENT` m/s."""
 _OBSERVED_EVERY = NS // 20
 
 Observer = Callable[["Engine"], None]
 
 
 class Engine:
-    """Flies a plan. `run` returns why the mission was not completed, None when it was.
+    """Flies a plan.
 
-    vehicles, sessions, options, inputs and moving are built on the same devices; `kybflow.api`
-    assembles them.
+    `kybflow.api` constructs the engine: vehicles, sessions, options, inputs and moving obstacles
+    must use the same devices.
     """
 
     def __init__(
@@ -106,11 +108,12 @@ class Engine:
         self._stopped: str | None = None
 
     def seconds(self) -> float:
-        """Return the time since the run began."""
+        """Return the seconds since the run began."""
         return self.clock.now / NS
 
     def run(self) -> str | None:
-        """Run the preflight, then tick until every vehicle rests. Land at the time limit."""
+        """Run the preflight, then tick until every vehicle rests; land all at the time limit.
+        Return why the mission was not completed, or None if it was."""
         self.events.emit(RunStarted())
         red = self._preflight()
         if self.interrupts:
@@ -149,7 +152,7 @@ class Engine:
         return not self.callbacks.pending and (self.flows.ended or lost)
 
     def tick(self) -> None:
-        """Run every vehicle for one period, then advance the world."""
+        """Run every vehicle for one tick, then advance the clock and the sessions."""
         now = self.clock.now
         dt = (self.clock.period if self._ticked is None else now - self._ticked) / NS
         self._ticked = now
@@ -195,8 +198,8 @@ class Engine:
             self.events.emit(ObserverFailed(reason=described(error)))
 
     def inspect(self) -> list[PreflightResult]:
-        """Return the preflight's lines once all are green or it has timed out; none after an
-        interrupt or a stop. No vehicle arms."""
+        """Run the preflight's checks until all are green or it times out; return their lines, or
+        none after an interrupt or a stop. No vehicle arms."""
         timeout = PreflightTimeout(self.plan, self.events)
         while not self.interrupts and self._stopped is None:
             self.events.turn(self.clock.now)
@@ -214,7 +217,8 @@ class Engine:
         return []
 
     def stop(self, reason: str, at: str = "") -> None:
-        """Land every vehicle and end the run, which then counts as completed."""
+        """Land every vehicle and end the run. The run counts as completed, unless it is still in
+        the preflight."""
         if self._stopped is None:
             self._stopped = reason
             self.events.emit(RunStopped(reason=reason), at=at)
@@ -222,7 +226,7 @@ class Engine:
                 vehicle.requests.retire(reason)
 
     def _preflight(self) -> list[PreflightResult]:
-        """Run the preflight; return the lines that stayed red."""
+        """Run the preflight and emit its results; return the lines that stayed red."""
         lines = self.inspect()
         red = [line for line in lines if not line.green]
         for vehicle, check, _, reason, at, _ in () if red else lines:

@@ -1,7 +1,7 @@
-"""What an estimator's health condition reads (`observables.View`): its last estimate.
+"""The view (`observables.View`) of an estimator's last estimate that its health condition reads.
 
-It stands alone because mypyc, which compiles `estimation`, knows no property that has several
-names.
+It has its own module because mypyc, which compiles `estimation`, doesn't support a property with
+several names.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ class _Estimating(Protocol):
 
 
 class EstimatorView:
-    """The newest estimate of `candidate`, an estimator of a vehicle's list: its age in seconds and
-    its spread in metres, both infinite without an estimate."""
+    """A view of the newest estimate of one of a vehicle's estimators: its age in seconds and its
+    spread in metres, both infinite without an estimate. Reading any other value raises
+    Unavailable."""
 
     def __init__(self, candidate: _Estimating) -> None:
         self._candidate = candidate

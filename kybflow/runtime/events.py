@@ -1,4 +1,4 @@
-"""The run's events: listeners receive them at once, transitions one tick later."""
+"""The run's events. Listeners receive them at once, transitions one tick later."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from kybflow.parts.events import ObserverFailed
 
 
 class Events:
-    """Publishes events. `unanswered` holds those that no callback has handled yet. A listener that
-    raises is removed."""
+    """Publishes events. A listener that raises is removed. unanswered: the events that no callback
+    has handled yet."""
 
     def __init__(self, listeners: Iterable[Callable[[Event], None]] = ()) -> None:
         self.listeners = list(listeners)
@@ -22,8 +22,8 @@ class Events:
         self._heard: dict[str, set[str]] = {}
 
     def emit(self, event: BaseEvent, vehicle: str = "", at: str = "") -> None:
-        """Publish an event that happened now, to listeners and, where it can be awaited, to
-        transitions and callbacks."""
+        """Publish an event that happened now to the listeners and, if missions can wait for it, to
+        transitions and callbacks. at: the mission line that caused it."""
         happened = Event(self.now, event.name, vehicle, event.recorded(), at)
         if event.awaited != "nowhere":
             self._fresh.append(happened)
@@ -36,12 +36,12 @@ class Events:
                 self.emit(ObserverFailed(reason=described(error)))
 
     def take_unanswered(self) -> list[Event]:
-        """Return the events that no callback has handled yet, once."""
+        """Return the events that no callback has handled yet, and clear them."""
         taken, self.unanswered = self.unanswered, []
         return taken
 
     def turn(self, now: Time) -> None:
-        """Begin a tick, in which transitions receive the events of the last one."""
+        """Begin a tick, in which transitions receive the events of the previous tick."""
         self.now = now
         if self._fresh or self._heard:
             everybody = {f"{e.vehicle}.{e.name}" if e.vehicle else e.name for e in self._fresh}
@@ -52,8 +52,9 @@ class Events:
             self._fresh = []
 
     def heard(self, vehicle: str) -> set[str] | frozenset[str]:
-        """Return the event names that `vehicle` receives in this tick: `NAME` for its own events,
-        `VEHICLE.NAME` and `any.NAME` for those of every vehicle."""
+        """Return the names of the events that `vehicle` receives in this tick: `NAME` for its own
+        events and those without a vehicle, `VEHICLE.NAME` and `any.NAME` for those of any
+        vehicle."""
         if not self._heard:
             return _SILENCE
         return self._heard.get(vehicle) or self._heard[""]

@@ -1,8 +1,8 @@
 """Judges a mission's expectations (`expect:`) during the run.
 
-The engine calls `Judge.sample` once a tick; `Judge.verdicts` is called once, at the end. Only
-running figures are stored. An aggregate or comparison that was never sampled has the value None and
-does not hold.
+The engine calls `Judge.sample` once a tick; `Judge.verdicts` is called once, at the end. Samples
+are not stored, only running figures. An aggregate or comparison that was never sampled has the
+value None, and its expectation does not hold.
 """
 
 from __future__ import annotations
@@ -20,9 +20,12 @@ Now = Callable[[], float]
 
 
 class Assessment(NamedTuple):
-    """The result of an expectation. value: the measured value (for `always` the worst one), None if
-    it was never measured. margin: the distance to the bound, negative when it was violated, None
-    without a bound. Both are in `unit` (SI)."""
+    """The result of an expectation.
+
+    value: the measured value, for `always` the worst one; None if there is none.
+    margin: the distance to the bound, negative if it was violated; None without a bound.
+    unit: the SI unit of both.
+    """
 
     held: bool
     value: float | None
@@ -31,7 +34,7 @@ class Assessment(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """One line of `expect:` and its result; `at` is its place in the mission."""
+    """One line of `expect:` and its result. at: where the line is in the mission."""
 
     text: str
     held: bool
@@ -47,8 +50,8 @@ class Expectation(Protocol):
 
 
 class Judge:
-    """Judges every expectation of a mission. `views` shows the vehicles as they are (their truth in
-    simulation); `now` returns seconds since the start of the run."""
+    """Judges every expectation of a mission. views: the vehicles' true states in simulation, their
+    estimates on hardware. now: returns the seconds since the start of the run."""
 
     def __init__(
         self, plans: Sequence[ExpectationPlan], views: Mapping[str, View], now: Now
@@ -65,7 +68,7 @@ class Judge:
             sample()
 
     def verdicts(self, finished_at: float | None) -> tuple[Verdict, ...]:
-        """Return the verdicts; `finished_at` is when the run completed (s), None if it did not."""
+        """Return the verdicts. finished_at: when the run was completed (s), None if it was not."""
         return tuple(
             Verdict(plan.text, *expectation.found(finished_at), plan.at)
             for plan, expectation in zip(self._plans, self._expectations, strict=True)
@@ -118,8 +121,8 @@ class _Statistic(_AtTheEnd):
 
 
 class _Bound:
-    """`always separation(all) > 60 cm`: the worst value and its margin. Ticks in which the value is
-    unavailable don't count."""
+    """`always separation(all) > 60 cm`: records the worst value and its margin. Ticks in which the
+    value is unavailable are ignored."""
 
     def __init__(self, condition: tree.Compare, views: Mapping[str, View], now: Now) -> None:
         self._unit = _unit(condition.left)
@@ -148,7 +151,7 @@ class _Bound:
 
 
 class _Unbroken:
-    """`always` with a condition that has no single value."""
+    """`always` with a condition that is not a comparison with `<`, `<=`, `>` or `>=`."""
 
     def __init__(self, condition: Callable[[], bool]) -> None:
         self._condition = condition
@@ -249,7 +252,7 @@ def _unit(value: Any) -> str:
 
 
 class _Statistics:
-    """Mean, root mean square, minimum and maximum of the added values; None before the first."""
+    """Mean, root mean square, minimum and maximum of the values added so far; None without any."""
 
     __slots__ = ("count", "high", "low", "squares", "total")
 
@@ -285,7 +288,7 @@ _Source = tuple[object, str | None, str | None]
 
 
 class _Samplers:
-    """One sampler for each value in each state, however many aggregates read it."""
+    """Holds one sampler for each pair of a value and a state, shared by all aggregates of it."""
 
     def __init__(
         self, views: Mapping[str, View], read: Callable[[tree.Aggregate], Callable[[], float]]
@@ -306,7 +309,8 @@ class _Samplers:
         return self._known[source]
 
     def groups(self) -> list[Callable[[], None]]:
-        """Return the functions to call once a tick; each checks a vehicle's state only once."""
+        """Return the functions to call once a tick. Each samples the values of one state of one
+        vehicle, so that the state is checked only once."""
         return [
             _group(
                 self._views[vehicle] if vehicle is not None else None,
@@ -318,7 +322,7 @@ class _Samplers:
 
 
 class _Sampler:
-    """Adds a value to its statistics in each tick in which the value is available."""
+    """Adds a value to its statistics in each tick, unless the value is unavailable."""
 
     def __init__(self, read: Callable[[], float]) -> None:
         self.statistics = _Statistics()

@@ -1,7 +1,8 @@
-"""Checks that the numbers in a part's output are finite; other values fail the vehicle.
+"""Checks that all numbers in a part's output are finite.
 
-Each function returns its argument or raises ValueError. A sum is finite only if all its terms are,
-and x - x is zero only for a finite x, so that one comparison checks a whole signal.
+Each function returns its argument, or raises ValueError if a number is not finite. A sum is finite
+only if all its terms are, and x - x is zero only for a finite x, so one comparison checks a whole
+signal.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ def checked_setpoint(setpoint: Setpoint) -> Setpoint:
 
 
 def checked_command(command: Command) -> Command:
-    """Raises ValueError also for a command without the setpoint field that its kind requires."""
+    """Return `command`. Raises ValueError if it is not finite or lacks the setpoint field that its
+    kind requires."""
     attitude, thrust, rates, heading, _, kind, setpoint = command
     w, x, y, z = attitude
     ox, oy, oz = rates
@@ -57,7 +59,7 @@ def checked_command(command: Command) -> Command:
 
 
 def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
-    """Raises ValueError if `setpoint` is not finite or lacks the field that `kind` requires."""
+    """Raise ValueError if `setpoint` is not finite or lacks the field that `kind` requires."""
     if setpoint is not None:
         checked_setpoint(setpoint)
     needed = _FOLLOWED.get(kind)
@@ -66,7 +68,7 @@ def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
 
 
 def checked_alarm(alarm: Alarm) -> Alarm:
-    """Raises ValueError for anything but an Alarm with a Reaction."""
+    """Return `alarm`. Raises ValueError unless it is an Alarm with a Reaction."""
     if not isinstance(alarm, Alarm) or not isinstance(alarm.reaction, Reaction):
         raise ValueError(f"expected an alarm with a reaction, not {alarm!r}")
     return alarm

@@ -9,7 +9,8 @@ from types import FrameType
 from typing import Any, Protocol
 
 DEBOUNCE = 1.0
-"""Seconds in which further signals belong to one interrupt: a closed terminal sends several."""
+"""Seconds within which further signals count as the same interrupt: a closed terminal sends
+several."""
 
 
 class Counting(Protocol):
@@ -19,10 +20,10 @@ class Counting(Protocol):
 
 
 class Interrupts:
-    """A context manager that counts signals for the engine. The engine lands every vehicle on the
-    first and stops sending commands on the second; the third raises KeyboardInterrupt, which ends
-    whatever hangs. The signals in `IGNORED`, which would end the process by default, have no
-    effect. It works only in the main thread, as signal handlers do."""
+    """A context manager that counts interrupts for the engine, which lands every vehicle on the
+    first and stops sending commands on the second. The third raises KeyboardInterrupt, which ends
+    a run that hangs. The signals in `IGNORED`, which would end the process by default, have no
+    effect. Like every signal handler, it works only in the main thread."""
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     IGNORED = (signal.SIGUSR1, signal.SIGUSR2)

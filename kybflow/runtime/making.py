@@ -21,8 +21,8 @@ def parts_of(plan: VehiclePlan) -> list[PartPlan]:
 
 
 def make(part: PartPlan, params: Any, context: VehicleContext) -> Any:
-    """Construct an estimator, processor, tracker or supervisor. Raises PartFailed for any exception
-    of its constructor."""
+    """Construct an estimator, processor, tracker or supervisor. Raises PartFailed if its
+    constructor raises."""
     try:
         return part.cls(params, context)
     except Exception as error:

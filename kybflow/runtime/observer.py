@@ -9,7 +9,7 @@ from kybflow.core.signals import Command, Estimate, Measurement, Setpoint, Time,
 
 
 class EstimatorState(Protocol):
-    """One estimator after a tick. is_usable: it is healthy and within its time limit."""
+    """One estimator after a tick. is_usable: whether it is healthy and within its time limit."""
 
     @property
     def name(self) -> str: ...
@@ -20,7 +20,7 @@ class EstimatorState(Protocol):
 
 
 class EstimationState(Protocol):
-    """A vehicle's estimators after a tick. source: the name of the one in use."""
+    """A vehicle's estimators after a tick. source: the name of the estimator in use."""
 
     @property
     def source(self) -> str | None: ...
@@ -29,11 +29,11 @@ class EstimationState(Protocol):
 
 
 class VehicleObserver:
-    """Receives the measurements, estimates and commands of one vehicle. This base class ignores
-    them, which is enough for a preflight. No method may raise."""
+    """Receives the measurements, estimates and commands of one vehicle. This base class discards
+    them, which suffices for a preflight. Methods must not raise."""
 
     def measurement(self, now: Time, measurement: Measurement) -> None:
-        """Called for each measurement that arrived in the tick at `now`."""
+        """Record a measurement that arrived in the tick at `now`."""
 
     def tick(
         self,
@@ -45,6 +45,6 @@ class VehicleObserver:
         truth: Truth | None,
         estimation: EstimationState,
     ) -> None:
-        """Called once a tick with the estimate, the setpoint before (`wanted`) and after the
-        processors, the command that was sent, a simulator's ground truth, and the state of every
-        estimator."""
+        """Record a tick: the estimate, the setpoint before the processors (`wanted`) and after
+        them (`setpoint`), the command that was sent, the simulator's ground truth (None on
+        hardware), and the state of every estimator."""

@@ -1,9 +1,9 @@
 """Options: reads and changes the parameters of parts during a run.
 
 `mk.processors.limit_speed.speed` is the parameter `speed` of the processor `limit_speed` of `mk`.
-Type, unit and bounds are those of the declaration. A change takes effect at the next tick, and its
-event names the requester; a refusal gives its reason and changes nothing. A safety parameter can
-only be tightened while its vehicle flies.
+Type, unit and bounds are those of the parameter's declaration. A change takes effect at the next
+tick, and its event names the requester. A refused change has no effect, and its event gives the
+reason. A safety parameter can only be tightened while its vehicle flies.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from kybflow.runtime.vehicle.requests import Answered, unheard
 
 
 class Holder(Protocol):
-    """An object with options, such as a vehicle: it holds its parts' parameters by label."""
+    """An object that has options, such as a vehicle: it holds the parameters of its parts."""
 
     name: str
 
     @property
     def airborne(self) -> bool:
-        """Whether it flies."""
+        """Whether the vehicle flies."""
 
     def parameters(self) -> dict[str, Any]:
-        """Return each part's parameters by label (`processors.limit_speed`)."""
+        """Return the parameters of each part, by the part's label (`processors.limit_speed`)."""
 
     def change(self, label: str, name: str, value: Any) -> None:
-        """Replace the value of one of a part's parameters."""
+        """Replace the value of the parameter `name` of the part `label`."""
 
 
 class _Change(NamedTuple):
-    """A change that waits for the tick."""
+    """A requested change that waits for the next tick."""
 
     holder: Holder
     label: str
@@ -56,8 +56,8 @@ class _Change(NamedTuple):
 
 
 class Options:
-    """The options of every vehicle. Changes wait for the next tick. holders: the vehicles by name,
-    which may be added until the first call."""
+    """The options of every vehicle. Changes wait for the next tick. holders: the vehicles by name;
+    more may be added to the mapping until the first call."""
 
     def __init__(self, holders: Mapping[str, Holder], events: Events) -> None:
         self._holders = holders
@@ -78,9 +78,12 @@ class Options:
     def set(
         self, name: str, value: Any, by: str, at: str = "", answered: Answered = unheard
     ) -> None:
-        """Request a change. `value` is SI, or text with a unit; `by` is the requester and `at` its
-        mission line. `answered` is called once it was applied or refused. Raises OptionRefused with
-        the reason when it is refused at once."""
+        """Request a change. Raises OptionRefused with the reason if it is refused at once.
+
+        value: a value in SI units, or text with a unit.
+        by: the requester. at: its mission line.
+        answered: called when the change has been applied or refused in the next tick.
+        """
         try:
             holder, label, field = self._find(name)
             if field.read_only:
@@ -99,7 +102,7 @@ class Options:
         self._waiting.append(_Change(holder, label, field.name, value, by, at, answered))
 
     def _check_vehicles(self, field: Field, value: Any) -> None:
-        """Raises OptionRefused for a name of a vehicle that isn't there."""
+        """Raise OptionRefused if the value names a vehicle that doesn't exist."""
         for vehicle in field.named(value, "vehicle"):
             if vehicle not in self._holders:
                 raise OptionRefused(f"there is no vehicle `{vehicle}`")
@@ -113,7 +116,7 @@ class Options:
             change.answered(self._applied(change))
 
     def _applied(self, change: _Change) -> str | None:
-        """Apply a change; return why it is refused now."""
+        """Apply a change; return why it is refused, or None if it was applied."""
         holder, label, field, value, by, at, _ = change
         name = f"{holder.name}.{label}.{field}"
         reason = self._loosened(holder, label, field, value)
@@ -127,7 +130,7 @@ class Options:
         return None
 
     def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:
-        """Return why a safety parameter can't be set to `value` now, None if it can."""
+        """Return why a parameter can't be set to `value` while the vehicle flies, or None."""
         if not holder.airborne:
             return None
         parameters = holder.parameters()[label]
@@ -172,15 +175,15 @@ class _Planned:
 
 
 def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
-    """Raises OptionRefused for the first of `wanted` (name, value) that can't be set, before any
-    link or file is opened."""
+    """Raise OptionRefused for the first (name, value) in `wanted` that can't be set. Needs only the
+    plan, so that this can be checked before any link or file is opened."""
     options = Options({vehicle.name: _Planned(vehicle) for vehicle in plan.vehicles}, Events())
     for name, value in wanted:
         options.set(name, value, "command line")
 
 
 def _decoded(name: str, value: Any, field: Field) -> Any:
-    """Return `value` converted to the field's type and checked as in a mission. Raises
+    """Return `value` converted to the field's type and checked as if a mission gave it. Raises
     OptionRefused."""
     if field.type.fixed:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
@@ -195,8 +198,8 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
 
 
 def _node(value: Any, field: Field, found: Findings) -> Node | None:
-    """Return a value (SI), or its text, as a mission would have it; a list may lack its
-    brackets."""
+    """Return the YAML node with which a mission would give this value (SI, or text). The text of a
+    list may lack its brackets."""
     if isinstance(value, str):
         text, is_list = value.strip(), field.shape in ("vector", "matrix", "names")
         if not is_list or not text:
@@ -214,9 +217,12 @@ def _node(value: Any, field: Field, found: Findings) -> Node | None:
 
 
 def loosened(name: str, field: Field, before: Any, after: Any) -> str | None:
-    """Return why a parameter can't change from `before` to `after` in flight, None if it can. A
-    safety parameter only tightens: a number, or each one of a vector, in its declared direction, a
-    choice along its list. No choice becomes `cut` in flight: that would drop the vehicle."""
+    """Return why a parameter can't change from `before` to `after` in flight, or None if it can.
+
+    A safety parameter can only be tightened: a number, or every number of a vector, in its declared
+    direction, and a choice towards the stricter end of its list. No choice can become `cut`, which
+    would drop the vehicle.
+    """
     if field.tightens is None or before == after:
         return None
     if after == "cut":

@@ -1,7 +1,7 @@
 """The preflight: no vehicle arms before every line is green.
 
-Each line names a check, its finding and the mission line that it concerns. An alarm with which a
-supervisor would interrupt the mission in the air keeps the vehicle on the ground.
+Each line names a check, its finding and the mission line that it concerns. If a supervisor would
+interrupt the mission as soon as the vehicle flew, the vehicle stays on the ground.
 """
 
 from __future__ import annotations
@@ -21,22 +21,27 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box, Shape, Sphere
 
 TIMEOUT = 5.0
-"""Seconds that the preflight waits once the vehicles are ready."""
+"""Seconds for which the preflight waits for red lines once the vehicles are ready."""
 LINK_AGE = 1.0
 """Largest age (s) of the link's last message."""
 LEAST_RATE = 4.0
-"""Lowest rate (Hz) of an estimator's measurements. The slowest stream in use has 5 Hz, and its rate
-appears lower between two measurements."""
+"""Lowest acceptable rate (Hz) of an estimator's measurements. The slowest stream in use has 5 Hz,
+and its rate appears lower between two measurements."""
 _ABOVE = 0.3
 """Metres above the vehicle at which its distance from obstacles is checked."""
 
 _DEEP = 100.0
-"""Metres by which the fence's floor is lowered here, because the vehicle stands on the ground."""
+"""Metres by which the preflight lowers the fence's floor, because the vehicle is on the ground."""
 
 
 class PreflightResult(NamedTuple):
-    """One check of a vehicle. green: it passed. at: the mission line that it concerns. waits: the
-    vehicle is still getting ready by itself; False if only a person can help, None if unknown."""
+    """One check of a vehicle.
+
+    green: whether the check passed.
+    at: the mission line that it concerns.
+    waits: True while the vehicle is still getting ready by itself, False if only a person can fix
+    the cause, None if unknown.
+    """
 
     vehicle: str
     check: str
@@ -47,7 +52,7 @@ class PreflightResult(NamedTuple):
 
 
 def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[PreflightResult, ...]:
-    """Return the lines of a vehicle on the ground; `others` are all vehicles of the mission."""
+    """Return the preflight's lines for a vehicle. others: all vehicles of the mission."""
     if vehicle.link_error is not None:
         return (
             PreflightResult(
@@ -71,7 +76,7 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[PreflightRes
 def input_lines(
     plan: Plan, objections: Iterable[tuple[InputPlan, str | None]]
 ) -> Iterator[PreflightResult]:
-    """Yield the line of each input, as one of the first vehicle that it steers."""
+    """Yield a line for each input, attributed to the first vehicle that the input steers."""
     for own, reason in objections:
         steered = (v.name for v in plan.vehicles if own.name in _steering(v))
         vehicle, well = next(steered, plan.vehicles[0].name), "it is heard, and well"
@@ -81,7 +86,7 @@ def input_lines(
 def obstacle_lines(
     plan: Plan, objections: Iterable[tuple[str, str | None]]
 ) -> Iterator[PreflightResult]:
-    """Yield the line of each moving obstacle, as one of the first vehicle."""
+    """Yield a line for each moving obstacle, attributed to the first vehicle of the mission."""
     for name, reason in objections:
         at = plan.watching[name][1].at if name in plan.watching else ""
         vehicle = plan.vehicles[0].name
@@ -102,7 +107,8 @@ def _link(vehicle: Vehicle) -> PreflightResult:
 
 
 def _own(vehicle: Vehicle) -> Iterator[PreflightResult]:
-    """The vehicle's own checks; the driver answers for a watchdog that the vehicle omits."""
+    """Yield the vehicle's own checks. If the vehicle doesn't report on its watchdog, its driver
+    class does."""
     checks = vehicle.knowledge.link_in.checks(vehicle.now)
     at = vehicle.plan.driver.at
     if all(check.name != "watchdog" for check in checks):
@@ -162,7 +168,8 @@ def _estimate(vehicle: Vehicle, estimate: Estimate) -> PreflightResult:
 
 
 def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> PreflightResult:
-    """Two motion capture bodies that are swapped stand where the other should start."""
+    """Check that the vehicle is at its declared start. If it is where another vehicle should
+    start, their motion capture bodies are probably swapped, and the reason says so."""
     away = distance(estimate.position, vehicle.context.start)
     green = away <= take_off_tolerance.allowed(estimate)
     reason = f"{away:.2f} m from the declared start ({take_off_tolerance.said(estimate)})"
@@ -195,10 +202,10 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]
 class PreflightTimeout:
     """Decides how long the preflight waits for red lines.
 
-    It ends `TIMEOUT` seconds after the vehicles are ready, for which they have their driver's
-    `preflight_timeout`: an autopilot's filter settles, a receiver finds its satellites. A line that
-    only a person can fix ends it `TIMEOUT` seconds after its start. Each cause of waiting is
-    reported once.
+    The preflight times out `TIMEOUT` seconds after the vehicles are ready. They may take up to the
+    longest `preflight_timeout` of their drivers to get ready: an autopilot's filter settles, a
+    receiver finds its satellites. If a line is red that only a person can fix, the preflight times
+    out `TIMEOUT` seconds after its start. Each cause of waiting is reported once.
     """
 
     def __init__(self, plan: Plan, events: Events) -> None:

@@ -1,7 +1,7 @@
 """The figures of a run: errors, behaviors, estimators and battery of each vehicle.
 
-Mean, rms and max are stored as a sum, a sum of squares and a peak, so that memory grows with the
-behaviors entered and not with the ticks.
+For mean, rms and max only a count, a sum, a sum of squares and a peak are stored, so memory grows
+with the number of behaviors entered and not with the number of ticks.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from kybflow.dsl.plan import Plan
 
 
 class Errors:
-    """Mean, rms and max of a distance, sample by sample."""
+    """Accumulates samples of an error for its mean, rms and max."""
 
     __slots__ = ("count", "peak", "squares", "total")
 
@@ -37,7 +37,7 @@ class Errors:
         self.peak = max(self.peak, other.peak)
 
     def figures(self) -> dict[str, float] | None:
-        """Return the figures by name, None without a sample."""
+        """Return `mean`, `rms` and `max`, or None without a sample."""
         if not self.count:
             return None
         rms = math.sqrt(self.squares / self.count)
@@ -49,8 +49,8 @@ class Errors:
 
 
 class BehaviorScore(NamedTuple):
-    """One visit to a state: its errors from `start_s` to `end_s`, and how it ended; None while it
-    lasts."""
+    """One visit to a state, with its errors from `start_s` to `end_s` (s). ended: how the behavior
+    ended. `end_s` and `ended` are None while the visit lasts."""
 
     name: str
     part: str
@@ -61,7 +61,7 @@ class BehaviorScore(NamedTuple):
     ended: str | None = None
 
     def record(self) -> dict[str, Any]:
-        """Return the visit as it stands in `summary.json`."""
+        """Return the visit's entry in `summary.json`."""
         return {
             "name": self.name,
             "part": self.part,
@@ -74,17 +74,18 @@ class BehaviorScore(NamedTuple):
 
 
 class EstimatorInterval(NamedTuple):
-    """The time from which an estimator was in use. The name is empty where none was healthy."""
+    """The time (s) from which an estimator was in use. The name is empty if no estimator was
+    healthy."""
 
     name: str
     start_s: float
 
 
 class VehicleScore:
-    """Collects the figures of one vehicle; the runtime reports to it as things happen.
+    """Collects the figures of one vehicle during the run.
 
-    position, velocity: the errors of the current visit, m and m/s, to which every tick adds where
-    its setpoint has such a field.
+    position, velocity: the errors of the current visit (m, m/s). A tick adds to each only if its
+    setpoint has that field.
     """
 
     def __init__(self, name: str) -> None:
@@ -103,36 +104,35 @@ class VehicleScore:
         self.behaviors.append(BehaviorScore(state, part, t_s, self.position, self.velocity))
 
     def left(self, how: str, t_s: float) -> None:
-        """End the current visit; `how` says how its behavior ended."""
+        """End the current visit. how: how its behavior ended."""
         if self.behaviors:
             self.behaviors[-1] = self.behaviors[-1]._replace(end_s=t_s, ended=how)
 
     def failure(self, reason: str) -> None:
-        """Note a failure of the current behavior that the mission does not handle."""
+        """Record a failure of the current behavior that the mission does not handle."""
         self.failures.append(f"`{self.behaviors[-1].name}` failed: {reason}")
 
     def airborne(self, is_airborne: bool, t_s: float) -> None:
-        """Begin or end an interval in the air, in which errors are measured."""
+        """Begin or end an interval in the air. Errors are measured only in the air."""
         self.flights.append((t_s, None) if is_airborne else (self.flights.pop()[0], t_s))
 
     def foreign(self, reason: str, allowed: bool) -> None:
-        """Note that somebody else commanded the vehicle; unless that is allowed, it is a
-        failure."""
+        """Record that somebody else commanded the vehicle; unless `allowed`, this is a failure."""
         if not allowed and not self.foreign_commands:
             self.failures.append(f"somebody else commanded it: {reason}")
         self.foreign_commands.append(reason)
 
     def estimator(self, name: str, t_s: float) -> None:
-        """Note that this estimator is in use from now on."""
+        """Record that this estimator is in use from `t_s` on."""
         self.estimators.append(EstimatorInterval(name, t_s))
 
     def battery(self, remaining: float) -> None:
-        """Add a battery report, 0 to 1."""
+        """Add a report of the battery's remaining charge, 0 to 1."""
         if self.min_battery is None or remaining < self.min_battery:
             self.min_battery = remaining
 
     def record(self, airborne: bool) -> dict[str, Any]:
-        """Return the vehicle as it stands in `summary.json`."""
+        """Return the vehicle's entry in `summary.json`."""
         return {
             "final": "air" if airborne else "ground",
             "airborne_s": [

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class BelievedView:
-    """A vehicle by its own estimate, for conditions."""
+    """The view of a vehicle that conditions read: its state is its own estimate."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
@@ -94,7 +94,8 @@ class BelievedView:
 
 
 class TrueView(BelievedView):
-    """A vehicle by the simulator's ground truth where there is one, for expectations."""
+    """The view of a vehicle that expectations read: its state is the simulator's ground truth, or
+    its estimate on hardware."""
 
     @property
     def state(self) -> State:

@@ -1,1 +1,2 @@
-"""The sensors that don't belong to a vehicle's driver; a file or folder has the YAML name."""
+"""The sensors that don't belong to a vehicle's driver. Each file or folder is named as the sensor
+in YAML."""

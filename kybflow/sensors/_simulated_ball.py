@@ -1,4 +1,4 @@
-"""A moving obstacle as a simulated sensor measures it, at its true position."""
+"""Measurements of a moving obstacle by a simulated sensor, computed from its true position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _STEP = 1e-3
 
 
 class SimulatedBall(Stream):
-    """A sensor's measurements of a ball. open: opens the sensor on a link whose truth is the
+    """A sensor's measurements of a ball. open: opens the sensor on a link whose true state is the
     ball's."""
 
     def __init__(self, ball: MovingSphere, open: Callable[[Link], Stream]) -> None:

@@ -1,10 +1,10 @@
-"""Poses of a tracker, converted from its units and axes to the world's; and faults of simulated
-sensors.
+"""Conversion of a tracker's poses from its units and axes to the world's, and the faults of
+simulated sensors.
 
-`z_up`: x, y, z are the world's. `y_up`: x to the right, y up, z towards the viewer (Motive's
-default). With R the quarter turn about x that takes y to z, p_world = R p and q_world = R q R^-1. A
-body whose axes were defined parallel to the tracker's while its nose pointed along x is then level
-and heads east.
+With `z_up`, x, y and z are the world's axes. With `y_up`, x points right, y up and z towards the
+viewer (Motive's default). With R the quarter turn about x that takes y to z, p_world = R p and
+q_world = R q R^-1. A body whose axes were defined parallel to the tracker's while its nose pointed
+along x is then level and heads east.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _METRES = {"m": 1.0, "mm": 1e-3}
 
 
 def to_world(position: Vec3, attitude: Quat, units: Units, axes: Axes) -> tuple[Vec3, Quat] | None:
-    """Return the pose in the world, with a unit quaternion; None if it is not finite or no
-    rotation, as a tracker writes for a lost body."""
+    """Return the pose in the world, metres, with a unit quaternion. Return None if its numbers are
+    not finite or no rotation, as a tracker writes them for a lost body."""
     n = sqrt(sum(x * x for x in attitude))
     if not (isfinite(n) and all(map(isfinite, position)) and 0.9 < n < 1.1):
         return None
@@ -39,8 +39,8 @@ def to_world(position: Vec3, attitude: Quat, units: Units, axes: Axes) -> tuple[
 
 
 class TrackerPose(NamedTuple):
-    """A pose in the tracker's own units and axes. time, arrival: when it was measured and when it
-    arrived, on the monotonic clock."""
+    """A pose in the tracker's units and axes. time, arrival: the times of its measurement and its
+    arrival, on the monotonic clock."""
 
     time: Time
     arrival: Time
@@ -57,8 +57,8 @@ class PoseSource(Protocol):
 
 
 class PoseStream(Stream):
-    """Poses in the world and on the run's clock, without invalid ones. latency: seconds to subtract
-    from each time."""
+    """A stream of poses in the world frame and on the run's clock, without invalid ones. latency:
+    seconds to subtract from each time."""
 
     def __init__(
         self,
@@ -89,7 +89,8 @@ class PoseStream(Stream):
 
 
 def filtered(measurements: list[Measurement], link: Link) -> list[Measurement]:
-    """Return the measurements of a simulated sensor after the faults of the vehicle's link."""
+    """Return the measurements of a simulated sensor, changed or dropped by the faults of the
+    vehicle's link."""
     for change in () if link.faults is None else link.faults.filters:
         measurements = [kept for one in measurements if (kept := change(one)) is not None]
     return measurements

@@ -1,4 +1,4 @@
-"""Wakes a thread that waits in a selector."""
+"""A socket that wakes a thread waiting in a selector."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CHUNK = 1 << 16
 
 
 class Waker:
-    """Ends another thread's wait on `receiver`. `ended`: whether the thread must stop."""
+    """Ends another thread's wait on `receiver`. ended: set when the thread must stop."""
 
     def __init__(self) -> None:
         self.ended = threading.Event()

@@ -86,7 +86,8 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
 
 
 class VideoCapture:
-    """The drone's video, for `Grabber`. Raises DriverError if the drone doesn't answer."""
+    """Reads the drone's video for `Grabber`. The constructor raises DriverError if the drone
+    doesn't answer."""
 
     def __init__(self, host: str, decoder: FrameDecoder) -> None:
         try:
@@ -98,7 +99,8 @@ class VideoCapture:
         self._images: deque[Any] = deque()
 
     def read(self) -> tuple[bool, Any]:
-        """Return the next image; False if the stream has ended."""
+        """Return whether there is a next image, and that image; False after the end of the
+        stream."""
         while not self._images:
             try:
                 data = self._socket.recv(CHUNK)

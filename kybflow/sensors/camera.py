@@ -38,22 +38,22 @@ KEPT = 4
 
 
 class Capture(Protocol):
-    """The part of OpenCV's VideoCapture that is used."""
+    """The methods of OpenCV's VideoCapture that are used."""
 
     def read(self) -> tuple[bool, Any]: ...
     def release(self) -> None: ...
 
 
 class Captured(NamedTuple):
-    """An image, and how long ago it arrived."""
+    """An image, and the time since its arrival."""
 
     image: Any
     age: Time
 
 
 class Grabber:
-    """Reads a device in a thread. `error`: why no frames arrive; None while the device is open. The
-    constructor opens the device, and raises DriverError."""
+    """Reads a device in a thread. error: why no frames arrive; None while the device is open. The
+    constructor opens the device, and raises DriverError if that fails."""
 
     def __init__(self, opened: Callable[[], Capture], again: float = REOPEN_PERIOD) -> None:
         self.error: str | None = None
@@ -66,7 +66,7 @@ class Grabber:
         self._thread.start()
 
     def taken(self) -> list[Captured]:
-        """Return the images since the last call, oldest first."""
+        """Return the images that arrived since the last call, oldest first."""
         frames: list[tuple[Any, Time]] = []
         while self._frames:
             frames.append(self._frames.popleft())
@@ -159,7 +159,8 @@ class CameraSensor(Sensor[CameraSensorParams]):
 
     @classmethod
     def camera_of(cls, params: WhichCamera, context: VehicleContext) -> Camera:
-        """Return which of the vehicle's cameras it is. Raises DriverError if that is ambiguous."""
+        """Return the camera whose frames this sensor delivers. Raises DriverError if it is unknown
+        or ambiguous."""
         objection = cls.objection(params, context.cameras)
         if objection is not None:
             raise DriverError(objection.reason)
@@ -192,7 +193,7 @@ class CameraSensor(Sensor[CameraSensorParams]):
 
 
 def _name_of(params: WhichCamera, cameras: Mapping[str, Camera]) -> str:
-    """Return the name of the camera; empty if it is ambiguous."""
+    """Return the name of the sensor's camera; empty if it is ambiguous."""
     return params.camera or (next(iter(cameras)) if len(cameras) == 1 else "")
 
 
@@ -209,7 +210,7 @@ def _opened(source: int | str, what: str) -> Any:
 
 
 def _device(number: int, camera: Camera) -> Any:
-    """Open a device with the size and rate of the airframe's camera."""
+    """Return a device, opened with the image size and rate of the airframe's camera."""
     capture = _opened(number, f"the camera {number}")
     import cv2
 
@@ -220,14 +221,15 @@ def _device(number: int, camera: Camera) -> Any:
 
 
 def frame_of(image: Any, time: Time, camera: Camera) -> Frame:
-    """Convert OpenCV's image to a frame. Raises DriverError if it has another size."""
+    """Convert an image from OpenCV to a frame. Raises DriverError if its size is not the
+    camera's."""
     from kybflow.vision.images import grey
 
     return Frame(time, camera.name, grey(image, camera))
 
 
 class Video(Stream):
-    """The frames of a file; the sensor fails at its end."""
+    """The frames of a video file. After the last frame, `read` raises DriverError."""
 
     def __init__(self, capture: Any, camera: Camera, latency: Time) -> None:
         self._capture, self._camera, self._latency = capture, camera, latency
@@ -260,7 +262,7 @@ class Video(Stream):
 
 
 class Device(Stream):
-    """The frames of a device, as they arrive."""
+    """The frames of a device, delivered as they arrive."""
 
     def __init__(
         self,

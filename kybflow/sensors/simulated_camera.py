@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from kybflow.vision.rendering.drawing import Room
 
 _ON_BOARD = 0.02
-"""A payload that is nearer to its place on board counts as carried, metres."""
+"""Distance from its position on board within which a payload counts as carried, metres."""
 
 
 @params
@@ -87,14 +87,16 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
 
 
 class Times(NamedTuple):
-    """latency: from a frame's exposure to its arrival. late: error of its stamp."""
+    """The times of frames. latency: from the middle of a frame's exposure to its arrival. late:
+    error of the frame's time stamp."""
 
     latency: Time
     late: Time = 0
 
 
 class _Exposure(NamedTuple):
-    """A frame that has not arrived yet, with the body and the camera's faults at its exposure."""
+    """A frame that has not arrived yet, with the body's state and the camera's faults at its
+    exposure."""
 
     arrival: Time
     time: Time
@@ -104,8 +106,8 @@ class _Exposure(NamedTuple):
 
 
 class Frames(Stream):
-    """The frames of a vehicle's cameras, with the faults of the link at their exposure. A frame is
-    drawn only when it is read. parcel: the side of the payload, metres."""
+    """The frames of a vehicle's cameras, with the link's faults at the time of their exposure. A
+    frame is drawn only when it is read. parcel: side of the payload, metres."""
 
     def __init__(
         self, room: Room, cameras: Sequence[Camera], link: Link, times: Times, parcel: float = 0.0
@@ -144,7 +146,8 @@ class Frames(Stream):
         self._taken.clear()
 
     def _take(self, now: Time, truth: Truth) -> None:
-        """Queue every frame that is due by `now`, with the body's state of the nearest tick."""
+        """Queue every frame that is due by `now`, with the body's state extrapolated from the
+        nearest tick."""
         before, known = self._last or (now, truth)
         taken: list[_Exposure] = []
         for i, camera in enumerate(self._cameras):
@@ -174,7 +177,7 @@ def _moved(body: Truth, t: float) -> Truth:
 
 
 def _with_visible_payload(body: Truth, side: float) -> Truth:
-    """Return the body with its payload as cameras see it: hidden while on board, else raised by
+    """Return the body with its payload as cameras see it: None while on board, otherwise raised by
     `LEGS`, since the room's floor is at z = 0."""
     if body.payload is None:
         return body

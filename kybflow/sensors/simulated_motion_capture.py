@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import random
 
 _AHEAD = 0.1
-"""Longest extrapolation of a vehicle's state, seconds."""
+"""Longest extrapolation of a vehicle's true state, seconds."""
 
 
 @params
@@ -71,7 +71,7 @@ class SimulatedMotionCapture(Sensor[SimulatedMotionCaptureParams]):
 
 
 class SimulatedPoses(Stream):
-    """The poses of one vehicle; faults of its link apply as they arrive."""
+    """The poses of one vehicle. The faults of its link change poses as they arrive."""
 
     def __init__(
         self, params: SimulatedMotionCaptureParams, link: Link, generator: random.Random
@@ -100,7 +100,7 @@ class SimulatedPoses(Stream):
         self._arriving.clear()
 
     def _take(self, now: Time, since: Time, body: Truth) -> None:
-        """Queue every pose that is due by `now`, from the body's state at `since`."""
+        """Queue every pose that is due by `now`, extrapolated from the body's state at `since`."""
         rate, at_rest = self._params.rate, body.velocity == body.angular_velocity == ZERO
         if self._count is None:
             self._count = ceil(now / NS * rate)

@@ -1,5 +1,6 @@
-"""Images: drawing the tag floor, finding tags, and localization from them. Only this folder and
-`kybflow.sensors` use OpenCV; nothing here is imported before a mission needs a camera."""
+"""Drawing of the tag floor, detection of tags in images, and localization from them. Only this
+package and `kybflow.sensors` use OpenCV; nothing here is imported before a mission needs a
+camera."""
 
 WAY_OUT = "install it: pip install 'kybflow[vision]'"
 """How to install OpenCV."""
@@ -9,4 +10,4 @@ OPENCV = (
     "opencv-python-headless",
     "opencv-python",
 )
-"""The packages that contain it."""
+"""The packages that contain OpenCV."""

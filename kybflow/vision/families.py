@@ -19,7 +19,8 @@ FAMILIES: dict[str, tuple[str, int]] = {
     "aruco_7x7": ("DICT_7X7_1000", 1000),
     "aruco_original": ("DICT_ARUCO_ORIGINAL", 1024),
 }
-"""Each family's OpenCV name and number of tags. AprilTag families have no prefix here."""
+"""Each family's OpenCV name and number of tags. Kybflow's names of AprilTag families have no
+prefix."""
 
 
 @functools.cache
@@ -31,14 +32,14 @@ def dictionary(family: str) -> Any:
 
 
 def cells(family: str) -> int:
-    """Return the cells along a side of the black square, including its border."""
+    """Return the number of cells along a side of the black square, including its border."""
     return int(dictionary(family).markerSize) + 2
 
 
 @functools.cache
 def pattern(family: str, id: int) -> NDArray[Any]:
-    """Return a tag with one pixel a cell, upper row first: (cells, cells) uint8, 0 black and 255
-    white."""
+    """Return the image of a tag with one pixel per cell, top row first: (cells, cells) uint8, 0 for
+    black and 255 for white."""
     import cv2
 
     image: NDArray[Any] = cv2.aruco.generateImageMarker(dictionary(family), id, cells(family))

@@ -1,4 +1,4 @@
-"""Conversion of OpenCV's images."""
+"""Conversion of camera images to grey."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from kybflow.world.cameras import Camera
 
 
 def grey(image: NDArray[Any], camera: Camera) -> NDArray[Any]:
-    """Convert a colour or grey image to grey. Raises DriverError if its size differs from the
-    lens's."""
+    """Convert a colour or grey image to grey. Raises DriverError if its size is not that of the
+    camera's lens."""
     (height, width), lens = image.shape[:2], camera.lens
     if (width, height) != (lens.width, lens.height):
         message = f"the frames are {width} x {height}, but the lens of `{camera.name}` is described"

@@ -1,4 +1,4 @@
-"""Draws the tags that were found into a camera's frame."""
+"""Marks detected tags in a camera's frame."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from kybflow.vision.locating.sight import TagView
 from kybflow.world.tags import Key
 
 USED, REJECTED = (60, 190, 40), (50, 40, 230)
-"""Colours as blue, green, red."""
+"""Colours of used and rejected tags: blue, green, red."""
 WIDEST = 800
 """Largest width of a picture, pixels."""
 _QUALITY = 80
 _LEGIBLE = 0.06
-"""Least side of a tag with a number, as a fraction of the picture's width."""
+"""Shortest side of a tag whose number is drawn, as a fraction of the picture's width."""
 _SHIFT = 4
 """Fractional bits of coordinates in OpenCV's drawing functions."""
 
 
 def marked(image: NDArray[Any], view: TagView | None, used: Collection[Key]) -> bytes:
-    """Return a grey image as a JPEG with the outline and number of each tag of `view`, green for
-    those of `used` and red for the others. A tag partly outside of the image has an outline of its
-    visible corners."""
+    """Return a grey image as a JPEG with the outline and number of each tag of `view`: green for
+    the tags in `used`, red for the others. The outline of a tag that is partly outside the image
+    joins its visible corners."""
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     if view is not None:
         for tag, corners in zip(view.tags, view.corners, strict=True):

@@ -1,5 +1,5 @@
-"""The optics of a simulated camera: exposure, shutter, focus and noise; and the look of its
-floor."""
+"""The optics of a simulated camera (exposure, shutter, focus and noise) and the look of the floor
+below it."""
 
 from __future__ import annotations
 

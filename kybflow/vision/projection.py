@@ -21,7 +21,7 @@ from kybflow.world.cameras import Camera, Lens
 Array = NDArray[Any]
 
 _NEAR = 1e-6
-"""Least depth of a visible point, metres."""
+"""Smallest depth of a visible point, metres."""
 _ROUNDING = 1e-12
 _STEPS = 20
 
@@ -32,27 +32,28 @@ def matrix(lens: Lens) -> Array:
 
 
 def coefficients(lens: Lens) -> Array:
-    """Return OpenCV's distortion coefficients, (5,)."""
+    """Return OpenCV's distortion coefficients (k1, k2, p1, p2, k3), (5,)."""
     return numpy.array(lens.distortion)
 
 
 def rotation(q: Quat) -> Array:
-    """Return a unit quaternion as a matrix, (3, 3): `rotation(q) @ v` is `rotate(q, v)`."""
+    """Return the rotation matrix of a unit quaternion, (3, 3): `rotation(q) @ v` is `rotate(q,
+    v)`."""
     return numpy.array([rotate(q, axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]).T
 
 
 def optical_pose(camera: Camera, position: Vec3, attitude: Quat) -> tuple[Vec3, Quat]:
-    """Return the world position of the lens and the attitude of its optical frame, on a body at
-    `position` with `attitude`."""
+    """Return the position of the lens and the attitude of its optical frame in the world, for a
+    body at `position` with `attitude`."""
     return add(position, rotate(attitude, camera.position)), multiply(attitude, camera.attitude)
 
 
 def project(
     camera: Camera, position: Vec3, attitude: Quat, points: Array
 ) -> tuple[Array, NDArray[numpy.bool_]]:
-    """Return the pixels of world points, seen from a body at `position` with `attitude`; and which
-    points the lens can image: those in front of it and within its `reach`. The other pixels are
-    meaningless. Pixels may lie outside of the image."""
+    """Return the pixels of world points seen from a body at `position` with `attitude`, and which
+    of the points the lens can image: those in front of it and within its `reach`. The pixels of the
+    other points are meaningless. Pixels may lie outside the image."""
     at, turn = optical_pose(camera, position, attitude)
     local = (numpy.asarray(points, float) - at) @ rotation(turn)
     depth = local[..., 2]
@@ -63,7 +64,7 @@ def project(
 
 
 def distort(lens: Lens, flat: Array) -> Array:
-    """Return the pixels of points (X/Z, Y/Z) of the optical frame."""
+    """Return the pixels of the points (X/Z, Y/Z) of the optical frame."""
     k1, k2, p1, p2, k3 = lens.distortion
     x, y = flat[..., 0], flat[..., 1]
     r2 = x * x + y * y
@@ -74,8 +75,9 @@ def distort(lens: Lens, flat: Array) -> Array:
 
 
 def undistort(lens: Lens, pixels: Array) -> Array:
-    """Return the points (X/Z, Y/Z) of the optical frame that pixels show: the inverse of `distort`
-    by Newton's method, to rounding. A pixel that no ray reaches gives a point near the `reach`."""
+    """Return the points (X/Z, Y/Z) of the optical frame that pixels show. This inverts `distort` by
+    Newton's method, up to rounding. A pixel that no ray reaches gives a point near the lens's
+    `reach`."""
     scale, centre = (lens.fx, lens.fy), (lens.cx, lens.cy)
     goal = (numpy.asarray(pixels, float) - centre) / scale
     if not any(lens.distortion):
@@ -96,7 +98,7 @@ def undistort(lens: Lens, pixels: Array) -> Array:
 
 
 def slopes(lens: Lens, x: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return the derivatives of (x', y') with respect to x and y."""
+    """Return the derivatives of the distorted point (x', y') with respect to x and y."""
     k1, k2, p1, p2, k3 = lens.distortion
     r2 = x * x + y * y
     s = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))

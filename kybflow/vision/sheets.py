@@ -1,10 +1,10 @@
-"""Printable sheets of tags, true to scale, as a vector PDF or PNG pages.
+"""Printable sheets of tags, true to scale, as a vector PDF or as PNG pages.
 
-Each tag has a quiet zone of one cell with a fine line to cut along, and its family, number and side
-below. An arrow above the black square and the number below it remain after the cut. They keep the
-least recommended gap between tags free, and stay away from the corners, which detectors refine.
-Each page has a bar of 100 mm to check the scale. Lengths are millimetres, from the lower left
-corner of the page, y up.
+Each tag has a quiet zone of one cell with a fine cutting line around it. Its family, number and
+side are printed below the quiet zone. Inside the cutting line, an arrow above the black square and
+the number below it remain after cutting. They leave the smallest recommended gap between tags free,
+and stay away from the corners, which detectors refine. Each page has a bar of 100 mm to check the
+scale. Coordinates are millimetres from the lower left corner of the page, y up.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ PAPERS = {"a4": (210.0, 297.0), "a3": (297.0, 420.0)}
 _MARGIN, _GAP, _LABEL, _FOOT = 8.0, 3.0, 5.0, 12.0
 _LINE = 0.15
 _LETTERS = 3.0
-"""Height of letters."""
+"""Height of letters, mm."""
 _BAR = 100.0
 _LEFT = 5.0
-"""Least width of the quiet zone after a cut between neighbours."""
+"""Smallest width of the quiet zone that remains after cutting between neighbours, mm."""
 _MARK, _RIM, _ALONG = 0.4, 0.08, 0.25
 """Height of a number or arrow in the quiet zone and its distance from the cut, as fractions of the
-remaining width; its start, as a fraction of the side."""
+remaining width of the zone; and where it starts along the side, as a fraction of the side."""
 _DIGIT = 0.72
 """Height of a digit, as a fraction of the letters' height."""
 
 
 class Rectangle(NamedTuple):
-    """A filled rectangle with its lower left corner at (x, y). grey: 0 black to 1 white."""
+    """A filled rectangle with its lower left corner at (x, y). grey: from 0 (black) to 1
+    (white)."""
 
     x: float
     y: float
@@ -67,7 +68,8 @@ class Arrow(NamedTuple):
     height: float
 
     def outline(self) -> list[tuple[float, float]]:
-        """Return its corners; the tail is a fifth of its height wide, the head four fifths."""
+        """Return the arrow's corners. Its tail is a fifth of its height wide, its head four
+        fifths."""
         tail = ((0.1, 0.0), (0.1, 0.45), (0.4, 0.45))
         right = [(self.x + a * self.height, self.y + b * self.height) for a, b in tail]
         left = [(2.0 * self.x - x, y) for x, y in reversed(right)]
@@ -81,8 +83,8 @@ class Page(NamedTuple):
 
 
 def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Page]:
-    """Return pages with tags of a family, `size` metres a side, as many on each as fit. Raises
-    ValueError if none fits."""
+    """Return pages with tags of a family, as many on each page as fit. Raises ValueError if not
+    even one fits. size: side of a tag, metres."""
     width, height = PAPERS[paper]
     side = 1000.0 * size
     whole = side * (1.0 + 2.0 * QUIET / cells(family))
@@ -111,13 +113,13 @@ def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Pa
 
 
 def in_words(metres: float) -> str:
-    """Return a length in metres from 1 m on, else in millimetres."""
+    """Return a length as text: in metres from 1 m on, otherwise in millimetres."""
     return f"{metres:g} m" if metres >= 1.0 else f"{1000.0 * metres:g} mm"
 
 
 def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[Words, Arrow]:
-    """Return a tag's number below its black square and an arrow above, in the quiet zone, whose
-    corner is (x, y)."""
+    """Return the number below a tag's black square and the arrow above it. (x, y): the corner of
+    the quiet zone, in which both lie."""
     rim = 0.5 * (whole - side)
     left = min(_LEFT, rim - _LINE)
     low, tall = (1.0 - _MARK - _RIM) * left, _MARK * left
@@ -129,7 +131,8 @@ def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[
 def _tag(
     family: str, number: int, x: float, y: float, side: float, whole: float
 ) -> list[Rectangle]:
-    """Return the cutting line, the black square and its white cells, joined along rows."""
+    """Return the rectangles of a tag: its cutting line, its black square, and its white cells, with
+    neighbours in a row joined."""
     picture = pattern(family, number)
     rim, cell = 0.5 * (whole - side), side / len(picture)
     boxes = [
@@ -159,8 +162,8 @@ def _caption(paper: str) -> Words:
 
 
 def pdf(pages: Iterable[Page], paper: str) -> bytes:
-    """Return the pages as a reproducible PDF. Consecutive boxes of one grey form one path, so that
-    no seams show between cells."""
+    """Return the pages as a PDF that is the same in every run. Consecutive boxes of the same grey
+    form one path, so that no seams show between cells."""
     out = BytesIO()
     size = [length * mm for length in PAPERS[paper]]
     canvas = Canvas(out, pagesize=size, invariant=1, pageCompression=0)
@@ -187,7 +190,7 @@ def pdf(pages: Iterable[Page], paper: str) -> bytes:
 
 
 def png(page: Page, paper: str, dpi: int = 300) -> bytes:
-    """Return a page as a grey PNG with its resolution."""
+    """Return a page as a grey PNG that states its resolution."""
     drawn = raster(page, paper, dpi)
     data: bytes = cv2.imencode(".png", drawn)[1].tobytes()
     # insert pHYs, pixels a metre, after the signature and the header
@@ -198,7 +201,8 @@ def png(page: Page, paper: str, dpi: int = 300) -> bytes:
 
 
 def raster(page: Page, paper: str, dpi: int) -> Array:
-    """Return a page as pixels, with each edge on the nearest pixel."""
+    """Return a page as pixels, with each edge rounded to the nearest pixel: (height, width)
+    uint8."""
     width, height = PAPERS[paper]
     scale = dpi / 25.4
     drawn = numpy.full((round(height * scale), round(width * scale)), 255, numpy.uint8)

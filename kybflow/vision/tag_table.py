@@ -1,12 +1,12 @@
-"""Tags as a table of text (`kybflow.core.tables`), a row a tag:
+"""Tables of tags in text form (`kybflow.core.tables`), with one row per tag:
 
     family, id, size, x, y, z, heading [deg]
     36h11, 300, 0.1, 1.0, 2.0, 0.0, 90
     ...
 
-Needed are all of these; `roll` and `pitch` may come beside `heading`, each with its unit: turned by
-roll about x, then pitch about y, then heading about z, from a tag on the floor. Everything raises
-FileError, which names the line.
+All of these columns are required. The columns `roll` and `pitch`, each with its unit, are optional:
+a tag that lies on the floor is turned by roll about x, then by pitch about y, then by heading about
+z. Errors in a table raise FileError, which names the line.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ _COLUMNS: dict[str, Dimension | None] = {
     **dict.fromkeys(("heading", "roll", "pitch"), ANGLE),
 }
 LARGEST = 10.0
-"""Side of a black square, metres, above which it is none."""
+"""Largest valid side of a black square, metres."""
 _LIKE = "family, id, size, x, y, z, heading [deg]"
 
 
 class TagRow(NamedTuple):
-    """One tag, and the line where it stands."""
+    """A tag, and its line in the table."""
 
     tag: Tag
     line: int
 
 
 def read_tags(file: File) -> tuple[TagRow, ...]:
-    """The tags of a file, one at least."""
+    """Return the tags of a file, at least one. Raises FileError."""
     table = read_table(file.text, _COLUMNS, "tags", _LIKE)
     need(table, _NEEDED, header_line(file.text))
     first: dict[tuple[str, int], int] = {}
@@ -62,7 +62,8 @@ def read_tags(file: File) -> tuple[TagRow, ...]:
 
 
 def write_tags(tags: Iterable[Tag]) -> str:
-    """The table of some tags, to a hundredth of a millimetre and of a degree."""
+    """Return tags as a table, rounded to a hundredth of a millimetre and a thousandth of a
+    degree."""
     rows = ["family, id, size, x, y, z, roll [deg], pitch [deg], heading [deg]"]
     for tag in tags:
         place = [f"{metres:.5f}" for metres in tag.position]

@@ -1,4 +1,3 @@
 """The world and the vehicle as data: shapes, obstacles, printed tags, cameras, the airframe, and
-the context that a vehicle's parts receive. Nothing here flies or opens a file; the compiler reads
-the files of point clouds and occupancy maps.
-"""
+the context that a vehicle's parts receive. Nothing here flies or opens a file; the compiler opens
+the files of point clouds and occupancy maps."""

@@ -1,8 +1,8 @@
 """The errors of calibrated cameras, surveyed tags and clocks.
 
-A simulated camera draws its errors from these distributions, and an estimator on tags uses them as
-its uncertainty. The defaults are for a lab that measures with tape and ruler and calibrates its
-lens with a chessboard; `kybflow calibrate` reaches smaller ones.
+A simulated camera draws its errors from these distributions, and an estimator that uses tags takes
+them as its uncertainty. The defaults are for a lab that measures with tape and ruler and calibrates
+its lens with a chessboard; `kybflow calibrate` achieves smaller errors.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from kybflow.core.params import param, params
 from kybflow.core.units import DEG, Angle, Duration, Length, Number, Ratio
 
 FULL_SIZE = 0.2
-"""The side of a tag with the full errors, metres. The errors of smaller tags, which share a sheet,
-are proportional to their side."""
+"""The side of a tag with the full errors, metres. The errors of smaller tags, several of which
+share a sheet, are proportional to their side."""
 
 
 @params
@@ -63,5 +63,5 @@ class CalibrationErrors:
 
 
 def share_of(size: float) -> float:
-    """Return the error of a tag of this size relative to a full-sized one's."""
+    """Return the error of a tag of this size relative to that of a full-sized tag."""
     return min(1.0, size / FULL_SIZE)

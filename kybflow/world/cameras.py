@@ -11,15 +11,16 @@ from typing import NamedTuple
 from kybflow.core.geometry import Quat, Vec3
 
 DOWN: Quat = (0.0, 0.7071067811865476, -0.7071067811865476, 0.0)
-"""Optical frame to body for a camera that looks down, with the image's upper edge forward."""
+"""Attitude, optical frame to body, of a camera that looks down, with the image's upper edge
+forward."""
 
 
 LEAST_SIDE = 12.0
-"""Side of the smallest tag to detect in an image, pixels."""
+"""Side of the smallest tag that can be detected in an image, pixels."""
 
 
 class Lens(NamedTuple):
-    """A calibrated lens, in pixels; distortion as OpenCV's k1, k2, p1, p2, k3."""
+    """A calibrated lens, in pixels. distortion: OpenCV's k1, k2, p1, p2, k3."""
 
     width: int
     height: int
@@ -31,9 +32,9 @@ class Lens(NamedTuple):
 
 
 class Camera(NamedTuple):
-    """A camera on a vehicle. position: the lens in the body frame (FLU), metres. attitude: optical
-    frame to body. rate: frames per second. row_time: seconds from the start of one row's exposure
-    to the next row's; zero is a global shutter."""
+    """A camera on a vehicle. position: the position of the lens in the body frame (FLU), metres.
+    attitude: optical frame to body. rate: frames per second. row_time: seconds from the start of
+    one row's exposure to that of the next; zero for a global shutter."""
 
     name: str
     lens: Lens

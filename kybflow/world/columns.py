@@ -1,7 +1,7 @@
 """An extruded floor plan: upright cylinders of one radius and height. Metres, world frame (ENU).
 
-Like a point cloud (`kybflow.world.point_cloud`) it is not convex, and `around` describes it near a
-place by planes. numpy and scipy are imported on first use.
+Like a point cloud (`kybflow.world.point_cloud`) it is not convex; `around` describes it near a
+point by planes. numpy and scipy are imported on first use.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ if TYPE_CHECKING:
 
 _STEPS = 40
 """Steps of a golden-section search to 1e-8 of a line's length."""
-_RATIO = 0.6180339887498949  # of the golden section
+_RATIO = 0.6180339887498949  # the golden section
 
 
 @dataclass(frozen=True)
 class Columns:
-    """One or more cylinders around places (x, y), from the height `low` to `high`."""
+    """One or more cylinders. places: their centres (x, y). low, high: the heights of their bases
+    and tops."""
 
     places: tuple[tuple[float, float], ...] = field(repr=False)
     radius: float
@@ -33,7 +34,8 @@ class Columns:
 
     @classmethod
     def over(cls, places: Array, cell: float, low: float, high: float) -> Columns:
-        """Return cylinders that cover square cells of the width `cell` around places, (n, 2)."""
+        """Return cylinders that cover square cells of the width `cell`. places: the centres of the
+        cells, (n, 2)."""
         return cls(tuple(map(tuple, places.tolist())), cell * sqrt(0.5), low, high)
 
     def distance(self, p: Vec3) -> float:
@@ -43,7 +45,7 @@ class Columns:
         return max(aside, above) if aside <= 0.0 or above <= 0.0 else hypot(aside, above)
 
     def outward(self, p: Vec3) -> Vec3:
-        """Return the way out of the nearest cylinder at `p`."""
+        """Return the outward direction of the nearest cylinder at `p`."""
         apart, index = self._tree.query(p[:2])
         (x, y), aside, above = self.places[index], float(apart) - self.radius, self._above(p)
         up = 1.0 if p[2] >= 0.5 * (self.low + self.high) else -1.0
@@ -57,8 +59,8 @@ class Columns:
         return (share * (p[0] - x), share * (p[1] - y), up * rise / length)
 
     def around(self, p: Vec3, reach: float) -> list[tuple[float, Vec3]]:
-        """Return (distance, way out) of the planes within `reach` of `p`, the nearest first. Inside
-        a cylinder, only the nearest one counts."""
+        """Return (distance, outward direction) of the planes within `reach` of `p`, the nearest
+        first. Inside a cylinder, only the nearest one counts."""
         import numpy as np
 
         room = self.distance(p)
@@ -74,8 +76,9 @@ class Columns:
         return planes(found[gaps <= reach], gaps[gaps <= reach], 0.0)
 
     def nearest_on(self, a: Vec3, b: Vec3) -> tuple[float, Vec3]:
-        """Return the least distance from the line between two places, and its place on the line, by
-        a golden-section search for each cylinder: it has one minimum along a line."""
+        """Return the least distance between the segment from `a` to `b` and the cylinders, and the
+        position on the segment where it occurs. It is found by a golden-section search for each
+        cylinder, whose distance has only one minimum along a line."""
         import numpy as np
 
         start, way = np.array(a), np.subtract(b, a)
@@ -93,20 +96,21 @@ class Columns:
         return float(gaps[least]), (x, y, z)
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height of its top at (x, y), as `Box.top`."""
+        """Return the height at which the cylinders carry something at (x, y) that extends `reach`
+        to each side; -inf beside them."""
         aside = float(self._tree.query((x, y))[0]) - self.radius
         return self.high if aside <= reach else -inf
 
     @cached_property
     def bounds(self) -> tuple[Vec3, Vec3]:
-        """The lowest and the highest corner of its bounding box."""
+        """The lowest and the highest corner of the bounding box."""
         (x0, y0), (x1, y1) = self.array.min(axis=0).tolist(), self.array.max(axis=0).tolist()
         r = self.radius
         return (x0 - r, y0 - r, self.low), (x1 + r, y1 + r, self.high)
 
     @cached_property
     def array(self) -> Array:
-        """The places, (n, 2)."""
+        """The centres of the cylinders, (n, 2)."""
         import numpy as np
 
         return np.array(self.places)
@@ -115,7 +119,8 @@ class Columns:
         return max(self.low - p[2], p[2] - self.high)
 
     def _gaps(self, points: Array) -> Array:
-        """Return the distance of each cylinder from its own point."""
+        """Return the distance of each cylinder from its own point. points: one for each cylinder,
+        (n, 3)."""
         import numpy as np
 
         aside = np.hypot(*(points[:, :2] - self.array).T) - self.radius

@@ -1,6 +1,6 @@
-"""The height of a vehicle above the floor, its start or an obstacle that could carry it.
+"""The height of a vehicle above the ground: the floor, its start or an obstacle that can carry it.
 
-It checks a reported touchdown, in flight against the estimate, and at the end of a run against the
+It verifies a reported touchdown: in flight by the estimate, and at the end of a run by the
 simulator's truth. Metres, world frame.
 """
 
@@ -15,19 +15,20 @@ from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 FLOOR = 0.0
 BESIDE = 0.5
-"""How far beyond the vehicle's edge the ground of its start extends."""
+"""How far the ground of the vehicle's start extends beyond the vehicle's edge."""
 STANDS = 0.05
-"""A vehicle that is higher than this above its ground is in the air."""
+"""Height above the ground beyond which a vehicle is in the air."""
 SPREADS = 2.0
 FRESH = 0.3
-"""Seconds; an older estimate proves nothing."""
+"""Age of an estimate, seconds, beyond which it proves nothing."""
 
 
 def height_above_ground(
     context: VehicleContext, position: Vec3, attitude: Quat, tops: Iterable[float] = ()
 ) -> float:
-    """Return the height of a vehicle above the highest ground below it; a tilted vehicle may lie on
-    an arm. tops: heights at which it would stand on other things."""
+    """Return the height of a vehicle above the highest ground below it. The height is that of the
+    lowest arm, since a tilted vehicle may lie on one. tops: the heights at which the vehicle would
+    stand on other things."""
     x, y, z = position
     reach = 0.5 * context.airframe.diameter
     sx, sy, start = context.start
@@ -41,8 +42,8 @@ def height_above_ground(
 
 
 def height_in_the_air(context: VehicleContext, estimate: Estimate, tops: Iterable[float]) -> float:
-    """Return the height above the ground where the estimate proves that the vehicle is in the air,
-    zero where it may be on the ground or the estimate is old."""
+    """Return the height above the ground if the estimate proves that the vehicle is in the air, or
+    zero if it may be on the ground or the estimate is old."""
     if estimate.age > FRESH:
         return 0.0
     height = height_above_ground(context, estimate.position, estimate.attitude, tops)

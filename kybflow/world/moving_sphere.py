@@ -1,4 +1,4 @@
-"""A moving ball; a simulated one follows straight lines. Metres, world frame (ENU)."""
+"""A moving ball, and how a simulated one moves. Metres, world frame (ENU)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, add, distance, scale, sub
 
 _ACCELERATION = 1.5
-"""Acceleration at each point, m/s^2."""
+"""Acceleration after and before each stop, m/s^2."""
 
 
 @dataclass(frozen=True)
 class MovingSphere:
-    """A ball that moves back and forth through the points `along` at up to `speed` (m/s), and stops
-    at each of them. body: its name in motion capture, None for its own name."""
+    """A ball that moves back and forth along straight lines through the points `along` at up to
+    `speed` (m/s), stopping at each. body: its name in motion capture, None for its own name."""
 
     along: tuple[Vec3, ...]
     radius: float
@@ -25,7 +25,7 @@ class MovingSphere:
     body: str | None = None
 
     def at(self, seconds: float) -> Vec3:
-        """Return the centre at a time after the start."""
+        """Return the position of the centre this long after the start."""
         whole = sum(leg.duration for leg in self._legs)
         left = seconds % whole if whole > 0.0 else 0.0
         for leg in self._legs:
@@ -41,8 +41,8 @@ class MovingSphere:
 
 
 class _Leg(NamedTuple):
-    """A line from rest to rest. The speed rises to `speed` and falls again in `ramp` seconds
-    each."""
+    """A straight line from rest to rest. The speed rises to `speed` within `ramp` seconds, and
+    falls again within as many."""
 
     start: Vec3
     end: Vec3

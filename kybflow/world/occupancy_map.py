@@ -1,8 +1,8 @@
 """Reads an occupancy map of ROS's map_server: a YAML file and its image (PGM, 8 bits).
 
-A cell is occupied where its darkness, (255 - value) / 255 or with `negate` value / 255, is more
-than `occupied_thresh`; unknown cells are free. The image's lower left corner is at `origin`: x, y
-and the map's rotation. Everything raises FileError.
+A cell is occupied if its darkness is more than `occupied_thresh`; the darkness is (255 - value) /
+255, or value / 255 with `negate`. Unknown cells are free. The image's lower left corner is at
+`origin`: x, y and the map's rotation. Every error is a FileError.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ _WORD = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(\S+)")
 
 
 class MapInfo(NamedTuple):
-    """The content of the YAML file. image: relative to that file. resolution: metres per cell.
-    origin: x, y and rotation (rad). occupied: the least darkness. negate: white is occupied."""
+    """The content of the YAML file. image: the path of the image, relative to this file.
+    resolution: metres per cell. origin: x and y (m) and the rotation (rad). occupied: the darkness
+    above which a cell is occupied. negate: whether white is occupied."""
 
     image: str
     resolution: float
@@ -60,7 +61,7 @@ def read_info(file: File) -> MapInfo:
 
 
 def read_image(file: File) -> NDArray[Any]:
-    """Return the values of an image, the top row first."""
+    """Return the values of a PGM image, (height, width), the top row first."""
     import numpy as np
 
     words, place, data = list[bytes](), 0, file.data

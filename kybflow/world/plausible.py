@@ -1,4 +1,4 @@
-"""Whether an airframe's numbers are those of a quadrotor, judged by their ratios.
+"""Checks whether an airframe's numbers are those of a quadrotor, by their ratios.
 
 The references are the airframes of the library, those of RotorPy (both Crazyflies and the
 Hummingbird), RotorS's Hummingbird, and RotorPy's copy of the quadrotor in PX4's SIH simulation:
@@ -11,7 +11,7 @@ Hummingbird), RotorS's Hummingbird, and RotorPy's copy of the quadrotor in PX4's
     drag                 0.12 to 0.45 1/s
     rotor time           5 to 72 ms; 107 ms without a speed loop (hector_quadrotor)
 
-The bounds of usual and of possible values are chosen with a margin. SI; r is a quarter of the
+The bounds of usual and of possible values leave a margin to these. SI units; r is a quarter of the
 diameter.
 """
 
@@ -26,7 +26,7 @@ from kybflow.world.vehicle_context import Airframe, Parcel
 
 
 class Range(NamedTuple):
-    """The usual range of a value, `low` to `high`, and the possible one, `least` to `most`."""
+    """The usual range of a value, `low` to `high`, and the possible range, `least` to `most`."""
 
     least: float
     low: float
@@ -39,8 +39,9 @@ class Range(NamedTuple):
 
 
 class Implausible(NamedTuple):
-    """An implausible value: the parameters, the most likely wrong one first, the value found and
-    the usual ones."""
+    """An implausible value. parameters: the parameters that determine it, the one most likely to be
+    wrong first. found: a description of the value. usual: a description of usual values.
+    is_certain: whether the value is impossible, not only unusual."""
 
     parameters: tuple[str, ...]
     found: str
@@ -49,20 +50,20 @@ class Implausible(NamedTuple):
 
 
 _LOADING = Range(1.0, 10.0, 600.0, 4000.0)
-"""N/m^2."""
+"""Disc loading, N/m^2."""
 _GYRATION = Range(0.04, 0.1, 0.55, 0.75)
 _TORQUE = Range(0.005, 0.03, 2.0, 10.0)
 _ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
 _DRAG = Range(0.0, 0.0, 2.0, 10.0)
 _POWERFUL = 15.0
-"""1.5 times the largest reference."""
+"""Thrust to weight: 1.5 times the largest reference."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
 _DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
-"""Of a payload, kg/m^3: lead has 11,300, osmium, the densest metal, 22,600."""
+"""Density of a payload, kg/m^3. Lead has 11,300; osmium, the densest metal, has 22,600."""
 
 
 def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
-    """Yield the implausible values of an airframe that can lift itself."""
+    """Yield the implausible values of an airframe. The airframe must be able to lift itself."""
     radius, diameter, mass = airframe.rotor_radius, airframe.diameter, airframe.mass
     loading = airframe.hover_thrust / (4.0 * pi * radius**2)
     if not _LOADING.has(loading, False):
@@ -115,8 +116,8 @@ def _unusual(name: str, value: float, usual: Range, dimension: Dimension) -> Ite
 
 
 def of_parcel(parcel: Parcel, airframe: Airframe) -> Iterator[Implausible]:
-    """Yield the implausible values of a payload: its corners, which point along the arms, should
-    stay inside the rotors and must stay inside the hubs."""
+    """Yield the implausible values of a payload. Its corners, which point along the arms, should
+    not reach under the rotors and must not reach beyond the hubs."""
     size, reach = parcel.size, parcel.size / sqrt(2.0)
     free, most = airframe.arm - airframe.rotor_radius, airframe.arm
     if reach > free:

@@ -1,10 +1,10 @@
 """A scanned obstacle: balls of one radius around the points of a cloud. Metres, world frame (ENU).
 
-The cloud is not convex, so one distance and one direction don't describe it around a place.
-`around` returns planes instead: the plane before the nearest point, at right angles to the way
-there, then the plane before the nearest point that is not behind it, and so on, as in Liu et al.,
-*Planning Dynamically Feasible Trajectories for Quadrotors Using Safe Flight Corridors* (RA-L 2017).
-The space before all planes holds no point.
+The cloud is not convex, so one distance and one direction don't describe it near a position.
+`around` returns planes instead: the plane through the nearest point, normal to the line to it, then
+the plane through the nearest of the points that are not behind the first plane, and so on, as in
+Liu et al., *Planning Dynamically Feasible Trajectories for Quadrotors Using Safe Flight Corridors*
+(RA-L 2017). The space in front of all planes contains no point.
 
 numpy and scipy are imported on first use, because most missions have no cloud.
 """
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 MOST = 20_000
-"""The most points of one cloud."""
+"""The largest number of points in a cloud."""
 FARTHEST = 10_000.0
 """The largest coordinate of a point, metres."""
 METRES = {"m": 1.0, "mm": 1e-3}
-"""The units of a scan."""
+"""The units of a scan, in metres."""
 _PLANES = 8
-"""The most planes around a place."""
+"""The largest number of planes around a position."""
 
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Balls around one or more points."""
+    """Balls of one radius around one or more points."""
 
     points: tuple[Vec3, ...] = field(repr=False)
     radius: float
 
     @classmethod
     def of(cls, points: Array, radius: float) -> PointCloud:
-        """Make the cloud of points, (n, 3)."""
+        """Return the cloud of these points, (n, 3)."""
         return cls(tuple(map(tuple, points.tolist())), radius)
 
     def distance(self, p: Vec3) -> float:
@@ -50,17 +50,19 @@ class PointCloud:
         return float(self._tree.query(p)[0]) - self.radius
 
     def outward(self, p: Vec3) -> Vec3:
-        """Return the way out of it at `p`: away from the nearest point."""
+        """Return the outward direction at `p`: away from the nearest point."""
         apart, index = self._tree.query(p)
         return _away(p, self.points[index], float(apart))
 
     def around(self, p: Vec3, reach: float) -> list[tuple[float, Vec3]]:
-        """Return (distance, way out) of the planes within `reach` of `p`, the nearest first."""
+        """Return (distance, outward direction) of the planes within `reach` of `p`, the nearest
+        first."""
         ways = self.array[self._tree.query_ball_point(p, reach + self.radius)] - p
         return planes(ways, (ways**2).sum(axis=1) ** 0.5, self.radius)
 
     def nearest_on(self, a: Vec3, b: Vec3) -> tuple[float, Vec3]:
-        """Return the least distance from the line between two places, and its place on the line."""
+        """Return the least distance between the segment from `a` to `b` and the balls, and the
+        position on the segment where it occurs."""
         import numpy as np
 
         start, way = np.array(a), np.subtract(b, a)
@@ -73,7 +75,7 @@ class PointCloud:
         return sqrt(float(apart[least])) - self.radius, (x, y, z)
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height of its highest top at (x, y), as `Box.top`."""
+        """Return the height at which the cloud carries something at (x, y), as in `Box.top`."""
         import numpy as np
 
         aside = np.hypot(self.array[:, 0] - x, self.array[:, 1] - y) - reach
@@ -85,7 +87,7 @@ class PointCloud:
 
     @cached_property
     def bounds(self) -> tuple[Vec3, Vec3]:
-        """The lowest and the highest corner of its bounding box."""
+        """The lowest and the highest corner of the bounding box."""
         low, high = self.array.min(axis=0) - self.radius, self.array.max(axis=0) + self.radius
         return tuple(low.tolist()), tuple(high.tolist())
 
@@ -111,8 +113,9 @@ def _away(p: Vec3, point: Vec3, apart: float) -> Vec3:
 
 
 def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]:
-    """Return planes with all places behind them, the nearest first: (distance, unit vector out of
-    it). ways, apart: the way to each place, and its length. radius: of the ball around each."""
+    """Return (distance, outward direction) of planes that have all points behind them, the nearest
+    first. ways: the vectors to the points, (n, 3). apart: their lengths, (n,). radius: the radius
+    of the ball around each point."""
     found: list[tuple[float, Vec3]] = []
     while len(ways) and len(found) < _PLANES:
         first = int(apart.argmin())
@@ -126,8 +129,8 @@ def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]
 
 
 def placed(points: Array, metres: float, at: Vec3, heading: float, above: float | None) -> Array:
-    """Return a scan's points in the world. metres: its unit. at, heading: the pose of its origin.
-    above: only points higher than this are kept."""
+    """Transform a scan's points to the world. metres: the scan's unit in metres. at, heading: the
+    pose of its origin. above: only points higher than this are kept, None for all."""
     import numpy as np
 
     c, s = cos(heading), sin(heading)
@@ -137,8 +140,8 @@ def placed(points: Array, metres: float, at: Vec3, heading: float, above: float 
 
 
 def thinned(points: Array, radius: float) -> Array:
-    """Return the first point of each cube with the diagonal `radius`, so that no dropped point is
-    further than that from a kept one."""
+    """Return the first point in each cube with the diagonal `radius`, so that every dropped point
+    is within `radius` of one that is kept."""
     import numpy as np
 
     cells = np.floor(points * (sqrt(3.0) / radius)).astype(np.int64)

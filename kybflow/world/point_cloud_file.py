@@ -1,9 +1,9 @@
 """Reads the points of a scan from a PLY file (ASCII or binary) or from text: three numbers per
 line, or a table (`kybflow.core.tables`) with the columns x, y and z.
 
-From PLY it reads x, y and z of the element `vertex` and skips the rest. Some programs write NaN
-where the scanner saw nothing; such points are refused, because an obstacle may be there. Everything
-raises FileError, with the line where there is one.
+From a PLY file it reads x, y and z of the element `vertex` and skips the rest. Some programs write
+NaN where the scanner saw nothing; such points are refused, because an obstacle may be there. Every
+error is a FileError, with the line if there is one.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ _LONGEST_HEADER, _LONGEST_COUNT = 10_000, 18
 
 
 class _Header(NamedTuple):
-    """The header of a PLY file. order: the byte order of vertices, empty for text. lines, size: of
-    the header, the size in bytes."""
+    """The header of a PLY file. order: the byte order of the vertices, empty for text. many: the
+    number of vertices. properties: the type of each of their properties. lines, size: the header's
+    length in lines and in bytes."""
 
     order: str
     many: int
@@ -52,7 +53,8 @@ class _Header(NamedTuple):
 
 
 def read_points(file: File) -> NDArray[Any]:
-    """Return the one or more points of a file, (n, 3), in metres where it has no other unit."""
+    """Return the points of a file, (n, 3), at least one; in metres unless the file has another
+    unit."""
     import numpy as np
 
     if file.text.startswith("ply"):
@@ -136,7 +138,7 @@ def _header(text: str) -> _Header:
 
 
 def _vertices(head: str) -> tuple[int, dict[str, str]]:
-    """Return the number of points, and the type of each of their properties."""
+    """Return the number of points, and the type of each of their properties, by name."""
     many, element, properties = -1, "", dict[str, str]()
     for number, line in enumerate(head.splitlines(), start=1):
         match line.split():

@@ -1,7 +1,7 @@
 """Solid shapes of the world: the fence's box and the obstacles. Metres, world frame (ENU).
 
-Each has a distance from a point, negative inside, and a way out: the unit vector along which that
-distance grows fastest, upwards where all directions are equal.
+Each shape has a distance from a point, negative inside, and an outward direction: the unit vector
+along which this distance grows fastest, upwards if all directions are equal.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Box(NamedTuple):
         return x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1
 
     def outside_by(self, p: Vec3) -> float:
-        """Return how far `p` is beyond the box along the worst axis; negative inside."""
+        """Return how far `p` is outside the box along the worst axis; negative inside."""
         low, high = self.low, self.high
         return max(
             low[0] - p[0],
@@ -45,11 +45,11 @@ class Box(NamedTuple):
 
     @property
     def size(self) -> Vec3:
-        """Its extent along each axis."""
+        """The extent of the box along each axis."""
         return sub(self.high, self.low)
 
     def grown(self, by: Vec3) -> Box:
-        """Return the box with this much more on each side."""
+        """Return the box extended by `by` on each side."""
         return Box(sub(self.low, by), add(self.high, by))
 
     def distance(self, p: Vec3) -> float:
@@ -63,7 +63,7 @@ class Box(NamedTuple):
         return sqrt(x * x + y * y + z * z)
 
     def outward(self, p: Vec3) -> Vec3:
-        """Return the way out of it at `p`."""
+        """Return the outward direction of the box at `p`."""
         (x, y, z), (x0, y0, z0), (x1, y1, z1) = p, self.low, self.high
         if not self.contains(p):
             return _unit(x - min(max(x, x0), x1), y - min(max(y, y0), y1), z - min(max(z, z0), z1))
@@ -75,8 +75,8 @@ class Box(NamedTuple):
         return min(faces, key=lambda face: face[0])[1]
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height of its top below something at (x, y) that extends `reach` to each side;
-        -inf beside it."""
+        """Return the height at which the box carries something at (x, y) that extends `reach` to
+        each side; -inf beside the box."""
         (x0, y0, _), (x1, y1, z1) = self.low, self.high
         beside = max(x0 - x, x - x1, y0 - y, y - y1)
         return z1 if beside <= reach else -inf
@@ -98,7 +98,7 @@ class Cylinder(NamedTuple):
         return hypot(aside, above)
 
     def outward(self, p: Vec3) -> Vec3:
-        """Return the way out of it at `p`."""
+        """Return the outward direction of the cylinder at `p`."""
         x, y = p[0] - self.at[0], p[1] - self.at[1]
         aside, middle = hypot(x, y), self.at[2] + 0.5 * self.height
         out, above = aside - self.radius, abs(p[2] - middle) - 0.5 * self.height
@@ -109,7 +109,7 @@ class Cylinder(NamedTuple):
         return _unit(level * x / aside, level * y / aside, up * max(above, 0.0))
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which it carries what is at (x, y), as `Box.top`."""
+        """Return the height at which the cylinder carries something at (x, y), as in `Box.top`."""
         aside = hypot(x - self.at[0], y - self.at[1]) - self.radius
         return self.at[2] + self.height if aside <= reach else -inf
 
@@ -125,11 +125,11 @@ class Sphere(NamedTuple):
         return distance(p, self.at) - self.radius
 
     def outward(self, p: Vec3) -> Vec3:
-        """Return the way out of it at `p`."""
+        """Return the outward direction of the ball at `p`."""
         return _unit(*sub(p, self.at))
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which it carries what is at (x, y), as `Box.top`."""
+        """Return the height at which the ball carries something at (x, y), as in `Box.top`."""
         aside = max(hypot(x - self.at[0], y - self.at[1]) - reach, 0.0)
         if aside > self.radius:
             return -inf
@@ -137,7 +137,7 @@ class Sphere(NamedTuple):
 
 
 STEEPEST = 0.7
-"""The least upward part of the normal of what a vehicle may stand on."""
+"""The least upward component of the normal of a surface on which a vehicle can stand."""
 
 
 class Plane(NamedTuple):
@@ -151,11 +151,12 @@ class Plane(NamedTuple):
         return sum((a - b) * n for a, b, n in zip(p, self.at, self.facing, strict=True))
 
     def outward(self, p: Vec3) -> Vec3:
-        """Return the way out of it, the same everywhere."""
+        """Return the outward direction of the wall, which is the same everywhere."""
         return self.facing
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return its height at (x, y), -inf where it is no floor but a wall or a ceiling."""
+        """Return the height of the plane at (x, y); -inf if it is a wall or a ceiling, not a
+        floor."""
         (ax, ay, az), (nx, ny, nz) = self.at, self.facing
         return az - (nx * (x - ax) + ny * (y - ay)) / nz if nz > STEEPEST else -inf
 
@@ -166,8 +167,8 @@ Shape = Convex | Scanned
 
 
 def around(shape: Shape, p: Vec3, reach: float) -> Iterable[tuple[float, Vec3]]:
-    """Return (distance, way out) of each surface of a shape within `reach` of `p`; a convex shape
-    has at most one."""
+    """Return (distance, outward direction) of each surface of a shape within `reach` of `p`; a
+    convex shape has at most one."""
     if isinstance(shape, PointCloud | Columns):
         return shape.around(p, reach)
     room = shape.distance(p)
@@ -175,7 +176,7 @@ def around(shape: Shape, p: Vec3, reach: float) -> Iterable[tuple[float, Vec3]]:
 
 
 def parts_of(shape: Shape) -> Iterator[Convex]:
-    """Yield a shape by parts that are convex."""
+    """Yield the convex parts of a shape."""
     match shape:
         case PointCloud(points, radius):
             yield from (Sphere(point, radius) for point in points)

@@ -21,8 +21,8 @@ Key = tuple[str, int]
 
 
 class Tag(NamedTuple):
-    """A printed tag. family: `36h11`, ... (`kybflow.vision.families`). size: side of the black
-    square, metres. position, attitude: the pose of its frame in the world."""
+    """A printed tag. family: its family, such as `36h11` (`kybflow.vision.families`). size: the
+    side of the black square, metres. position, attitude: the pose of its frame in the world."""
 
     family: str
     id: int
@@ -49,8 +49,8 @@ class Tag(NamedTuple):
 
 
 class TagMap:
-    """The world's tags in a spatial index, so that tags elsewhere don't slow down a look-up near a
-    place. Raises ValueError if two tags have the same family and id."""
+    """The world's tags in a spatial index, so that distant tags don't slow down a look-up. Raises
+    ValueError if two tags have the same family and id."""
 
     def __init__(self, tags: Iterable[Tag]) -> None:
         self._tags: dict[Key, Tag] = {}
@@ -75,7 +75,7 @@ class TagMap:
         return hash(frozenset(self._tags))
 
     def get(self, family: str, id: int) -> Tag | None:
-        """Return the tag, None if the map has none."""
+        """Return the tag, or None if the map doesn't contain it."""
         return self._tags.get((family, id))
 
     def near(self, x: float, y: float, radius: float) -> list[Tag]:

@@ -17,17 +17,18 @@ from kybflow.world.tags import TagMap
 
 NO_TAGS = TagMap(())
 LEGS = 0.05
-"""Height of a standing simulated vehicle's rotor plane above the floor, metres."""
+"""Height of the rotor plane above the floor while a simulated vehicle stands, metres."""
 
 
 def hull_of(diameter: float) -> float:
-    """Return how far the tips of the rotors are from the centre of an airframe of `diameter`."""
+    """Return the distance from the centre of an airframe of this diameter to the tips of its
+    rotors."""
     return 0.75 * diameter
 
 
 @params
 class Airframe:
-    """A quadrotor's nominal data; the simulated vehicle may differ, like a real one."""
+    """A quadrotor's nominal data. The simulated vehicle may differ from it, like a real one."""
 
     mass: Mass = param("Mass, ready to fly.", above=0.0)
     diameter: Length = param("From rotor hub to rotor hub, diagonally.", above=0.0)
@@ -70,7 +71,7 @@ class Airframe:
     @property
     def rotor_radius(self) -> float:
         """A rotor's radius, metres: a quarter of the diameter, as on the MikroKopter, the X500, the
-        F450 and the Crazyflie; rotors of 0.35 of it would touch."""
+        F450 and the Crazyflie. Rotors with a radius of 0.35 times the diameter would touch."""
         return self.diameter / 4.0
 
     @property
@@ -80,7 +81,7 @@ class Airframe:
 
     @property
     def hover_thrust(self) -> float:
-        """The thrust that holds the airframe's weight, newtons."""
+        """The thrust that carries the airframe's weight, newtons."""
         return self.mass * GRAVITY
 
     @property
@@ -90,13 +91,13 @@ class Airframe:
 
     @property
     def attitude_loop(self) -> AttitudeLoop:
-        """Its on-board attitude loop."""
+        """The airframe's on-board attitude loop."""
         return attitude_loop(self.rotor_time, self.attitude_gain, self.rate_gain)
 
 
 @record("payload", is_whole=False)
 class Parcel:
-    """A payload that a vehicle carries and can release: a box under its rotors, its lower side
+    """A payload that a vehicle carries and can release: a box under its rotors, whose lower side is
     level with the legs."""
 
     mass: Mass = param("Mass; controllers don't know it.", above=0.0)
@@ -109,14 +110,15 @@ class Parcel:
 
 
 class VehicleContext(NamedTuple):
-    """What a vehicle's parts are created with; metres and radians in the world frame.
+    """The data with which a vehicle's parts are created; metres and radians in the world frame.
 
-    vehicle: its name. start, heading: its declared start. dt: seconds per tick. home: where
-    `go_home` flies, None for the start. obstacles: the world's, by name. diameters: every vehicle's
-    airframe diameter, by vehicle. tags: the world's. cameras: the airframe's, by name. payload:
-    what the vehicle carries, None for nothing. loop: the inner loop that its driver declares, None
-    for none. starts: every vehicle's declared start, by vehicle. groups: the mission's, each with
-    its vehicles. touchable: the obstacles that vehicles may touch. moving: the moving ones.
+    vehicle: its name. start, heading: its declared start. dt: seconds per tick. home: the position
+    to which `go_home` flies, None for the start. obstacles: the world's obstacles, by name.
+    diameters: the airframe diameters of all vehicles, by vehicle. tags: the world's tags. cameras:
+    the airframe's cameras, by name. payload: the payload that the vehicle carries, None for none.
+    loop: the inner loop that its driver declares, None for none. starts: the declared starts of all
+    vehicles, by vehicle. groups: the mission's groups, each with its vehicles. touchable: the names
+    of the obstacles that vehicles may touch. moving: the moving obstacles, by name.
     """
 
     vehicle: str

@@ -1,2 +1,2 @@
-"""What findings mean and how programs read them: the codes with their explanations and examples,
-and the formats SARIF and GitHub annotations."""
+"""The codes of findings with their explanations and examples, and formats for programs: SARIF and
+GitHub annotations."""

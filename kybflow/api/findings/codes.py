@@ -1,7 +1,8 @@
-"""Every code of a finding: what it means, from the docstring or the `CODES` beside the place that
-raises it, and how it looks and is mended, from the literate pages. Nothing is written twice.
+"""Collects every code of a finding, with its explanation and an example.
 
-Only `kybflow explain` and the reports for programs ask; a validation does not come here.
+The explanation comes from the docstring, or the `CODES`, in the module that makes the finding. The
+example and its correction come from the literate pages. Nothing is written twice. Only `kybflow
+explain` and the reports for programs use this module; a validation doesn't import it.
 """
 
 from __future__ import annotations
@@ -50,12 +51,13 @@ _FAMILIES = {
     "Several vehicles": (440,),
     "Rehearsals": (470,),
 }
-"""The families of codes, and the first code of each range that belongs to one: it goes on until the
-next range begins."""
+"""The families of codes, with the first code of each of their ranges. A range extends to the next
+range's first code."""
 
 
 class Code(NamedTuple):
-    """One code: its family, what it means in one sentence, what more there is to say, examples."""
+    """One code. title: its meaning in one sentence. meaning: further explanation, may be empty.
+    examples: the sections of the literate pages that show it."""
 
     code: str
     family: str
@@ -66,7 +68,7 @@ class Code(NamedTuple):
 
 @functools.cache
 def codes() -> dict[str, Code]:
-    """Every code that the compiler can give, in order."""
+    """Return every code that the compiler or a rehearsal can give, in order."""
     texts: dict[str, str] = {}
     modules = [info.name for info in pkgutil.walk_packages(kybflow.dsl.__path__, "kybflow.dsl.")]
     for name in (*modules, "kybflow.api.rehearsal.findings"):
@@ -81,7 +83,7 @@ def codes() -> dict[str, Code]:
 
 
 def _explained(module: ModuleType) -> Iterator[tuple[str, str]]:
-    """(code, its explanation) of each that a module raises."""
+    """Yield (code, explanation) for each code that a module defines."""
     yield from getattr(module, "CODES", {}).items()
     for function in vars(module).values():
         if inspect.isfunction(function) and function.__module__ == module.__name__:
@@ -91,8 +93,8 @@ def _explained(module: ModuleType) -> Iterator[tuple[str, str]]:
 
 
 def _code(code: str, text: str, shown: list[Section]) -> Code:
-    """A code with its explanation and the sections in whose report it is: the examples are those
-    that are about it, else the first."""
+    """Return a code with its explanation and examples. shown: the sections whose reports contain
+    the code; the examples are those that name it in the heading, or else the first one."""
     first, _, rest = text.partition("\n\n")
     sentence = _SENTENCE.match(" ".join(first.split()) + " ")
     title, more = (sentence[1], sentence[2].strip()) if sentence else (first, "")
@@ -107,7 +109,7 @@ def _code(code: str, text: str, shown: list[Section]) -> Code:
 
 
 def families() -> dict[str, list[Code]]:
-    """The codes by family, in the order of their codes."""
+    """Return the codes of each family, sorted."""
     found: dict[str, list[Code]] = {}
     for code in codes().values():
         found.setdefault(code.family, []).append(code)
@@ -115,7 +117,7 @@ def families() -> dict[str, list[Code]]:
 
 
 def list_codes() -> str:
-    """Every code by family, one line each."""
+    """Return a list of all codes by family, one per line."""
     return "\n\n".join(
         "\n".join([family, *(f"  {c.code}  {c.title}" for c in members)])
         for family, members in families().items()
@@ -123,7 +125,7 @@ def list_codes() -> str:
 
 
 def show_code(code: Code) -> str:
-    """The page of one code for the terminal."""
+    """Return the explanation of one code, for the terminal."""
     lines = [f"{code.code}: {code.title}"]
     if code.meaning:
         lines.append(f"\n{code.meaning}")
@@ -140,7 +142,7 @@ def _indented(text: str) -> Iterator[str]:
 
 
 def _reports(code: str, report: str) -> str:
-    """The parts of a report that are of this code."""
+    """Return the findings in a report that have this code."""
     return "\n\n".join(p for p in report.strip("\n").split("\n\n") if f"[{code}]" in p)
 
 
@@ -156,7 +158,8 @@ This page is made from the checks and from their tests: `kybflow explain --write
 
 
 def page() -> str:
-    """`docs/checks.md`: what each check means, with an example of wrong and right."""
+    """Return the content of `docs/checks.md`: the meaning of each check, with wrong and right
+    examples."""
     lines = [_INTRODUCTION]
     for family in families():
         anchor = re.sub(r"[^\w -]", "", family.lower()).replace(" ", "-")

@@ -1,12 +1,12 @@
-"""Findings for programs that review a change.
+"""Formats findings for programs that review a change.
 
-`to_sarif` is a SARIF 2.1.0 log for code scanning (OASIS, Static Analysis Results Interchange
-Format); columns count characters from 1. `to_annotation` is a workflow command of GitHub Actions,
-in whose text `%`, CR and LF are escaped as `%25`, `%0D` and `%0A`, in a property also `:` and `,`
-as `%3A` and `%2C` (GitHub's own toolkit does so).
+`to_sarif` gives a SARIF 2.1.0 log for code scanning (OASIS, Static Analysis Results Interchange
+Format); its columns count characters from 1. `to_annotation` gives a workflow command of GitHub
+Actions. As in GitHub's own toolkit, its text has `%`, CR and LF escaped as `%25`, `%0D` and `%0A`;
+its properties also have `:` and `,` escaped as `%3A` and `%2C`.
 
-A review shows only files of the folder under review, so a finding inside of an installed library
-stands at the place there that leads to it.
+A review shows only files in the folder under review. A finding inside an installed library is
+therefore reported where the reviewed files use or import that library.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _INSTALLED = frozenset({"site-packages", "dist-packages"})
 
 
 def primary(span: Span) -> Span:
-    """`span`, or where it is outside of the current folder the outermost use, else the outermost
-    import, that is inside."""
+    """Return `span` if it is inside the current folder; otherwise the outermost use, or else the
+    outermost import, that leads to it and is inside. Return `span` if there is none."""
     if not _is_outside(span.file):
         return span
     leads = (place for place in (*span.used, *span.via) if not _is_outside(place.file))
@@ -52,7 +52,7 @@ SCHEMA = (
 
 
 def to_sarif(diagnostics: Iterable[Diagnostic]) -> str:
-    """The log of one run of kybflow with every finding, as JSON text."""
+    """Return the log of one kybflow run with all findings, as JSON text."""
     found, rules = list(diagnostics), list[dict[str, Any]]()
     seen = sorted({d.code for d in found})
     for code in seen:
@@ -90,7 +90,7 @@ def _result(diagnostic: Diagnostic, rule: int) -> dict[str, Any]:
 
 
 def message_of(diagnostic: Diagnostic) -> str:
-    """The message, label, notes and help of a finding, a line each."""
+    """Return the message, notes and help of a finding, one per line."""
     way_out = f"help: {diagnostic.help}" if diagnostic.help else ""
     label = f": {diagnostic.label}" if diagnostic.label else ""
     lines = [f"{diagnostic.message}{label}", *diagnostic.notes, way_out]
@@ -114,10 +114,10 @@ _PROPERTY = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A", ":": "%3A", ","
 
 
 def to_annotation(diagnostic: Diagnostic) -> str:
-    """The workflow command of one finding, a line."""
+    """Return the workflow command for a finding, as one line."""
     span = primary(diagnostic.span)
     properties = {"file": printable(span.file), "line": span.line, "endLine": span.end_line}
-    if span.line == span.end_line:  # columns of several lines are refused
+    if span.line == span.end_line:  # GitHub refuses columns for several lines
         properties |= {"col": span.column, "endColumn": span.end_column}
     properties["title"] = f"kybflow {diagnostic.code}"
     listed = ",".join(f"{key}={str(v).translate(_PROPERTY)}" for key, v in properties.items())

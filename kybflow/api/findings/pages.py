@@ -1,14 +1,17 @@
-"""The literate pages: bad missions beside the report that they get and the change that mends them.
+"""Reads the literate pages: wrong missions, the report that each one gets, and its correction.
 
-They are tests and the examples of `kybflow explain` at once. A page is a Markdown file: its title
-names a family of checks; a section (`##`) has one block of YAML or Python a file: the first is
-`mission.yaml`, the others say their path (```` ```yaml library/x.yaml ````); arguments follow the
-word `with` (```` ```yaml with --set lap=8s ````). What a page can't hold stands after `as`:
-```` ```yaml mission.yaml as latin-1 ```` is written in that encoding, `as 30000 lines` with its
-last line again and again. The block `report` is what `kybflow validate` prints. The block `diff`
-mends what the heading's codes are about: lines with `-` give way to those with `+` below them,
-lines with a space stay; a change of a file's own line (`-mission.yaml as latin-1`) writes it
-otherwise, or elsewhere.
+The pages are tests and also the examples of `kybflow explain`. A page is a Markdown file whose
+title names a family of checks. A section (`##`) has these blocks:
+
+- One block of YAML or Python per file. The first is `mission.yaml`; the others give their path:
+  ```` ```yaml library/x.yaml ````. Arguments of the command line follow the word `with`:
+  ```` ```yaml with --set lap=8s ````. A file that a page can't hold is described after `as`:
+  ```` ```yaml mission.yaml as latin-1 ```` is written in that encoding, and `as 30000 lines`
+  repeats the last line until the file has that length.
+- `report`: the output of `kybflow validate`.
+- `diff`: the correction of the findings in the heading. The lines with `+` replace the lines with
+  `-` above them; lines with a space stay. A change of a file's header (`-mission.yaml as latin-1`)
+  changes its encoding or path.
 """
 
 from __future__ import annotations
@@ -28,9 +31,13 @@ _REPORTED = re.compile(r"\[(KYB\d{3})\]: ")
 
 
 class Section(NamedTuple):
-    """One bad mission. `family` is the title of its page; `codes` are those that its heading names,
-    else those of its report; `prose` what is said of it; `files` its texts by path, `arguments`
-    those of the command line."""
+    """One wrong mission.
+
+    family: the title of its page. codes: the reported codes that the heading names, or else all
+    reported ones. prose: the text around the blocks. files: the contents of its files, by path.
+    arguments: the arguments of the command line. report: the expected output. mend: the diff, may
+    be empty.
+    """
 
     family: str
     heading: str
@@ -43,11 +50,12 @@ class Section(NamedTuple):
 
     @property
     def title(self) -> str:
-        """The heading without its codes."""
+        """The heading without codes."""
         return self.heading.rpartition(": ")[2]
 
     def mended(self) -> dict[str, str]:
-        """The files after the diff. Raises ValueError for a change that fits nowhere or twice."""
+        """Return the files with the diff applied. Raises ValueError for a change that doesn't fit
+        exactly once."""
         texts = [f"{name}\n{text}" for name, text in self.files.items()]
         for hunk in self.mend.split("\n\n") if self.mend else ():
             lines = hunk.strip("\n").split("\n")
@@ -60,7 +68,7 @@ class Section(NamedTuple):
 
 
 def write(files: dict[str, str], place: Path) -> None:
-    """Write the files of a section below `place`."""
+    """Write the files of a section into the folder `place`."""
     for called, text in files.items():
         name, _, form = called.partition(" as ")
         (place / name).parent.mkdir(parents=True, exist_ok=True)
@@ -72,20 +80,21 @@ def write(files: dict[str, str], place: Path) -> None:
 
 
 def folder() -> Path:
-    """`kybflow/literate` in a wheel, `tests/dsl/literate` in a checkout."""
+    """Return the folder of the pages: `kybflow/literate` in a wheel, `tests/dsl/literate` in a
+    checkout."""
     package = Path(kybflow.__file__).parent
     shipped = package / "literate"
     return shipped if shipped.is_dir() else package.parent / "tests" / "dsl" / "literate"
 
 
 def sections() -> Iterator[Section]:
-    """Every section of every page."""
+    """Yield every section of every page."""
     for path in sorted(folder().glob("*.md")):
         yield from sections_of(path.read_text(encoding="utf-8"))
 
 
 def sections_of(text: str) -> Iterator[Section]:
-    """The sections of one page."""
+    """Yield the sections of one page."""
     head, *parts = re.split(r"^## ", text, flags=re.MULTILINE)
     family = head.strip().splitlines()[0].removeprefix("# ")
     for part in parts:

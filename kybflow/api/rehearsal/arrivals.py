@@ -1,8 +1,7 @@
-"""Finds the `arrive` of a phase that keeps two of its vehicles apart.
+"""Finds the values of a phase's `arrive` that would keep two of its vehicles apart.
 
-With `in_turns`, one vehicle passes the other at the beginning or the end of its way. With
-`together`, both fly at one pace, so that their relative motion is a straight line
-(`kybflow.flight.profiles.Pace`).
+With `in_turns`, one vehicle flies its whole path before the other begins. With `together`, both fly
+at a common pace, so that their relative motion is a straight line (`kybflow.flight.profiles.Pace`).
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 
 
 class StraightWay(NamedTuple):
-    """A vehicle's way in a phase, from `begin` straight to `end` (world, metres); `end` is None
-    where the way isn't straight or isn't known."""
+    """A vehicle's path in a phase, from `begin` straight to `end` (world, metres). end: None if the
+    path is not straight or not known. keeps_pace: whether the behavior can fly at a slower pace."""
 
     vehicle: str
     begin: Vec3
@@ -29,7 +28,7 @@ class StraightWay(NamedTuple):
 
 
 class Arrivals:
-    """The ways of an engine's phases, from the positions at which behaviors began (world, m)."""
+    """Finds values of `arrive` for an engine's phases, given where the behaviors began."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -37,15 +36,16 @@ class Arrivals:
         self._began: dict[tuple[str, str], Vec3] = {}
 
     def started(self, event: Event) -> None:
-        """Note the position at which a behavior begins, on each `behavior_started`."""
+        """Store the position (world, metres) at which a behavior begins. Called for each
+        `behavior_started`."""
         truth = self._vehicles[event.vehicle].truth
         if truth is not None:
             self._began[event.vehicle, str(event.fields["behavior"])] = truth.position
 
     def apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
-        """Return how the phase that flies two vehicles at once could keep them `needed` metres
-        apart. None where no phase flies them, it does so already, or one flies with its group,
-        whose members arrive together."""
+        """Return how the phase that flies both vehicles could keep them `needed` metres apart. None
+        if no phase flies them, if the phase does so already, or if one of them flies with its
+        group, whose members arrive together."""
         for flow in self._engine.plan.flows:
             running = self._engine.flows.running(flow.name)
             if not running.active or not {one.name, other.name} <= running.phase.run.keys():
@@ -76,8 +76,8 @@ class Arrivals:
 def arrival(
     phase: PhasePlan, one: StraightWay, other: StraightWay, needed: float
 ) -> Arrival | None:
-    """Return how the phase could keep two of its vehicles `needed` metres apart. None where it
-    can't, or where they arrive in turns already."""
+    """Return how the phase could keep two of its vehicles `needed` metres apart. None if it can't,
+    or if they arrive in turns already."""
     if phase.arrive == "in_turns":
         return None
     if one.end is None or other.end is None:
@@ -97,7 +97,8 @@ def arrival(
 
 
 def _in_turns(first: StraightWay, second: StraightWay) -> float:
-    """The least distance between two vehicles where the first flies before the second."""
+    """Return the least distance between two vehicles, metres, if the second one starts only when
+    the first one has arrived."""
     assert first.end is not None
     assert second.end is not None
     ahead = least_distance(sub(first.begin, second.begin), sub(first.end, second.begin))

@@ -1,7 +1,7 @@
-"""What a rehearsal finds, as diagnostics: KYB470 to KYB482.
+"""The findings of a rehearsal as diagnostics: KYB470 to KYB482.
 
-A function a code. `watch` says when; here it is put into words at the mission line of the vehicle
-that does it, with notes on the others that have a part in it.
+There is a function per code. `watch` decides that something is wrong; a function here describes it
+at the mission line of the vehicle that causes it, with notes on the other vehicles involved.
 """
 
 from __future__ import annotations
@@ -18,8 +18,12 @@ _EMIT = "give a person's events at other times with `--emit NAME@TIME`"
 
 
 class Doing(NamedTuple):
-    """What a vehicle did when something was found: at `seconds` of the rehearsal and in `place` its
-    behavior `state` (a `part`), from the mission line `span`. waits_for: in words."""
+    """What a vehicle was doing when a problem was found.
+
+    state, part: its behavior and the behavior's part. span: the mission line of the state. seconds:
+    the time in the rehearsal. place: its position, m. waits_for: what it waits for, in words; may
+    be empty.
+    """
 
     vehicle: str
     state: str
@@ -44,11 +48,12 @@ class Doing(NamedTuple):
 
 
 Texts = Mapping[str, str]
-"""The text of each file of the mission."""
+"""The contents of the mission's files, by file name."""
 
 
 def span_at(at: str, texts: Texts) -> Span:
-    """Return the span of the mission line `at`, a `file:line`, without what is blank around it."""
+    """Return the span of the mission line `at`, given as `file:line`, without surrounding
+    blanks."""
     file, _, number = at.rpartition(":")
     line = int(number) if number.isdigit() else 1
     lines = texts.get(file, "").split("\n")
@@ -58,8 +63,11 @@ def span_at(at: str, texts: Texts) -> Span:
 
 
 class Arrival(NamedTuple):
-    """How a `phase` that asks two vehicles for what brings them too close could keep them apart.
-    order: in words, where the turns must come otherwise than it is written."""
+    """How a `phase` that brings two vehicles too close could keep them apart.
+
+    ways: values of `arrive` that would do so. order: how to reorder the vehicles, in words; empty
+    if their order can stay.
+    """
 
     phase: str
     ways: tuple[str, ...]
@@ -155,7 +163,7 @@ def failed(own: Doing, why: str, *, answered: bool) -> Diagnostic:
 
 
 def refused(own: Doing, wanted: str, why: str, at: str, texts: Texts) -> Diagnostic:
-    """KYB475: it is refused."""
+    """KYB475: a vehicle refuses to enter a state."""
     return Diagnostic(
         "KYB475",
         f"`{own.vehicle}` refuses to enter `{wanted}` {own.when}",
@@ -190,7 +198,7 @@ def phase_timed_out(
     notes: tuple[str, ...],
     texts: Texts,
 ) -> Diagnostic:
-    """KYB476: a `within` runs out."""
+    """KYB476: a phase's `within` runs out."""
     after = "" if limit is None else f" of {format_quantity(limit, DURATION)}"
     return Diagnostic(
         "KYB476",
@@ -204,8 +212,11 @@ def phase_timed_out(
 
 
 class Waiting(NamedTuple):
-    """A flow in a `phase`, or a vehicle in a state, that the mission's end waits for. waits_for: in
-    words."""
+    """A flow in a phase, or a vehicle in a state, that keeps the mission from ending.
+
+    phase: the name of the phase or state. at: its mission line. waits_for: what it waits for, in
+    words.
+    """
 
     name: str
     phase: str

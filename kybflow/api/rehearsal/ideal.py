@@ -1,9 +1,9 @@
-"""The plan of a rehearsal: the mission on ideal vehicles.
+"""Makes the plan of a rehearsal: the mission on ideal vehicles.
 
 Every driver becomes `kinematic`. Estimators become TrueState and trackers PassOn, with the names
-and options of the originals. The plan leaves out sensors and faults; where there are faults, also
-the expectations, which may be about them. Processors, supervisors, behaviors and flows stay. An
-input that a person moves rests at its centre.
+and options of the originals. Sensors and faults are left out; if the mission has faults, so are the
+expectations, which may be about them. Processors, supervisors, behaviors and flows stay. An input
+that a person moves rests at its centre.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from kybflow.parts import Estimator, Tracker
 from kybflow.world.vehicle_context import VehicleContext
 
 RATE = 25
-"""Control rate, Hz: enough for ideal vehicles, and every finding lasts longer than a period."""
+"""Control rate, Hz: high enough for ideal vehicles, as every finding lasts longer than a period."""
 _KINDS = {
     SetpointKind.POSITION: CommandKind.POSITION,
     SetpointKind.VELOCITY: CommandKind.VELOCITY,
@@ -40,7 +40,7 @@ _KINDS = {
 
 
 class TrueState(Estimator[Any]):
-    """Returns the vehicle's odometry, which is exact and has no delay."""
+    """Returns the vehicle's odometry, which is exact and without delay."""
 
     needs = frozenset({Odometry})
 
@@ -53,7 +53,7 @@ class TrueState(Estimator[Any]):
 
 
 class PassOn(Tracker[Any]):
-    """Turns each setpoint into a command unchanged."""
+    """Passes each setpoint on unchanged as a command."""
 
     accepts = frozenset(_KINDS)
     emits = CommandKind.POSITION
@@ -83,7 +83,8 @@ def ideal(plan: Plan) -> Plan:
 
 
 def at_rest(plan: Plan) -> dict[str, str]:
-    """Return a record with all axes centred for each input that a person moves, by name."""
+    """Return, for each input that a person moves, a recorded table with all axes centred, by input
+    name."""
     found = {}
     for own in plan.inputs:
         if own.part.cls.real_time(own.part.params):

@@ -1,10 +1,10 @@
 """Gives a rehearsal the events that a person would give.
 
-A state whose behavior is endless waits for events, and so does a phase all of whose vehicles are in
-such states. After two seconds of waiting, the person gives it the first event that it has not been
-given before, so that a mission that loops on a button ends at last. Where everything waits, the
-person also gives the events of callbacks. Events with a time of their own (`--emit`) and buttons of
-an input that a file moves are never given.
+A state whose behavior is endless waits for events, and so does a phase if all its vehicles are in
+such states. When a state or phase has waited two seconds, the person gives the first of its events
+not yet given to it, so that a mission that loops on a button ends at last. If everything waits, the
+person also gives the events of callbacks. The person never gives events that have a scheduled time
+(`--emit`), nor buttons of an input that is replayed from a file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ AFTER = 2 * NS
 
 
 class Assumed(NamedTuple):
-    """An event that the rehearsal gave. waiting: the state or phase that waited for it."""
+    """An event that the rehearsal gave in place of a person. waiting: the state or phase that
+    waited for it."""
 
     seconds: float
     name: str
@@ -35,7 +36,7 @@ class Assumed(NamedTuple):
 
 
 class _Listener(NamedTuple):
-    """A state or phase that waits, with the person's events that lead on."""
+    """A waiting state or phase, and the events by which a person could end it."""
 
     name: str
     events: tuple[str, ...]
@@ -43,7 +44,7 @@ class _Listener(NamedTuple):
 
 
 class Person:
-    """An observer of the engine. assumed: the events given so far."""
+    """An observer of the engine that acts as the person. assumed: the events given so far."""
 
     def __init__(self, plan: Plan, commands: CommandQueue, emitted: Iterable[str]) -> None:
         self.assumed: list[Assumed] = []
@@ -72,7 +73,7 @@ class Person:
             if event is not None:
                 self._given.add((name, event))
                 self._give(event, name, engine)
-                return  # one event a tick, because it may change who waits
+                return  # one event per tick, because it may change what waits
 
     def _waiting(self, engine: Engine) -> Iterator[_Listener]:
         resting = {v.name: v for v in engine.vehicles if _waits(v)}
@@ -108,7 +109,7 @@ class Person:
 
 
 def _waits(vehicle: Vehicle) -> bool:
-    """Return whether a vehicle's behavior is endless."""
+    """Return whether a vehicle's current behavior is endless."""
     runner = vehicle.runner
     if not runner.begun:
         return False
@@ -120,12 +121,12 @@ def _waits(vehicle: Vehicle) -> bool:
 
 
 def _is_stuck(transitions: Iterable[TransitionPlan]) -> bool:
-    """Whether no transition fires by time or condition."""
+    """Return whether none of the transitions can fire by time or by a condition."""
     return all(t.implied or (t.when is None and t.after is None) for t in transitions)
 
 
 def _buttons(plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield each button of an input that a person moves, as its event and its mission line."""
+    """Yield (event, mission line) for each button of the inputs that a person moves."""
     for own in plan.inputs:
         if own.part.cls.real_time(own.part.params):
             buttons: Mapping[str, str] = own.button_names

@@ -1,4 +1,4 @@
-"""Flies a plan once on ideal vehicles, as fast as it can, and collects the findings."""
+"""Flies a plan once on ideal vehicles, as fast as possible, and collects the findings."""
 
 from __future__ import annotations
 
@@ -30,9 +30,12 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """The result of a rehearsal. diagnostics: in order. duration: of the mission, seconds.
-    separation: None for a single vehicle. charge: None where no vehicle has a battery. assumed: the
-    events that the rehearsal gave as a person would."""
+    """The result of a rehearsal.
+
+    diagnostics: the findings, sorted. duration: the mission's duration, s. separation: None for a
+    single vehicle. charge: None if no vehicle has a battery. assumed: the events that the rehearsal
+    gave in place of a person.
+    """
 
     mission: str
     target: str
@@ -53,10 +56,13 @@ def rehearse(
     options: Sequence[tuple[str, str]] = (),
     texts: Mapping[str, str] = NOTHING,
 ) -> Rehearsal:
-    """Rehearse `plan`. emitted: a person's events as (seconds, name), which are then not assumed.
-    options: changes of parts' parameters before take-off. texts: the mission's files, for the spans
-    of findings. Raises EventRefused for an event that nothing waits for, OptionRefused for an
-    option that can't be changed."""
+    """Rehearse `plan`.
+
+    emitted: a person's events as (seconds, name); the rehearsal then doesn't give these events
+    itself. options: parameters of parts to change before take-off, as (name, value). texts: the
+    mission's files, for the spans of findings. Raises EventRefused for an event that nothing waits
+    for, OptionRefused for an option that can't be changed.
+    """
     check_emitted(plan, (name for _, name in emitted))
     watch, commands = Watch(plan, texts), CommandQueue(emitted)
     person = Person(plan, commands, (name for _, name in emitted))
@@ -88,8 +94,8 @@ def _flown(
     options: Sequence[tuple[str, str]],
 ) -> tuple[float, tuple[Verdict, ...]]:
     """Fly the ideal plan to its end; return the duration in seconds and the verdicts of its
-    expectations. Raises RuntimeError where the watch or the person failed, because the findings are
-    then incomplete."""
+    expectations. Raises RuntimeError if the watch or the person failed, because findings may then
+    be missing."""
     failures: list[object] = []
 
     def note_failure(event: Event) -> None:

@@ -1,4 +1,4 @@
-"""A rehearsal as text for people, as JSON, and as a line of the preflight."""
+"""Formats a rehearsal as text for people, as JSON, and as a line of the preflight checks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def formatted(rehearsal: Rehearsal, texts: dict[str, str], format: str) -> Iterable[str]:
-    """Format a rehearsal as `text`, `json`, `sarif` or `github`."""
+    """Return a rehearsal's texts in a format: `text`, `json`, `sarif` or `github`."""
     from kybflow.api.findings.formats import to_annotation, to_sarif
 
     if format == "text":
@@ -28,7 +28,7 @@ def formatted(rehearsal: Rehearsal, texts: dict[str, str], format: str) -> Itera
 
 
 def reports(rehearsal: Rehearsal, texts: dict[str, str]) -> Iterator[str]:
-    """Yield a text for each finding, then the assumed events, then the figures."""
+    """Yield a text for each finding and each assumed event, then a line of figures."""
     yield from render_all(rehearsal.diagnostics, texts)
     for seconds, name, waiting in rehearsal.assumed:
         yield f"assumed: a person gives `{name}` at {seconds:.1f} s, for which {waiting} waits"
@@ -36,7 +36,8 @@ def reports(rehearsal: Rehearsal, texts: dict[str, str]) -> Iterator[str]:
 
 
 def _figures(rehearsal: Rehearsal) -> str:
-    """The duration, the least separation, the least charge and the number of findings."""
+    """Return the duration, least separation, least charge and number of findings, as a line of
+    text."""
     words = [f"{rehearsal.duration:.1f} s"]
     if rehearsal.separation is not None:
         metres, seconds, (one, other) = rehearsal.separation

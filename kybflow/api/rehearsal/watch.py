@@ -1,7 +1,7 @@
 """Watches a rehearsal and makes findings from its events and from the vehicles' positions.
 
-Each vehicle keeps the first error and the first warning of each state. After a finding, its
-built-in states make none, so that one mistake is reported once.
+For each vehicle and state it keeps the first error and the first warning. Once a vehicle has a
+finding, its built-in states add none, so that one mistake is reported once.
 """
 
 from __future__ import annotations
@@ -26,13 +26,15 @@ from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 NEARLY = 0.3
-"""Seconds before the time limit at which the unfinished flows and vehicles are noted."""
+"""How long before the time limit the unfinished flows and vehicles are noted, s."""
 LEFT = 0.01
-"""Metres outside the fence that are no rounding error."""
+"""Distance outside the fence above which a position counts as outside, m; less is rounding error.
+"""
 
 
 class LeastSeparation(NamedTuple):
-    """The least distance between two vehicles of which at least one flew."""
+    """The least distance between two vehicles of which at least one was flying, and when it
+    occurred."""
 
     metres: float
     seconds: float
@@ -40,7 +42,7 @@ class LeastSeparation(NamedTuple):
 
 
 class LeastCharge(NamedTuple):
-    """The least charge of a battery, from 0 to 1, and its vehicle."""
+    """The least battery charge, from 0 to 1, and its vehicle."""
 
     remaining: float
     vehicle: str
@@ -48,7 +50,7 @@ class LeastCharge(NamedTuple):
 
 class Watch:
     """Receives the events of a rehearsal, and observes its engine after every tick. separation,
-    charge: the least so far, None before the first."""
+    charge: the least values so far, None before the first."""
 
     def __init__(self, plan: Plan, texts: Texts) -> None:
         self.separation: LeastSeparation | None = None
@@ -77,7 +79,7 @@ class Watch:
         }
 
     def begin(self, engine: Engine) -> None:
-        """Start with an engine; call it before the engine runs."""
+        """Attach to an engine. Called before the engine runs."""
         self._engine, self._arrivals = engine, Arrivals(engine)
         self._handlers["behavior_started"] = self._arrivals.started
         self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
@@ -85,7 +87,8 @@ class Watch:
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """The findings so far. A collision of two vehicles replaces all others of the pair."""
+        """The findings so far. If two vehicles collide, only the collision is reported for this
+        pair."""
         hit = {key[1:] for key in self._found if key[0] == "KYB470"}
         return tuple(
             d for key, d in self._found.items() if key[0] == "KYB470" or key[1:] not in hit
@@ -97,9 +100,10 @@ class Watch:
             handler(event)
 
     def on_tick(self, engine: Engine) -> None:
-        """Check the vehicles' batteries, and their positions against the fence and each other."""
+        """Check the vehicles' batteries, and their positions against the fence and against each
+        other."""
         left = self._plan.time_limit - engine.seconds()
-        if 0.0 < left < NEARLY:  # before the engine lands what still flies
+        if 0.0 < left < NEARLY:  # before the engine lands the vehicles that still fly
             self._unfinished = (next(_unfinished(engine), None), self._states())
         places = {v.name: v.truth.position for v in engine.vehicles if v.truth is not None}
         before, self._before = self._before, places
@@ -116,7 +120,8 @@ class Watch:
         self._check_pairs(before, places)
 
     def _check_pairs(self, before: dict[str, Vec3], places: dict[str, Vec3]) -> None:
-        """Check every pair whose distance since the last tick may be a new least or too small."""
+        """Check each pair whose distance since the last tick may be too small or the least so
+        far."""
         known = [
             (vehicle, vehicle.airborne, places[vehicle.name], before[vehicle.name])
             for vehicle in self._vehicles.values()
@@ -130,7 +135,7 @@ class Watch:
                 self._check_gap(one, other, least_distance(sub(was, went), sub(here, there)))
 
     def end(self, engine: Engine) -> None:
-        """Make the findings of the end, after the engine has stopped."""
+        """Make the findings about the end. Called after the engine has stopped."""
         waiting, notes = self._unfinished
         if waiting is not None and engine.seconds() >= self._plan.time_limit:
             limit = self._plan.time_limit
@@ -221,7 +226,7 @@ class Watch:
         self._add_in(vehicle.runner.state, vehicle, found)
 
     def _switch_refused(self, event: Event) -> None:
-        """A flow or a callback requests a state that can't be entered."""
+        """Handle a state, requested by a flow or a callback, that can't be entered."""
         vehicle, wanted = self._vehicles[event.vehicle], str(event.fields["state"])
         if event.fields["by"] == "mission" or vehicle.name in self._wrong:
             return
@@ -267,7 +272,7 @@ class Watch:
         self._add(findings.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
 
     def _nearest(self, vehicle: Vehicle) -> Vehicle | None:
-        """Return the vehicle with the least horizontal distance to another."""
+        """Return the other vehicle at the least horizontal distance from `vehicle`, or None."""
         truths = {name: v.truth for name, v in self._vehicles.items()}
         places = {name: t.position[:2] for name, t in truths.items() if t is not None}
         place = places.pop(vehicle.name, None)
@@ -298,11 +303,11 @@ class Watch:
         return Doing(vehicle.name, state.name, part, span, seconds, place, waits_for)
 
     def _add(self, found: Diagnostic, *about: str) -> None:
-        """Keep the first finding of a code about what `about` names."""
+        """Keep a finding unless there is one with its code and the names `about`."""
         self._found.setdefault((found.code, *about), found)
 
     def _add_in(self, state: StatePlan, vehicle: Vehicle, found: Diagnostic) -> None:
-        """Keep the first finding of a severity about a vehicle in a state."""
+        """Keep a finding unless the vehicle has one of its severity in this state."""
         if state.built_in and vehicle.name in self._wrong:
             return
         self._wrong.add(vehicle.name)
@@ -310,7 +315,7 @@ class Watch:
 
 
 def _half_needed(vehicle: Vehicle) -> float:
-    """Half of the distance at which the rotor discs of two such vehicles don't overlap, m."""
+    """Return half the distance at which the rotor discs of two equal vehicles don't overlap, m."""
     frame = vehicle.context.airframe
     return frame.arm + 0.5 * frame.rotor_radius
 
@@ -320,7 +325,7 @@ def _needed(one: Vehicle, other: Vehicle) -> float:
 
 
 def _rest_together(one: Vehicle, other: Vehicle) -> bool:
-    """Whether two vehicles rest on each other that started apart."""
+    """Return whether two vehicles that started apart rest on each other."""
     a, b = one.truth, other.truth
     if a is None or b is None or one.airborne or other.airborne:
         return False
@@ -330,7 +335,8 @@ def _rest_together(one: Vehicle, other: Vehicle) -> bool:
 
 
 def _steers(state: StatePlan) -> bool:
-    """Whether an input steers in this state, so that a person decides what the vehicle does."""
+    """Return whether an input steers in this state, so that a person decides what the vehicle
+    does."""
     return bool(named_in(state.behavior.params, "input"))
 
 
@@ -339,12 +345,12 @@ def _is_steered(vehicle: Vehicle) -> bool:
 
 
 def _answers(transitions: Iterable[TransitionPlan]) -> bool:
-    """Whether the mission says what follows a failure."""
+    """Return whether the mission defines what follows a failure."""
     return any(t.cause == "failed" and not t.implied for t in transitions)
 
 
 def _unfinished(engine: Engine) -> Iterator[Waiting]:
-    """Yield the flows and the vehicles that keep the mission from ending."""
+    """Yield the flows and vehicles that keep the mission from ending."""
     for plan in engine.plan.flows:
         flow = engine.flows.running(plan.name)
         if flow.active:
@@ -358,7 +364,7 @@ def _unfinished(engine: Engine) -> Iterator[Waiting]:
 
 
 def _awaits(transitions: Iterable[TransitionPlan]) -> str:
-    """Describe what ends a state or a phase."""
+    """Return a description of what ends a state or phase."""
     words = []
     for one in transitions:
         if one.implied:

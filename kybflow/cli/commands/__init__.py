@@ -1,6 +1,6 @@
-"""The commands. Each is the function `command` of the module of its name; its signature declares
-the parameters. A package is a command with subcommands; its docstring is the help. `COMMANDS` has
-the order of the help."""
+"""The commands. A command is the function `command` in the module of its name; the function's
+signature declares the parameters. A package is a command with subcommands, and its docstring is
+their help text. `COMMANDS` lists the commands in the order of the help."""
 
 COMMANDS = (
     "run", "command", "validate", "rehearse", "test", "preflight", "record-input", "explain",

@@ -90,7 +90,8 @@ def command(
 
 
 def _chosen(name: str | None, known: Iterable[str], what: str, option: str) -> str:
-    """Return the named one of `known`, or the only one where no name is given."""
+    """Return `name` if it is among `known`; without a name, the only one of `known`. Raises
+    BadParameter."""
     names = list(known)
     if name is not None and name not in names:
         raise unknown(f"there is no {what}", name, names, option)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STATE, WATCH = "state", "watch"
 SETTINGS = {"ignore_unknown_options": True}
-"""Values such as `-0.5m` are no options of the command line."""
+"""Lets values such as `-0.5m` pass as arguments, although they look like options."""
 _TO_VEHICLES = ("pause", "resume", "reset", "land")
 
 
@@ -118,7 +118,8 @@ def _watch(client: RunClient, *, as_json: bool) -> None:
 
 
 def described(situation: Mapping[str, Any]) -> Iterator[str]:
-    """Describe the state of a run and its legal commands in lines. situation: as in JSON."""
+    """Yield lines that describe a run's state and legal commands. situation: the decoded JSON of
+    `state`."""
     holder = situation["holder"]
     commander = f"commanded by {holder}" if holder else "no client holds the lease"
     flying = "" if situation["flying"] else ", preflight"
@@ -146,7 +147,7 @@ _HELD = {
     "retired": "landing for the rest of the run: {}",
     "driver": "driven by the flow {}",
 }
-"""Why a vehicle doesn't follow its state."""
+"""The reasons why a vehicle doesn't follow its state."""
 
 
 def _vehicle(vehicle: Mapping[str, Any]) -> Iterator[str]:
@@ -175,7 +176,7 @@ def _vehicle(vehicle: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _entries(enter: Mapping[str, str | None], what: str) -> Iterator[str]:
-    """Yield what may be entered, then the rest by the reason why not."""
+    """Yield a line with what may be entered, then a line for each reason why the rest may not."""
     reasons = grouped((reason or "", name) for name, reason in enter.items())
     if legal := reasons.pop("", None):
         yield f"  {what} {', '.join(legal)}"

@@ -59,8 +59,8 @@ def command(
 
 
 def table(lines: Sequence[PreflightResult]) -> list[str]:
-    """Format the lines in columns: red or green, vehicle, check, reason, mission line; below a line
-    the table of its reason."""
+    """Format the results as columns: red or green, vehicle, check, reason and mission line. A table
+    in a reason follows below its line."""
     rows = [
         (
             "green" if line.green else "RED  ",

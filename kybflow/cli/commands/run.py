@@ -114,7 +114,7 @@ def command(
 def _rehearse(
     plan: Plan, result: Result, emits: Sequence[Emitted], options: Sequence[Change]
 ) -> None:
-    """Rehearse a plan and print the findings. Exits with INVALID where one is an error."""
+    """Rehearse a plan and print the findings. Exits with INVALID if one is an error."""
     from kybflow.api.rehearsal.rehearse import rehearse
     from kybflow.api.rehearsal.report import reports
 
@@ -136,9 +136,11 @@ def fly_plan(
     report: bool = True,
     serves: bool = False,
 ) -> int:
-    """Fly a plan, show it, write its report and return the exit code. live: show it in the drivers'
-    own window. plain: print events as lines also on a terminal. serves: accept `kybflow
-    command`."""
+    """Fly a plan, show its progress, write its report and return the exit code.
+
+    live: whether to show the flight in the drivers' own window. plain: whether to print events as
+    lines even on a terminal. serves: whether to accept `kybflow command`.
+    """
     from kybflow.api.flight import fly
     from kybflow.api.opening import with_window
     from kybflow.cli.printing.run import outcome, sentence
@@ -174,7 +176,7 @@ def fly_plan(
 
 
 def _panel(plan: Plan) -> LivePanel:
-    """Make the table of the flight, with keys below it where no input reads the keyboard."""
+    """Return the table of the flight, with keys below it unless an input reads the keyboard."""
     from kybflow.cli.printing.live import LivePanel
 
     person = None
@@ -188,7 +190,7 @@ def _panel(plan: Plan) -> LivePanel:
 
 
 def _report(flown: Flown, out: Callable[[str], None], err: Callable[[str], None]) -> int:
-    """Write the report and return the exit code. The outcome is printed before, because plotly is
+    """Write the report and return the exit code. The outcome is printed first, because plotly is
     slow."""
     try:
         from kybflow.report.page import write_report

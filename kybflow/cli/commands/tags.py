@@ -89,7 +89,7 @@ def _way_out(
 def _requested(
     mission: Path | None, ids: str | None, size: str | None, family: str | None
 ) -> dict[tuple[str, float], list[int]]:
-    """Return the numbers of the tags to print by family and size (m), the largest first."""
+    """Return the ids of the tags to print, by family and size (m), largest first."""
     if mission is None:
         if ids is None or size is None:
             raise wrong(None, "give a MISSION, or --ids and --size")
@@ -108,7 +108,7 @@ def _requested(
 
 
 def _numbers(text: str, family: str) -> list[int]:
-    """Parse the numbers of `0-9,12`, which must be in the family."""
+    """Parse ids such as `0-9,12`. All must be in the family."""
     from kybflow.vision.families import FAMILIES
 
     if family not in FAMILIES:

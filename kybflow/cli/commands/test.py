@@ -77,7 +77,7 @@ def command(
         with progress(screen, len(cases)) as done:
             results = run_cases(cases, jobs or os.cpu_count() or 1, done)
     finally:
-        with suppress(OSError):  # it holds kept flights
+        with suppress(OSError):  # not empty: it holds kept flights
             folder.rmdir()
     coverage = coverage_of(results)
     show_table(screen, results, coverage)

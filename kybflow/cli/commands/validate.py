@@ -21,8 +21,8 @@ def command(
 ) -> None:
     """Check missions without flying them.
 
-    In a folder and below, it checks the YAML files with `kybflow`, `mission` or `library` at the
-    top level, except in hidden folders and run folders.
+    Folders are searched recursively for YAML files with `kybflow`, `mission` or `library` at the
+    top level; hidden folders and run folders are skipped.
 
     \b
     Exit codes:

@@ -1,8 +1,8 @@
 """The commands that are legal now, each with its key.
 
-A few letters have the same meaning in every run. Events, states and phases of the mission get
-digits and then the other letters in order, and keep them, so that no key changes its meaning while
-a person presses it.
+A few letters have the same meaning in every run. Events, states and phases of the mission get the
+digits and then the other letters, in order. They keep their keys, so that no key changes its
+meaning while a person presses it.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ FIXED: dict[str, Order] = {
     "s": Stop(""),
 }
 AT_ONCE = (PauseOrder, LandOrder)
-"""The orders that act at once; all others wait for Enter."""
+"""The orders that are sent at once; all others wait for Enter."""
 KEYS = tuple(key for key in string.digits[1:] + string.ascii_letters if key not in FIXED)
 _OF_ANY_VEHICLE = frozenset({"hover", "auto_home"})
-"""The built-in states with a key; `land` and the failsafes lead to the others."""
+"""The built-in states that have a key. `land` and the failsafes lead to the others."""
 
 
 class Offer(NamedTuple):
-    """A command that is legal now. group: empty, `events`, a vehicle or a flow. key: empty where
-    there are more commands than keys."""
+    """A command that is legal now. group: empty, `events`, a vehicle or a flow. key: empty if all
+    keys are taken."""
 
     group: str
     name: str
@@ -51,8 +51,8 @@ class Offer(NamedTuple):
 
 
 class OfferedKeys:
-    """Assigns keys to commands. Where there are more commands than keys, a new one takes the key of
-    the command that has been illegal for longest, at least `rest` seconds."""
+    """Assigns keys to commands. If all keys are taken, a new command takes the key of the one that
+    has been illegal for longest, provided that this is more than `rest` seconds."""
 
     def __init__(self, rest: float = 10.0) -> None:
         self._rest = rest
@@ -60,7 +60,7 @@ class OfferedKeys:
         self._legal: dict[Order, float] = {}
 
     def assign(self, situation: Situation, now: float) -> tuple[Offer, ...]:
-        """Return the commands that are legal at `now` (s), with their keys."""
+        """Return the commands that are legal at time `now` (s), with their keys."""
         free = [key for key in KEYS if key not in self._keys.values()]
         legal = []
         for offer, is_legal in _known(situation):
@@ -102,12 +102,12 @@ def _fixed(situation: Situation) -> Iterator[Offer]:
 
 
 def _known(situation: Situation) -> Iterator[tuple[Offer, bool]]:
-    """Yield every possible command, and whether it is legal now."""
+    """Yield every possible command except the fixed ones, and whether it is legal now."""
     for name, waits in situation.emit.items():
         if name not in COMMANDS:
             yield Offer("events", name, Emit(name)), waits
     for vehicle in situation.vehicles:
-        states: dict[str, bool] = {}  # a chain by its own name
+        states: dict[str, bool] = {}  # a chain counts as one state
         for state, reason in vehicle.enter.items():
             if state not in BUILT_IN or state in _OF_ANY_VEHICLE:
                 states.setdefault(state.partition(".")[0], reason is None)

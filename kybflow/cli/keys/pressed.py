@@ -1,4 +1,4 @@
-"""Decodes the bytes of a terminal to pressed keys."""
+"""Decodes the bytes of a terminal into pressed keys."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ _PASTE, _PASTED = "\x1b[200~", "\x1b[201~"
 _UNIT = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO[^\x1b]|\x1b[^\[O\x1b]|\x1b(?=\x1b)|[^\x1b]", re.DOTALL
 )
-"""A named key such as an arrow, a key with Alt, an escape before another one, or a letter."""
+"""One of: a named key such as an arrow, a key pressed with Alt, an escape before another escape, or
+a letter."""
 _NAMED = {"\r": ENTER, "\n": ENTER, "\x1b": ESCAPE}
 
 
 class PressedKeys:
-    """Splits the bytes of a terminal into keys. Arrows, function keys and pasted text are ignored,
-    so that pasting gives no command."""
+    """Decodes the bytes of a terminal. Arrows, function keys and pasted text are ignored, so that
+    pasting sends no command."""
 
     def __init__(self) -> None:
         self._rest = ""

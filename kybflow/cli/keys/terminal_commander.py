@@ -1,7 +1,7 @@
-"""Gives the commands of the person at the run's own terminal.
+"""Sends the commands typed at the run's own terminal.
 
-The keys of `pause` and `land` act at once. Every other key chooses an order, which the line below
-the keys shows and Enter gives, so that a wrong key moves no vehicle.
+The keys for `pause` and `land` act at once. Every other key only selects a command, which is shown
+in the line below the keys and sent by Enter. A wrong key therefore moves no vehicle.
 """
 
 from __future__ import annotations
@@ -22,19 +22,20 @@ from kybflow.runtime.commanding.situation import Situation
 BY = "terminal"
 """The commander's name in the record and for other clients."""
 SHOWN_FOR = 10.0
-"""Seconds for which a choice waits for Enter and a message is shown."""
+"""Seconds that a selected command waits for Enter, and that a message is shown."""
 
 
 class KeyMessage(NamedTuple):
-    """The line below the keys, of the kind `asked`, `accepted` or `refused`."""
+    """The line below the keys. kind: `asked`, `accepted`, `refused` or empty."""
 
     text: str
     kind: str
 
 
 class TerminalCommander:
-    """Give `fly` its `serve` as a server. The display calls `read_keys` often and `update` before
-    it draws. offers: the legal commands at the last update. read: returns the time, s."""
+    """Reads keys and sends their commands. Pass its `serve` to `fly` as a server. The display calls
+    `read_keys` often, and `update` before it draws. offers: the commands that were legal at the
+    last update. read: returns the time, s."""
 
     def __init__(self, terminal: Terminal, read: Callable[[], float] = time.monotonic) -> None:
         self.offers: tuple[Offer, ...] = ()
@@ -48,7 +49,7 @@ class TerminalCommander:
 
     @contextmanager
     def serve(self, commands: CommandQueue, folder: Path) -> Iterator[None]:
-        """Give commands to the run until the context ends."""
+        """Send commands to the run until the context ends."""
         self._commands = commands
         with self._terminal:
             try:
@@ -57,7 +58,7 @@ class TerminalCommander:
                 self._commands, self.offers = None, ()
 
     def read_keys(self) -> bool:
-        """Handle the keys pressed since the last call; return whether there were any."""
+        """Handle the keys pressed since the last call. Return whether there were any."""
         if self._commands is None:
             return False
         keys = self._pressed.read(self._terminal.read())
@@ -66,20 +67,20 @@ class TerminalCommander:
         return bool(keys)
 
     def update(self, situation: Situation) -> None:
-        """Update the offers."""
+        """Update `offers` from the situation of the run."""
         if self._commands is not None:
             self._holder = situation.holder
             self.offers = self._offered.assign(situation, self._read())
 
     @property
     def message(self) -> KeyMessage:
-        """The question about a choice, or the last answer."""
+        """The prompt to confirm the selected command, or else the answer to the last command."""
         if self._read() > self._until:
             self._chosen, self._message = None, KeyMessage("", "")
         return self._message
 
     def _press(self, key: str) -> None:
-        """Choose, confirm or cancel an order. A choice expires."""
+        """Handle a key: select, send or cancel a command. A selection expires after `SHOWN_FOR`."""
         chosen = self._chosen if self._read() <= self._until else None
         self._chosen = None
         if key == ENTER:

@@ -1,1 +1,1 @@
-"""What the commands print, as text for people."""
+"""Formats what the commands print for people."""

@@ -17,7 +17,7 @@ _ADVICE = {
     "mount position": "tilt the body to all sides while it is known where it is",
     "mount attitude": "tilt the body to all sides while it is known where it is",
 }
-"""How to walk for a kind of correction that is not observable."""
+"""How to move the camera so that a kind of correction becomes observable."""
 _UNKNOWN = "not observable"
 _COLUMNS = f"{'now':>12}{'correction':>14}{'spread':>13}"
 _LIMITS = {
@@ -27,11 +27,11 @@ _LIMITS = {
     "reference position": (0.02, "are these the poses of this body on this walk?"),
     "reference attitude": (0.05, "are these the poses of this body on this walk?"),
 }
-"""Standard deviations, in the unit of their kind, above which an uncorrected error is likely, and
-its likely cause."""
+"""For each kind of measurement, the standard deviation (in its unit) above which an uncorrected
+error is likely, and a question about the likely cause."""
 _METRES = frozenset({"survey", "reference position"})
 _SURE = 4.0
-"""Standard deviations of the prior above which a correction is doubtful."""
+"""Standard deviations of the prior above which a correction is reported as doubtful."""
 _AMISS = {
     "focal": "is it this camera?",
     "centre": "is it this camera?",
@@ -42,8 +42,8 @@ _AMISS = {
 
 
 class _Row(NamedTuple):
-    """A correction, in `unit`. is_told: whether the walk improves on the prior. kind: of the
-    correction."""
+    """A correction in `unit`. value: the corrected value. off: the correction. digits: decimals.
+    is_told: whether the walk improves on the prior. kind: the kind of correction."""
 
     name: str
     value: float | None
@@ -64,7 +64,8 @@ class _Row(NamedTuple):
 
 
 def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator[str]:
-    """Yield all corrections and doubts. read, total: the frames that were read, and all frames."""
+    """Yield lines about all corrections and doubtful results. read, total: the number of frames
+    that were used, and of all frames."""
     walk, adjusted = found.walk, found.adjusted
     seen, name = walk.seen, walk.camera.name
     yield f"frames: {len(walk.at)} of {read} show tags, out of {total}"

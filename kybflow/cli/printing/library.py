@@ -1,4 +1,4 @@
-"""The output of `kybflow library`: what packages ship, a file, or a name."""
+"""The output of `kybflow library`: everything that packages ship, one file, or one name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 
 _INSTALL = "setuptools installs none without `package-data`"
 _MOST_FILES = 200
-"""The most files of a folder to search."""
+"""The most files of a folder that are searched."""
 
 
 def list_shipped() -> str:
@@ -38,7 +38,7 @@ def list_shipped() -> str:
 
 
 def _contents(one: Shipped) -> Iterator[str]:
-    """Yield a line with a file's name, and a line for each kind of its entries."""
+    """Yield a line with a file's name and summary, then a line per section with its entries."""
     yield f"{one.name}  {one.summary}".rstrip()
     entries = one.entries()
     by_section = grouped((s, f"{name}{_signature(entry.value)}") for s, name, entry in entries)
@@ -49,8 +49,8 @@ def _contents(one: Shipped) -> Iterator[str]:
 
 
 def _signature(node: Node) -> str:
-    """Return the parameters of a chain or library in brackets with their defaults, empty for
-    none."""
+    """Return the parameters of a chain or library in brackets with their defaults; empty if there
+    are none."""
     parameters = entries_of(node.get("parameters")) if isinstance(node, Mapping) else {}
     shown = []
     for name, entry in parameters.items():
@@ -61,7 +61,8 @@ def _signature(node: Node) -> str:
 
 
 def show_shipped(name: str) -> str | None:
-    """Return the text of the file called `name`, or of every entry of that name; None for none."""
+    """Return the text of the file called `name`, or of every entry with that name; None if there is
+    none."""
     for one in (*libraries(), *missions()):
         if name in (one.name, one.name.removeprefix(f"{OWN}/")):
             return f"# {one.path}\n{one.source.text}".rstrip()
@@ -75,7 +76,7 @@ def show_shipped(name: str) -> str | None:
 
 
 def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
-    """Return the lines of an entry: a YAML block ends before the next line at its indentation."""
+    """Return the lines of an entry. It ends where the YAML indentation does."""
     key = entry.key.span
     first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]
     inside = list(itertools.takewhile(lambda line: line[: key.column].isspace() or not line, rest))
@@ -107,8 +108,9 @@ def show_file(path: Path) -> str:
 
 
 def show_import(name: str) -> str | None:
-    """List the library that a mission in the current folder, or a shipped one, imports as `name`,
-    or show its entry `name.ENTRY`. None where no mission has such an import."""
+    """Return a list of the library that is imported as `name`, or the text of its entry
+    `name.ENTRY`. The import is searched in the missions of the current folder, then in the shipped
+    ones; None if no mission has it."""
     alias, _, inner = name.partition(".")
     files = sorted(itertools.islice(Path().glob("*.yaml"), _MOST_FILES))
     here = (read_file(str(path), path) for path in files)

@@ -25,16 +25,17 @@ _LAST_EVENTS = 6
 _REDRAW = 0.1
 _HELD = {"pause": "paused", "brake": "braked", "pilot": "by pilot"}
 _FRAME, _LEAST_EVENTS = 6, 1
-"""Lines of the table beside those of vehicles, and the fewest events below the keys."""
+"""Lines of the table in addition to those of the vehicles, and the fewest events shown below the
+keys."""
 _LEFT = ("vehicle", "behavior")
 _GAP, _LABEL = 3, 10
-"""Letters between two keys, and of the column of group names."""
+"""Letters between two keys, and in the column of group names."""
 _STYLES = {"asked": "bold yellow", "accepted": "green", "refused": "bold red"}
 
 
 class LivePanel:
-    """A table of the flight, with the keys of the terminal's commander and the last events
-    below."""
+    """A table of the flight. Below it are the keys that the terminal's commander offers, and the
+    last events."""
 
     def __init__(self, console: Console, commander: TerminalCommander | None = None) -> None:
         self._console, self.commander = console, commander
@@ -56,7 +57,7 @@ class LivePanel:
         self._events.append(sentence(event))
 
     def on_tick(self, engine: Engine) -> None:
-        """Handle pressed keys; redraw ten times a second and after a key."""
+        """Handle pressed keys. Redraw after a key and ten times a second."""
         self._engine = engine
         pressed = self.commander is not None and self.commander.read_keys()
         if pressed or time.monotonic() - self._drawn >= _REDRAW:
@@ -92,7 +93,8 @@ class LivePanel:
 
 
 def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
-    """Return a vehicle's state, what holds it, and its measured values."""
+    """Return the cells of a vehicle: its name, its state and what holds it, and its measured
+    values."""
     estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.wanted
     wanted, hold = setpoint.position if setpoint is not None else None, vehicle.runner.hold
     held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
@@ -107,7 +109,7 @@ def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
 
 
 def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
-    """Return the distance to the nearest other vehicle by the estimates, and its name."""
+    """Return the distance to the nearest other vehicle according to the estimates, and its name."""
     others = ((other.estimate, other.name) for other in vehicles if other is not vehicle)
     own = vehicle.estimate
     if own is None:
@@ -118,7 +120,7 @@ def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
 
 
 def _below(engine: Engine) -> Iterator[str]:
-    """Yield the phases of active flows, then what vehicles wait for."""
+    """Yield a line with the phases of active flows, and one with what vehicles wait for."""
     running = (engine.flows.running(flow.name) for flow in engine.plan.flows)
     phases = [
         f"{one.plan.name} {one.phase.name} {(engine.clock.now - one.entered) / NS:.0f} s"
@@ -137,8 +139,8 @@ def _below(engine: Engine) -> Iterator[str]:
 def keys_drawn(
     offers: Sequence[Offer], message: KeyMessage, width: int, most: int
 ) -> Iterator[Text]:
-    """Yield at most `most` lines of `width` letters: the offers by group, then the message about
-    the last key."""
+    """Yield at most `most` lines of `width` letters: the offers by group, then the commander's
+    message."""
     groups = grouped((offer.group, offer) for offer in offers)
     lines: list[Text] = []
     for name, members in groups.items():

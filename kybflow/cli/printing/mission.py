@@ -41,7 +41,7 @@ from kybflow.flight.loops.margins import in_words
 
 
 def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
-    """Summarise a mission: its parameters, its vehicles with their states, then the rest."""
+    """Summarise a mission: its parameters, its vehicles with their states, then everything else."""
     lines = [f"{plan.mission}, on {plan.target}", *filter(None, [plan.summary])]
     if parameters:
         rows = [(name, shown_parameter(parameter)) for name, parameter in parameters.items()]
@@ -86,7 +86,7 @@ def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
 
 
 def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
-    """Yield the gains and the stability margins of the position loop, where they are known."""
+    """Yield the gains and the stability margins of the position loop, if they are known."""
     driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
     inner = driver.cls.inner_loop(driver.params, airframe)
     outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
@@ -103,7 +103,7 @@ def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
 
 
 def _loosened(part: PartPlan) -> Iterator[str]:
-    """Yield the safety parameters of a part that are less strict than their defaults."""
+    """Yield each safety parameter of a part that is less strict than its default."""
     declaration: Any = type(part.params)
     for field in fields_of(declaration):
         own = getattr(part.params, field.name)
@@ -113,7 +113,7 @@ def _loosened(part: PartPlan) -> Iterator[str]:
 
 
 def _ways(transitions: Iterable[TransitionPlan]) -> str:
-    """Return the declared transitions in brackets."""
+    """Return the declared transitions in brackets; empty if there are none."""
     ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in transitions if not way.implied)
     return f" ({ways})" if ways else ""
 
@@ -137,7 +137,7 @@ def _point(point: Vec3) -> str:
 
 
 def _input(own: InputPlan) -> str:
-    """`stick: gamepad (a is take; dead man: right_shoulder)`."""
+    """Format an input, such as `stick: gamepad (a is take; dead man: right_shoulder)`."""
     renamed = [f"{button} is {name}" for button, name in own.button_names.items() if button != name]
     held = [] if own.dead_man is None else [f"dead man: {own.dead_man}"]
     known = "; ".join((*renamed, *held))
@@ -145,8 +145,8 @@ def _input(own: InputPlan) -> str:
 
 
 def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list[str]]:
-    """Return the heading of a flow, and a line for each phase: the states, options and vehicles
-    that it sets, and its transitions."""
+    """Return the heading of a flow, and a line per phase: the states, options and vehicles that it
+    sets, and its transitions."""
     rows, names = [], {of: name for name, of in groups.items()}
     for name, phase in flow.phases.items():
         states = grouped(
@@ -163,7 +163,7 @@ def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list
 
 
 def _goal(state: str, values: Values) -> str:
-    """Return a state with its entry values (SI)."""
+    """Return a state with the values with which it is entered (SI)."""
     shown = ", ".join(f"{name} {_number(value)}" for name, value in values)
     return f"{state} with {shown}" if shown else state
 
@@ -176,7 +176,7 @@ def _number(value: Any) -> str:
 
 
 def _callback(callback: CallbackPlan) -> str:
-    """`d.battery_low, when elapsed > 3 s: stop`."""
+    """Format a callback, such as `d.battery_low, when elapsed > 3 s: stop`."""
     whose = ", ".join(filter(None, callback.vehicles))
     words = [f"{whose}.{callback.event}" if whose else callback.event] if callback.event else []
     words += [f"{name} {value}" for name, value in callback.fields]
@@ -211,7 +211,7 @@ def _action(action: ActionPlan) -> str:
 
 
 def _fault(fault: FaultPlan) -> str:
-    """`wind on mk, when behavior == square, for 3 s`."""
+    """Format a fault, such as `wind on mk, when behavior == square, for 3 s`."""
     words = [f"{fault.part.name} on {fault.vehicle}"]
     if fault.time is not None:
         words.append(f"at {quantity(fault.time, DURATION)}")

@@ -1,4 +1,4 @@
-"""What `kybflow parts` prints: all parts, one of them, or the page docs/parts.md."""
+"""The output of `kybflow parts`: all parts, one part, or the page docs/parts.md."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from kybflow.parts.event_table import event_table
 from kybflow.world.vehicle_context import Airframe
 
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
-"""The kinds whose parameters can't change during a run."""
+"""The kinds of parts whose parameters can't change during a run."""
 
 
 def list_parts(catalog: Catalog) -> str:
-    """List every part by kind, with its summary."""
+    """Return a list of all parts by kind, with their summaries."""
     blocks = []
     for kind in catalog.kinds():
         if specs := [catalog.get(kind, name) for name in catalog.names(kind)]:
@@ -31,7 +31,7 @@ def list_parts(catalog: Catalog) -> str:
 
 
 def show_part(catalog: Catalog, name: str) -> str:
-    """Return the documentation of every part called `name`, empty for none."""
+    """Return the documentation of every part called `name`; empty if there is none."""
     kinds = [kind for kind in catalog.kinds() if name in catalog.names(kind)]
     return "\n\n".join("\n".join(_part(catalog.get(kind, name))) for kind in kinds)
 
@@ -54,8 +54,8 @@ def _cells(field: Field) -> tuple[str, str, str, str, str]:
 
 
 def page() -> str:
-    """Return `docs/parts.md` from the template `parts.md`. It has only kybflow's own parts, so that
-    the page is the same on every machine."""
+    """Return `docs/parts.md`, made from the template `parts.md`. It contains only kybflow's own
+    parts, so that it is the same on every machine."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     catalog = own_catalog()
@@ -77,7 +77,7 @@ def page() -> str:
 
 
 def _types() -> Iterator[tuple[str, ...]]:
-    """Yield the dimension, name, values, units and an example of each type with a unit."""
+    """Yield the dimension, name, values, units and an example of each type that has a unit."""
     shapes = {float: "a number", Vec3: "`[x, y, z]`", tuple[Vec3, ...]: "`[[x, y, z], ...]`"}
     for name, hint in vars(units).items():
         if get_origin(hint) is Annotated:
@@ -99,7 +99,7 @@ def _in_flight(field: Field) -> str:
 
 
 def _facts(spec: PartSpec) -> Iterator[str]:
-    """Yield the facts that the class declares beside its parameters."""
+    """Yield the facts that a part's class declares in addition to its parameters."""
     cls: Any = spec.cls
     if spec.kind == "behaviors":
         yield ", ".join(f"{leg.start.value} → {leg.end.value}" for leg in cls.flight)
@@ -138,7 +138,7 @@ def _kinds(kinds: Iterable[MeasurementKind]) -> str:
 
 
 def _values(members: Iterable[Enum]) -> str:
-    """Return the members' values in the order of their declaration."""
+    """Return the members' values in order of declaration."""
     kept = set(members)
     found = [member for kind in {type(m): None for m in kept} for member in kind if member in kept]
     return ", ".join(str(member.value).replace("_", " and ") for member in found)

@@ -1,4 +1,4 @@
-"""The output of `kybflow run`: events as lines, then the outcome."""
+"""The output of `kybflow run`: a line per event, then the outcome."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _QUIET_FIELDS = frozenset({"behavior", "part"})
 
 
 def sentence(event: Event) -> str:
-    """Format an event as a line, `  3.24 s  mk     behavior_started up (take_off)`, with the tables
-    of its fields below. The outcome has the reason of the run's end."""
+    """Format an event as a line, `  3.24 s  mk     behavior_started up (take_off)`, followed by any
+    tables in its fields. The event `run_ended` omits its reason, which is part of the outcome."""
     fields = dict(event.fields)
     words = [event.name]
     if "behavior" in fields:
@@ -39,7 +39,8 @@ def _short(value: object) -> str:
 
 
 def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
-    """Yield the lines after a run. has_pace: whether its clock may differ from real time."""
+    """Yield the lines printed after a run. has_pace: whether its clock may differ from real
+    time."""
     summary = flown.summary
     for expectation in summary["expectations"]:
         mark = "held  " if expectation["held"] else "FAILED"

@@ -1,5 +1,5 @@
 """The output of `kybflow test`: a progress bar on a terminal, the failures, a table of the
-missions, and the states and transitions that no flight has taken."""
+missions, and the states and transitions that no flight took."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from kybflow.campaigns.coverage import Coverage
 
 @contextmanager
 def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
-    """Show a progress bar on a terminal. Yields the function to call after each flight, which
-    prints failures, also where there is no bar."""
+    """Show a progress bar on a terminal. Yield the function to call after each flight; it prints
+    failures even if there is no bar."""
 
     def show(text: str) -> None:
         console.print(text, markup=False, soft_wrap=True)
@@ -45,7 +45,8 @@ def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], 
 def show_table(
     console: Console, results: Sequence[FlightResult], coverage: dict[Path, Coverage]
 ) -> None:
-    """Print the passed flights and the coverage of each mission, then what no flight has taken."""
+    """Print the number of passed flights and the coverage of each mission, then what no flight
+    took."""
     table = Table(box=None, pad_edge=False)
     for heading in ("mission", "passed", "states and transitions taken"):
         table.add_column(heading, overflow="fold")

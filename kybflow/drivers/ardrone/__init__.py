@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 TRACKER = {"use": "tilt_climb"}
 CLIMB_TIME = 1.0 / 1.4
-"""Seconds; tum_ardrone predicts the climb with 1.4 1/s (Engel, Sturm and Cremers, IROS 2012)."""
+"""Time constant of the climb rate, seconds; tum_ardrone predicts the climb with 1.4 1/s (Engel,
+Sturm and Cremers, IROS 2012)."""
 DEAD_TIME = 0.005
 
 
@@ -48,8 +49,8 @@ class Ardrone(Driver[ArdroneParams]):
 
     @classmethod
     def inner_loop(cls, params: ArdroneLinkParams, airframe: Airframe) -> InnerLoop:
-        """The airframe's loop behind a radio link, where a command waits half a period on
-        average."""
+        """Return the airframe's loop, commanded over a radio link in which a command waits half a
+        period on average."""
         late = params.latency + 0.5 / params.rate
         loop, lag = airframe.attitude_loop, airframe.rotor_time
         return InnerLoop(loop, lag, 0.0, DEAD_TIME, late, climb_time=CLIMB_TIME)

@@ -2,7 +2,7 @@
 
 A drone opens its own network, in which its address is 192.168.1.1. Several drones on one computer
 must share a network. The shell is BusyBox as root, without a password. A power cycle undoes the
-change, which also helps if a drone doesn't appear in the new network. The drone can join only open
+change, and is the remedy if a drone doesn't appear in the new network. The drone can join only open
 networks, since it has no WPA.
 """
 
@@ -27,8 +27,8 @@ _ESCAPES = re.compile(rb"\x1b\[[0-9;]*[A-Za-z]")
 
 
 def join_lines(ssid: str, address: str, netmask: str = "255.255.255.0") -> list[str]:
-    """Return the shell commands. Raises DriverError if the network name or the address is
-    invalid."""
+    """Return the shell commands that join a network. Raises DriverError if the network name or the
+    address is invalid."""
     if not 1 <= len(ssid.encode("utf-8")) <= 32 or not ssid.isprintable():
         raise DriverError(f"{ssid!r} is no network name; use 1 to 32 printable bytes")
     try:
@@ -73,7 +73,7 @@ def _await_prompt(shell: socket.socket) -> None:
 
 
 def _plain(received: bytes) -> bytes:
-    """Return the text without telnet's negotiation, which needs no answer."""
+    """Return the received text without telnet's negotiation, which needs no answer."""
     out, at = bytearray(), 0
     while at < len(received):
         if received[at] != _IAC:

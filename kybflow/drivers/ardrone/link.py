@@ -1,8 +1,8 @@
 """The link to one drone, and the session that holds the links of a run.
 
 `control.flight` decides which commands to send, `control.configuring` writes the configuration,
-`control.round_trips` measures the delay, `telemetry` decodes navigation data, and `transport`
-carries the bytes.
+`control.round_trips` measures the delay, `telemetry` decodes navigation data, and `transport` sends
+and receives datagrams.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from kybflow.drivers.ardrone.transport.wire import DroneWire
 from kybflow.parts import Check, Link, Seat, Session, StatusText
 
 REQUEST_PERIOD: Time = NS // 5
-"""How often to request navigation data while none arrives."""
+"""Period of the requests for navigation data while none arrives."""
 SILENCE: Time = NS
-"""Time without navigation data after which to request it again."""
+"""Time without navigation data after which it is requested again."""
 FIRST_PACKET_TIMEOUT: Time = 10 * NS
-"""How long to wait for the first packet."""
+"""Timeout of the first packet."""
 WATCHDOG_ANSWER_PERIOD: Time = NS // 20
-"""How often to answer the watchdog bit."""
+"""Shortest time between two answers to the watchdog bit."""
 
 
 class ArdroneLink(Link):
@@ -67,7 +67,8 @@ class ArdroneLink(Link):
         self.armed = None
 
     def update(self, now: Time) -> None:
-        """Process what has arrived, and keep the connection up. Raises DriverError."""
+        """Process the packets that have arrived, and maintain the connection. Raises DriverError if
+        it has failed."""
         self.wire.poll(now)
         self._opened = now if self._opened is None else self._opened
         arrived = self.wire.take(now)
@@ -138,7 +139,8 @@ class ArdroneLink(Link):
                 self.wire.stream.post(comwdg())
 
     def _reconnect(self, now: Time) -> None:
-        """Request navigation data while none arrives, and restart the sequence after a silence."""
+        """Request navigation data while none arrives, and restart the command sequence after a
+        silence."""
         last_received = self.status.last_received
         if last_received is not None and now - last_received <= SILENCE:
             return
@@ -149,7 +151,7 @@ class ArdroneLink(Link):
                 self.wire.stream.restart()
 
     def _configure(self, now: Time) -> None:
-        """Write the configuration, and measure round trips once that is done."""
+        """Write the configuration, and measure round trips once it is written."""
         status, data = self.status, self.wire.configuration()
         if data is not None:
             self.configuring.read(data)
@@ -171,7 +173,8 @@ class ArdroneLink(Link):
 
 
 class ArdroneSession(Session):
-    """The drones of a run, each with its own wire. Raises DriverError, with nothing left open."""
+    """The drones of a run, each with its own connection. The constructor raises DriverError, with
+    nothing left open."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         self._drones: list[ArdroneLink] = []

@@ -21,7 +21,7 @@ from kybflow.world.vehicle_context import Airframe
 
 FRESH: Time = NS // 2
 LATER = 0.15
-"""Seconds by which a round trip may exceed the delay that the gains account for."""
+"""Seconds by which a round trip may exceed the delay for which the gains are designed."""
 FIRMWARE = "2."
 """Prefix of an AR.Drone 2.0's firmware version."""
 
@@ -60,7 +60,8 @@ def checks(
 
 
 def _watchdog(found: str | None) -> Check:
-    """Check that the drone lands soon after commands stop."""
+    """Return the check that the drone lands soon after commands stop. found: the configured
+    timeout, seconds."""
     try:
         seconds = float(found) if found is not None else None
     except ValueError:
@@ -73,7 +74,8 @@ def _watchdog(found: str | None) -> Check:
 
 
 def round_trip(trips: RoundTrips, latency: float, now: Time) -> Check:
-    """Check that the round trip is no longer than the gains account for. latency: seconds."""
+    """Return the check that a round trip takes little longer than the delay for which the gains are
+    designed. latency: this delay, seconds."""
     if trips.waits(now):
         return Check("round trip", False, "no command is acknowledged yet")
     if not trips.delay:

@@ -98,7 +98,8 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     def fleet(
         cls, seats: Sequence[Seat], radio: Radio, generator: random.Random
     ) -> Fleet[DroneEndpoint]:
-        """Open the drones for any client; the caller connects their ports. Raises DriverError."""
+        """Return the opened drones for use by any client; the caller connects their ports. Raises
+        DriverError."""
         from kybflow.drivers.emulated_ardrone.session import open_fleet
 
         return open_fleet(seats, [radio] * len(seats), generator)

@@ -1,4 +1,4 @@
-"""An emulated drone at its ports: receives datagrams, steps, and sends what is due."""
+"""An emulated drone with its ports: it receives datagrams, makes a step, and sends what is due."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ Received = tuple[bytes, Hashable]
 
 
 class DroneEndpoint:
-    """One drone and its ports. generator: of the radio's delays and losses. `video`: its video,
-    None for none. `on_phase`: called with the time, s, and the flight phase when it changes."""
+    """One drone and its ports. generator: draws the radio's delays and losses. video: the drone's
+    video; None without video. on_phase: called with the time (s) and the flight phase whenever the
+    phase changes."""
 
     on_phase: Callable[[float, str], None] | None = None
     video: DroneVideo | None = None
@@ -49,7 +50,7 @@ class DroneEndpoint:
         self.drone.add_measurement(measured, now)
 
     def step(self, now: Time) -> None:
-        """Receive, estimate, fly and send."""
+        """Make one step: receive, estimate, fly and send."""
         ports, was, was_lost = self._ports, self.drone.flight.phase, self.drone.is_lost
         if ports is not None:
             self._commands.send_all(self._link.received(ports.commands()), now)

@@ -1,4 +1,5 @@
-"""The ports of an emulated drone; in memory, with the wire that the driver connects to them."""
+"""The ports of an emulated drone; their implementation in memory, and the driver's connection to
+it."""
 
 from __future__ import annotations
 
@@ -15,19 +16,21 @@ CLIENT = "client"
 
 
 class Ports(ABC):
-    """The ports of one drone; no method blocks."""
+    """The ports of one drone. No method blocks."""
 
     @abstractmethod
     def commands(self) -> Sequence[tuple[bytes, Hashable]]:
-        """Return the AT command datagrams since the last call, each with its sender."""
+        """Return the AT command datagrams received since the last call, each with its sender."""
 
     @abstractmethod
     def requests(self) -> Sequence[tuple[bytes, Hashable]]:
-        """Return the requests for navigation data since the last call, each with its sender."""
+        """Return the requests for navigation data received since the last call, each with its
+        sender."""
 
     @abstractmethod
     def answer(self, sender: Hashable) -> bool:
-        """Send navigation data to this sender from now on; return whether it is accepted."""
+        """Send navigation data to this sender from now on. Return whether the sender is
+        accepted."""
 
     @abstractmethod
     def send(self, data: bytes) -> None:
@@ -44,7 +47,8 @@ class Ports(ABC):
 
     @abstractmethod
     def send_video(self, data: bytes) -> None:
-        """Send a picture to connected clients; one that lags behind misses it."""
+        """Send a picture to the connected clients; a client that is still receiving one misses
+        it."""
 
     @abstractmethod
     def close(self) -> None: ...
@@ -84,8 +88,8 @@ class MemoryPorts(Ports):
 
 
 class DroneMemoryWire(DroneWire):
-    """The driver's wire, in lockstep: `poll` sends what is due and receives what has arrived. rate:
-    of the commands, Hz."""
+    """The driver's connection to a drone in memory, in lockstep: `poll` sends what is due and
+    receives what has arrived. rate: of the commands, Hz."""
 
     def __init__(self, ports: MemoryPorts, rate: float) -> None:
         self._now: Time = 0

@@ -1,4 +1,4 @@
-"""The session of emulated drones: in each tick the world advances, then the drones, then the
+"""The session of emulated drones. In each tick the world advances first, then the drones, then the
 links."""
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PERIOD: Time = NS // 250
 def open_fleet(
     seats: Sequence[Seat], radios: Sequence[Radio], generator: random.Random
 ) -> Fleet[DroneEndpoint]:
-    """Open the drones, not connected to ports yet. Raises DriverError."""
+    """Return the opened drones, which are not connected to ports yet. Raises DriverError."""
 
     def build(
         number: int, body: SimulatedBody, chance: random.Random
@@ -39,8 +39,8 @@ def open_fleet(
 
 
 class EmulatedDroneLink(ArdroneLink):
-    """The link for real drones, plus the poses of simulated motion capture. `drone`: the emulated
-    drone."""
+    """The link of the driver for real drones, with the poses of simulated motion capture added.
+    drone: the emulated drone."""
 
     def __init__(
         self, seat: Seat, wire: DroneWire, session: str, emulated: EmulatedVehicle[DroneEndpoint]
@@ -73,7 +73,7 @@ class EmulatedDroneLink(ArdroneLink):
 
 
 class EmulatedDroneSession(Session):
-    """The emulated drones of a run. Raises DriverError as the simulator does."""
+    """The emulated drones of a run. Raises DriverError under the conditions of the simulator."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         radios = [
@@ -116,7 +116,7 @@ class EmulatedDroneSession(Session):
 
 
 def _connected(seat: Seat, number: int) -> tuple[Ports, DroneWire]:
-    """Return the drone's ports and the driver's wire to them. Raises DriverError."""
+    """Return the drone's ports and the driver's connection to them. Raises DriverError."""
     if not seat.params.network:
         memory = MemoryPorts()
         return memory, DroneMemoryWire(memory, seat.params.rate)

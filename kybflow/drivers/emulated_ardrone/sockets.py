@@ -1,8 +1,8 @@
 """A drone's ports on a loopback address, with the port numbers of a real drone.
 
-UDP 5556 for commands, UDP 5554 for navigation data, TCP 5559 for the configuration, TCP 5555 for
-video. Each poll receives a bounded number of datagrams, so that a flood can't delay a step.
-Navigation data goes to the client that requested it last.
+The ports are UDP 5556 for commands, UDP 5554 for navigation data, TCP 5559 for the configuration
+and TCP 5555 for video. Each poll receives a bounded number of datagrams, so that a flood can't
+delay a step. Navigation data goes to the client that requested it last.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ FIRST_HOST = "127.0.0.2"
 
 
 def host_of(number: int, first: str = FIRST_HOST) -> str:
-    """Return the address of drone `number`, from 0. Raises DriverError unless it is a loopback
-    address."""
+    """Return the address of drone `number`, counted from 0 at the address `first`. Raises
+    DriverError unless it is a loopback address."""
     try:
         address = IPv4Address(first) + number
     except ValueError:

@@ -1,10 +1,10 @@
 """PX4 or ArduPilot, emulated on simulated quadrotors: for tests, and for dry runs without firmware.
 
-The vehicles are those of `sim`, in one MuJoCo world. Each has an emulated autopilot, with an
-estimator, controllers, modes, arming checks and failsafes as observed on the firmware. The MAVLink
-driver flies it over wires in memory, in lockstep with the engine's clock: the same generator gives
-the same flight. Its parameters are by default those that flight indoors needs. It proves nothing
-about the firmware: fly that in its own simulator.
+The vehicles are those of `sim`, in one MuJoCo world. Each has an emulated autopilot whose
+estimator, controllers, modes, arming checks and failsafes behave as observed on the firmware. The
+MAVLink driver flies it over wires in memory, in lockstep with the engine's clock: the same seed
+gives the same flight. By default its parameters are those that flight indoors needs. The emulation
+proves nothing about the firmware: fly that in its own simulator.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class EmulatedAutopilotParams(AutopilotLinkParams, SimParams):
 
 
 class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
-    """MuJoCo and pymavlink are imported when it is opened."""
+    """The driver; it imports MuJoCo and pymavlink only when it is opened."""
 
     accepts = Mavlink.accepts
     provides = Mavlink.provides | {Pose}
@@ -59,7 +59,8 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
 
     @classmethod
     def tracker(cls, params: EmulatedAutopilotParams) -> Mapping[str, str] | None:
-        """The tracker of a real autopilot; accelerations become thrust with both firmwares."""
+        """Return the default tracker of a real autopilot, without its `keeps_height`: both emulated
+        firmwares turn accelerations directly into thrust."""
         asked = Mavlink.tracker(params)
         return {name: value for name, value in asked.items() if name != "keeps_height"}
 
@@ -89,8 +90,8 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     def fleet(
         cls, seats: Sequence[Seat], plans: Sequence[SetupPlan], generator: random.Random, first: int
     ) -> Fleet[MavlinkEndpoint]:
-        """The vehicles with their autopilots, for any client; the caller connects their wires.
-        first: the system id of the first. Raises DriverError."""
+        """Return the vehicles with their autopilots, for any client; the caller connects their
+        wires. first: the system id of the first vehicle. Raises DriverError."""
         from kybflow.drivers.emulated_autopilot.session import open_fleet
 
         return open_fleet(seats, plans, generator, first)

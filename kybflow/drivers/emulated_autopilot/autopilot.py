@@ -1,7 +1,7 @@
-"""An emulated autopilot: estimates, flies, changes modes, arms, acts on failsafes.
+"""An emulated autopilot: it estimates, flies, changes modes, arms, and triggers failsafes.
 
-It never reads the simulator's truth. `messages.endpoint` gives it MAVLink. Time is that of the run;
-its own clock started `boot` before.
+It never reads the simulator's truth. `messages.endpoint` connects it to MAVLink. Times are in the
+run's time; the autopilot's own clock started `boot` earlier.
 """
 
 from __future__ import annotations
@@ -30,16 +30,18 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import VehicleContext
 
 REPEATS: Time = 30 * NS
-"""How often a firmware that complains repeats why it cannot be armed."""
+"""How often a firmware that reports unasked why it can't be armed repeats the reason."""
 REST = Command(LEVEL, 0.0, ZERO, None, armed=False)
 
 
 class OnboardAutopilot:
     """The autopilot of one vehicle.
 
-    changes: parameters that differ from the firmware's own. `failures`: the injected ones.
-    `commanded`: the command for its attitude loop, None while the rotors rest. `texts`: those to be
-    sent, with the severity. `on_mode_change`: called when its mode has changed.
+    changes: parameters that differ from the firmware's defaults.
+    failures: the injected failures.
+    commanded: the command for its attitude loop, None while the rotors rest.
+    texts: the texts to be sent, with their severity.
+    on_mode_change: called after its mode has changed.
     """
 
     def __init__(
@@ -90,22 +92,22 @@ class OnboardAutopilot:
 
     @property
     def throttle(self) -> float:
-        """The throttle, 0 to 1."""
+        """The commanded throttle, 0 to 1; zero while disarmed."""
         return self._control.thrust / self._most if self.state.armed else 0.0
 
     def boot_us(self, now: Time) -> int:
-        """The time since its boot, microseconds."""
+        """Return the time since its boot, microseconds."""
         return (now + self._boot) // 1000
 
     def boot_ms(self, now: Time) -> int:
         return (now + self._boot) // 1_000_000 & 0xFFFF_FFFF
 
     def run_time(self, stamp_us: int) -> Time:
-        """The run's time of one of its own time stamps."""
+        """Convert one of its own time stamps to the run's time."""
         return stamp_us * 1000 - self._boot
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take a measurement of the simulated sensors."""
+        """Handle a measurement of the simulated sensors."""
         if isinstance(measured, Imu):
             self.state.estimator.add_imu(measured, now)
         elif isinstance(measured, Battery):
@@ -115,7 +117,7 @@ class OnboardAutopilot:
             self.state.estimator.fix(measured.position, measured.time, now)
 
     def step(self, now: Time) -> None:
-        """Estimate and fly."""
+        """Update the estimate, then the flight."""
         self.now = now
         if self.failures.pilot:
             self.give_to_pilot(self.failures.pilot)
@@ -137,7 +139,7 @@ class OnboardAutopilot:
         state.say(self.firmware.armed_text, INFO)
 
     def stop(self, now: Time, words: str) -> None:
-        """Disarm, also in the air."""
+        """Disarm, even in the air."""
         state = self.state
         state.armed, state.landed, state.climb_to = False, LandedState.GROUND, None
         state.failed_over, self.commanded = "", None
@@ -150,7 +152,8 @@ class OnboardAutopilot:
         self._body.drive(REST, now)
 
     def change(self, mode: int, now: Time, *, asked: bool) -> None:
-        """Change to a mode. asked: whether it was requested, not a failsafe's."""
+        """Change to a mode. asked: whether the mode was requested, rather than chosen by a
+        failsafe."""
         state, before = self.state, self.state.mode
         if asked:
             state.asked = mode
@@ -164,14 +167,14 @@ class OnboardAutopilot:
         self.on_mode_change()
 
     def give_to_pilot(self, mode: str) -> None:
-        """Switch on a transmitter with centred sticks, whose switch requests a mode."""
+        """Switch on a transmitter with centred sticks whose mode switch selects `mode`."""
         self.state.sticks = PilotSticks(NEVER, 0.0, 0.0, 0.0, 0.5)
         for number, known in self.firmware.modes.items():
             if known.name == mode.upper():
                 self.change(number, self.now, asked=True)
 
     def _find_home(self, now: Time) -> None:
-        """Place the local frame on earth at the first GPS fix, and set the home position."""
+        """Fix the local frame on earth at the first GPS fix, and set the home position."""
         state, zero = self.state, self.state.estimator.local_zero
         if not state.estimator.has_position(now):
             return
@@ -208,8 +211,8 @@ class OnboardAutopilot:
             self.flight.watch(now, dt)
 
     def _for_the_loop(self, command: Command) -> Command:
-        """The command relative to the attitude loop's own estimate instead of the autopilot's: a
-        real autopilot has one estimator only."""
+        """Return the command relative to the attitude loop's own estimate instead of the
+        autopilot's; a real autopilot has only one estimator."""
         off = multiply(conjugate(self.state.estimator.attitude.value), command.attitude)
         return command._replace(attitude=multiply(self._body.attitude(), off))
 

@@ -1,7 +1,7 @@
-"""The estimator of an emulated autopilot: attitude, position, velocity, and how long each stays
+"""The estimator of an emulated autopilot: attitude, position and velocity, and how long each stays
 valid without measurements.
 
-Its parameters select the sensors, as on the firmware. Its local frame (ENU here, NED on the wire)
+As on the firmware, the parameters select the sensors. The local frame (ENU here, NED in messages)
 is that of external vision, or begins at the first GPS fix.
 """
 
@@ -16,23 +16,24 @@ from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
 from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
 VISION, FIX, PRESSURE = 4.0, 0.7, 1.5
-"""Bandwidths of the observer for vision, GPS and the barometer, rad/s."""
+"""Bandwidths of the observer's corrections by vision, GPS and the barometer, rad/s."""
 GATE = 0.5
-"""The largest innovation that is accepted, metres."""
+"""The largest accepted innovation, metres."""
 REJECTS: Time = NS
 """How long measurements are rejected before the position jumps to them."""
 OLDEST: Time = 3 * NS // 10
-"""How old a pose may be: the filter runs 0.2 s behind and takes what is up to 0.1 s older, in
-PX4 (EKF2_DELAY_MAX) and in ArduPilot's EKF3."""
+"""The greatest age of a pose: the filter runs 0.2 s behind and accepts poses up to 0.1 s older, as
+in PX4 (EKF2_DELAY_MAX) and in ArduPilot's EKF3."""
 UNSYNCHRONISED: Time = 10 * NS
-"""Stamps that are this far off are from another clock; then the arrival counts."""
+"""A stamp that differs by more than this is from another clock; the arrival time is used
+instead."""
 SETTLES: Time = NS
 """How long the attitude takes to settle after the start."""
 
 
 class VisionPose(NamedTuple):
-    """A pose from external vision. heading: None where it has none. resets: the sender's count of
-    jumps."""
+    """A pose from external vision. heading: None if the pose has none. resets: the sender's reset
+    counter."""
 
     time: Time
     position: Vec3
@@ -51,9 +52,9 @@ class Sources(NamedTuple):
 
 
 class SightingClock:
-    """Converts the stamps of poses to the vehicle's clock. adopts: after how many late poses in a
-    row their delay counts as an error of the sender's clock, as that of the first one does
-    (ArduPilot's correction of jitter); None where stamps are trusted, as by PX4."""
+    """Converts the stamps of poses to the vehicle's clock. adopts: the number of late poses in a
+    row after which their delay is attributed to the sender's clock, as that of the first pose
+    always is (ArduPilot's jitter correction); None if stamps are trusted, as in PX4."""
 
     def __init__(self, adopts: int | None) -> None:
         self._adopts = adopts
@@ -61,7 +62,7 @@ class SightingClock:
         self._ahead: Time | None = None if adopts is not None else 0
 
     def true_at(self, stamp: Time, now: Time) -> Time | None:
-        """When a pose was true; None where it is older than the filter's history."""
+        """Return when a pose was true; None if that is before the filter's history."""
         if self._ahead is None:
             self._ahead = now - stamp
         age = now - stamp - self._ahead
@@ -79,9 +80,12 @@ class SightingClock:
 
 
 class EmulatedEstimator:
-    """The estimator of one vehicle. sources: reads the parameters. forgets: seconds after which a
-    position without measurements is invalid. waits: seconds from the first GPS fix to a position.
-    adopts: see `SightingClock`."""
+    """The estimator of one vehicle.
+
+    sources: reads the selected sensors from the parameters.
+    forgets: seconds without measurements after which the position is invalid.
+    waits: seconds from the first GPS fix until there is a position.
+    adopts: as in `SightingClock`."""
 
     def __init__(
         self, parameters: EmulatedParameters, sources: Callable[[EmulatedParameters], Sources],
@@ -113,11 +117,11 @@ class EmulatedEstimator:
 
     @property
     def local_zero(self) -> Vec3 | None:
-        """The position of the first GPS fix."""
+        """The position of the first GPS fix, None before it."""
         return None if self._first_fix is None else self._first_fix[1]
 
     def unseen(self, now: Time) -> float | None:
-        """Seconds since the last measurement of the position; None before the first."""
+        """Return the seconds since the last measurement of the position; None before the first."""
         return None if self._fixed is None else (now - self._fixed) / NS
 
     def has_position(self, now: Time) -> bool:
@@ -125,14 +129,14 @@ class EmulatedEstimator:
         return unseen is not None and unseen < self._forgets
 
     def sees(self, now: Time) -> bool:
-        """Whether external vision was used within half a second."""
+        """Return whether external vision was used within the last half second."""
         return self._vision is not None and now - self._vision < NS // 2
 
     def is_settled(self, now: Time) -> bool:
         return self.imu is not None and now >= SETTLES
 
     def add_imu(self, imu: Imu, now: Time) -> None:
-        """Propagate with a sample of the IMU."""
+        """Propagate the estimate with an IMU sample."""
         self.imu = imu
         self.attitude.add_imu(imu, self._observer.bias if self.sees(now) else None)
         x, y, z = rotate(self.attitude.value, imu.specific_force)
@@ -142,7 +146,7 @@ class EmulatedEstimator:
             self.attitude.lose()
 
     def see(self, pose: VisionPose, now: Time) -> None:
-        """Correct with external vision."""
+        """Correct the estimate with external vision."""
         used = self._sources(self._parameters)
         at = self._clock.true_at(pose.time, now)
         if at is None:
@@ -164,7 +168,7 @@ class EmulatedEstimator:
             self._height = now if used.vision_height else self._height
 
     def fix(self, position: Vec3, at: Time, now: Time) -> None:
-        """Correct with a GPS position in the world."""
+        """Correct the estimate with a GPS position in the world."""
         used = self._sources(self._parameters)
         if not used.gps or (used.vision and self.sees(now)):
             return
@@ -180,13 +184,14 @@ class EmulatedEstimator:
             self._observer.correct(left, (FIX, FIX, 0.0), self._since(last, now))
 
     def aim(self, heading: float, now: Time) -> None:
-        """Correct with the compass."""
+        """Correct the estimate with the compass heading."""
         if self._sources(self._parameters).compass:
             self.attitude.see(heading)
             self._aimed = now
 
     def press(self, height: float, now: Time) -> None:
-        """Correct with the barometer, where nothing else measures the height."""
+        """Correct the estimate with the barometric height, unless another sensor measures the
+        height."""
         if self._height is not None and now - self._height < NS:
             self._pressure = (now, self.position[2] - height)
             return
@@ -196,8 +201,8 @@ class EmulatedEstimator:
         self._pressure = (now, zero)
 
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
-        """The correction by a measurement, None where it is rejected. The position jumps to one
-        that is `anew` or stays far off."""
+        """Return the correction by a measurement, None if the measurement is rejected. The position
+        jumps to a measurement that is `anew` or that has stayed far off."""
         is_far = norm(off) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting

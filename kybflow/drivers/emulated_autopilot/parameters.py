@@ -1,7 +1,7 @@
 """The parameters of an emulated autopilot, and the messages that read and write them.
 
-Where integers travel bytewise, the float on the wire holds the bytes of an INT32 (param_type 6);
-else they are plain floats with the type beside them.
+If integers are sent bytewise, the float in the message holds the bytes of an INT32 (param_type 6).
+Otherwise they are sent as plain floats, with their type in the type field.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ INTEGER = mavlink.MAV_PARAM_TYPE_INT32
 class EmulatedParameters:
     """All parameters by name, in the order of their indices.
 
-    own: the firmware's defaults. changes: the values that differ. bytewise: how integers travel.
-    `dangling`: names that are requested but never answered, for tests.
+    own: the firmware's defaults.
+    changes: values that differ from them.
+    bytewise: whether integers are sent bytewise.
+    dangling: names to which requests are never answered, for tests.
     """
 
     def __init__(
@@ -40,8 +42,8 @@ class EmulatedParameters:
         return self._values.get(name, default)
 
     def handle(self, message: Any) -> list[Any]:
-        """The answers to PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET; none for an unknown
-        name."""
+        """Return the replies to a PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; none for an
+        unknown name."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
             return [self._value_message(name) for name in self._values if name not in self.dangling]

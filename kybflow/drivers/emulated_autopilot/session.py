@@ -1,4 +1,5 @@
-"""Emulated autopilots in lockstep: the world advances, then the autopilots, then the links."""
+"""Emulated autopilots in lockstep: in each tick first the world advances, then the autopilots, then
+the links."""
 
 from __future__ import annotations
 
@@ -21,14 +22,14 @@ from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 
 LATENCY = Latency(position=0.04, acceleration=0.1)
-"""How late an emulated autopilot follows its setpoints."""
+"""The delay with which an emulated autopilot follows its setpoints."""
 
 
 def open_fleet(
     seats: Sequence[Seat], plans: Sequence[SetupPlan], generator: random.Random, first: int = 1
 ) -> Fleet[MavlinkEndpoint]:
-    """The vehicles with their autopilots, not connected to any wire yet. first: the system id of
-    the first one. Raises DriverError."""
+    """Return the vehicles with their autopilots, not yet connected to any wire. first: the system
+    id of the first vehicle. Raises DriverError."""
 
     def build(
         number: int, body: SimulatedBody, chance: random.Random
@@ -48,8 +49,8 @@ def open_fleet(
 
 
 class EmulatedLink(AutopilotLink):
-    """The link of a real autopilot, with the poses of simulated motion capture. `wire`: our end.
-    `onboard`: the emulated autopilot at the other end."""
+    """The link of a real autopilot, with added poses from simulated motion capture. `wire`: our end
+    of the wire. `onboard`: the emulated autopilot at the other end."""
 
     def __init__(
         self, seat: Seat, port: Port, wire: MemoryWire, emulated: EmulatedVehicle[MavlinkEndpoint]
@@ -90,7 +91,7 @@ class EmulatedLink(AutopilotLink):
 
 
 class EmulatedSession(Session):
-    """The session of a run. Raises DriverError as the simulator does."""
+    """The session of a run with emulated autopilots. Raises DriverError as the simulator does."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         own = MavlinkParams.own_system

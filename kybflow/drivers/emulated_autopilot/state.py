@@ -27,7 +27,7 @@ PILOT_LOST: Time = 3 * NS // 2
 
 
 class Role(Enum):
-    """The behaviour of a mode."""
+    """What the vehicle does in a mode."""
 
     FOLLOW = "follow"
     HOLD = "hold"
@@ -38,7 +38,8 @@ class Role(Enum):
 
 
 class FlightMode(NamedTuple):
-    """A mode of a firmware. number: its custom_mode. needs_position: whether it needs one."""
+    """A mode of a firmware. number: its custom_mode. needs_position: whether it needs a
+    position."""
 
     name: str
     number: int
@@ -47,7 +48,8 @@ class FlightMode(NamedTuple):
 
 
 class PilotSticks(NamedTuple):
-    """The sticks of a transmitter: -1 to 1 (right, forward, clockwise), throttle 0 to 1."""
+    """The sticks of a transmitter. roll, pitch, yaw: -1 to 1, positive to the right, forward and
+    clockwise. throttle: 0 to 1."""
 
     time: Time
     roll: float
@@ -57,8 +59,8 @@ class PilotSticks(NamedTuple):
 
 
 class FailsafeAction(NamedTuple):
-    """A failsafe: a change to a mode, or a stop of the rotors where `mode` is None. words: the text
-    that is sent. cause: each cause acts once."""
+    """A failsafe: a change to a mode, or a stop of the rotors if `mode` is None. words: the text to
+    send. cause: what triggered it; each cause acts only once."""
 
     mode: int | None
     words: str
@@ -69,9 +71,11 @@ class FailsafeAction(NamedTuple):
 class AutopilotFailures(Failures):
     """The failures of an emulated autopilot.
 
-    blind: it ignores external vision. refuse: the text with which it refuses to arm. bar: the text
-    with which it refuses every mode. tilt: the tilt that it estimates before it is armed, degrees.
-    pilot: the mode that a newly switched-on transmitter selects.
+    blind: it ignores external vision.
+    refuse: the text with which it refuses to arm.
+    bar: the text with which it refuses every mode.
+    tilt: the tilt that it estimates before it is armed, degrees.
+    pilot: the mode selected by a transmitter that is switched on.
     """
 
     blind: bool = False
@@ -83,14 +87,17 @@ class AutopilotFailures(Failures):
 
 @dataclass
 class EmulatedState:
-    """The shared state.
+    """The state shared by the parts of an emulated autopilot.
 
-    modes: those of the firmware, by number. loss_parameter: the parameter with the seconds after
-    which setpoints count as lost. mode: in force; asked: the last requested one. wanted, wanted_at:
-    the last setpoint, and when it came. stations: when each ground station sent its last heartbeat,
-    by system id. home: in the local frame. ground: the height at which the vehicle stood
-    when it was armed. climb_to: the height of a take-off under way. failed_over: the cause of the
-    failsafe in force.
+    modes: the firmware's modes, by number.
+    loss_parameter: the parameter with the seconds after which setpoints count as lost.
+    mode, asked: the number of the mode in force, and of the last requested one.
+    wanted, wanted_at: the last setpoint, and when it arrived.
+    stations: when each ground station sent its last heartbeat, by system id.
+    home: the home position in the local frame, metres.
+    ground: the height at which the vehicle stood when it was armed, metres.
+    climb_to: the target height of a take-off under way, metres.
+    failed_over: the cause of the failsafe in force.
     """
 
     modes: Mapping[int, FlightMode]
@@ -128,10 +135,11 @@ class EmulatedState:
         return self.landed is LandedState.GROUND
 
     def streams(self, now: Time) -> bool:
-        """Whether setpoints arrive: the last one is not older than `loss_parameter` allows."""
+        """Return whether setpoints are arriving: whether the last one is no older than
+        `loss_parameter` allows."""
         timeout = self.parameters.get(self.loss_parameter, 1.0)
         return self.wanted_at is not None and now - self.wanted_at <= timeout * NS
 
     def has_pilot(self, now: Time) -> bool:
-        """Whether a transmitter is received."""
+        """Return whether a transmitter is received."""
         return self.sticks is not None and now - self.sticks.time < PILOT_LOST

@@ -1,8 +1,8 @@
-"""Shared parts of emulated vehicles: simulated vehicles with an emulated computer on each.
+"""Shared parts of emulated vehicles: simulated vehicles with an emulated onboard computer.
 
-Here are the simulated body with the sensors and the battery that the emulated computer reads, its
-attitude and position estimation, its position controller, injected failures, and a fleet of such
-vehicles in one world, in lockstep with the engine's clock or served in real time. Protocols and
-modes belong to the emulators that use this folder, such as `emulated_autopilot`. Nothing here
-imports one, nor a driver for real vehicles.
+This package contains the simulated body with the sensors and the battery that the computer reads,
+the computer's attitude and position estimation and its position controller, injected failures, and
+a fleet of such vehicles in one world, either in lockstep with the engine's clock or served in real
+time. Protocols and modes belong to the emulators that use this package, such as
+`emulated_autopilot`. Nothing here imports an emulator, or a driver for real vehicles.
 """

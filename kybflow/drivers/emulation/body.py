@@ -1,7 +1,8 @@
 """The body of an emulated vehicle, and the sensors that only its own computer reads.
 
-The IMU and GPS are those of the simulated vehicle. Compass, barometer and battery monitor are here
-and read the simulator's truth; the emulated computer never does. World ENU, radians, metres.
+The IMU and GPS are those of the simulated vehicle. The compass, barometer and battery monitor are
+defined here. Sensors read the simulator's truth; the emulated computer never does. World ENU,
+radians, metres.
 """
 
 from __future__ import annotations
@@ -18,20 +19,21 @@ from kybflow.drivers.emulation.breaking import Failures
 
 PERIOD: Time = NS // 20
 COMPASS_ERROR, COMPASS_NOISE = 3.0 * DEG, 0.5 * DEG
-"""Standard deviations of the compass: its constant error, and its noise."""
+"""Standard deviations of the compass, radians: of its constant error, and of its noise."""
 PRESSURE_NOISE, PRESSURE_WANDERS, PRESSURE_LASTS = 0.03, 0.10, 60.0
-"""Standard deviations of the barometric height: its noise and its drift, metres; and the drift's
-time constant, seconds."""
+"""Of the barometric height: the standard deviations of its noise and of its drift, metres, and the
+drift's time constant, seconds."""
 EMPTY, SPAN = 9.6, 3.0
-"""The voltage of an empty pack of three cells, and how much higher that of a full one is."""
+"""The voltage of an empty three-cell battery, and how much higher that of a full one is."""
 
 
 class SimulatedBody(NamedTuple):
-    """The simulated vehicle under an emulated computer.
+    """The simulated vehicle that carries an emulated computer.
 
-    drive: takes the command for the attitude loop. attitude: that loop's own estimate. move: opens
-    or closes the payload's servo. look: the simulator's truth, for sensors and for messages of the
-    firmware's simulator.
+    drive: takes the command for the attitude loop.
+    attitude: returns that loop's own attitude estimate.
+    move: opens or closes the payload's servo.
+    look: returns the simulator's truth, for sensors and for messages of the firmware's simulator.
     """
 
     drive: Callable[[Command, Time], None]
@@ -41,8 +43,10 @@ class SimulatedBody(NamedTuple):
 
 
 class CompassAndBarometer:
-    """Reads both sensors twenty times a second. `heading` and `height` are the newest readings: the
-    heading with one constant error, the height above the start with one that drifts."""
+    """Reads the compass and the barometer twenty times a second.
+
+    heading: the newest heading, radians, with a constant error.
+    height: the newest height above the start, metres, with an error that drifts."""
 
     def __init__(self, look: Callable[[], Truth], generator: random.Random) -> None:
         self._look, self._generator = look, generator
@@ -55,7 +59,7 @@ class CompassAndBarometer:
         self.height = 0.0
 
     def read(self, now: Time) -> bool:
-        """Read both where due; returns whether there is a new reading."""
+        """Read both sensors if they are due; return whether there are new readings."""
         if now < self._due:
             return False
         self._due = now + PERIOD
@@ -68,14 +72,14 @@ class CompassAndBarometer:
 
 
 class BatteryMonitor:
-    """Measures the simulated battery; a failure may set another charge."""
+    """Measures the simulated battery; an injected failure may set another charge."""
 
     def __init__(self, failures: Failures) -> None:
         self._failures = failures
         self._measured: Battery | None = None
 
     def measure(self, battery: Battery) -> None:
-        """Take the newest measurement of the simulated battery."""
+        """Store the newest measurement of the simulated battery."""
         self._measured = battery
 
     @property
@@ -87,8 +91,8 @@ class BatteryMonitor:
 
     @property
     def voltage(self) -> float:
-        """The voltage; that of three cells where a failure sets the charge, 0 before the first
-        measurement."""
+        """The voltage: that of a three-cell battery if a failure sets the charge; 0 before the
+        first measurement."""
         if self._failures.battery is not None:
             return EMPTY + SPAN * self._failures.battery
         return 0.0 if self._measured is None else self._measured.voltage

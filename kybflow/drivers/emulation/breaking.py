@@ -1,8 +1,8 @@
-"""Injected failures of an emulated vehicle: `NAME[=VALUE][@SECONDS]`.
+"""Injected failures of an emulated vehicle, written `NAME[=VALUE][@SECONDS]`.
 
-The names are the fields of a `Failures` dataclass: a field that is false by default is a switch and
-takes no value, a text field takes words, any other a number. An emulator adds its own by a
-subclass. `heal` ends all failures.
+The names are the fields of a `Failures` dataclass. A field that is False by default is a switch and
+takes no value, a string field takes text, and any other takes a number. An emulator adds its own
+failures by a subclass. `heal` ends all failures.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ Message = TypeVar("Message")
 class Failures:
     """The failures of any emulated vehicle.
 
-    silent: it sends nothing. deaf: it receives nothing. drop: the share of all messages that is
-    lost, in and out. battery: the charge that it measures, 0 to 1.
+    silent: it sends nothing.
+    deaf: it receives nothing.
+    drop: the fraction of all messages that is lost, in both directions.
+    battery: the charge that it measures, 0 to 1; None for the simulated battery's.
     """
 
     silent: bool = False
@@ -52,7 +54,8 @@ class Break(NamedTuple):
 
 
 def read_break(text: str, kind: type[Failures]) -> Break:
-    """Raises DriverError with what can be written. kind: the emulator's failures."""
+    """Parse a failure. Raises DriverError, which says what can be written. kind: the emulator's
+    failures."""
     what, _, seconds = text.partition("@")
     name, _, value = what.partition("=")
     known = {field.name: field for field in fields(kind)}
@@ -79,19 +82,19 @@ def _value(field: Field[Any], text: str) -> bool | float | str:
 
 
 class BreakableLink:
-    """Drops messages from and to an emulated vehicle by its failures."""
+    """Drops messages from and to an emulated vehicle according to its failures."""
 
     def __init__(self, failures: Failures, generator: random.Random) -> None:
         self._failures, self._generator = failures, generator
 
     def received(self, messages: Iterable[Message]) -> list[Message]:
-        """Those messages that arrive."""
+        """Return those of the messages that arrive."""
         if self._failures.deaf:
             return []
         return [message for message in messages if not self._is_lost()]
 
     def sends(self) -> bool:
-        """Whether the next message goes out."""
+        """Return whether the next message is sent."""
         return not (self._failures.silent or self._is_lost())
 
     def _is_lost(self) -> bool:

@@ -1,17 +1,17 @@
-"""The position controller of an emulated computer: a target in, attitude and thrust out.
+"""The position controller of an emulated computer: it converts a target to attitude and thrust.
 
 Per axis: v = P (target - position) + target velocity; a = PV (v - velocity) + integral + target
-acceleration; thrust along a + g. What the target leaves out is not controlled. While tilt or thrust
-is at its bound, no integral grows. ENU, SI.
+acceleration; the thrust is along a + g. What the target leaves out is not controlled. While tilt or
+thrust is limited, no integral grows. ENU, SI.
 
-The thrust is T0 |a + g| / g, T0 the hover thrust, which is learnt in the air, because the rotors'
-thrust depends on the battery's voltage: T0 is the mean of T z / (1 + a / g), with z the part of
-the thrust T that points up and a the measured vertical acceleration, over the time since take-off
-at first and over about 10 s later (PX4's hover thrust estimator, a Kalman filter of one state, has
-this gain for its initial variance and process noise; 10 s is ArduPilot's for MOT_THST_HOVER). Where
-it changes suddenly, as with a load or a weak rotor, it is learnt again from the start, as by PX4
-once innovations leave its gate on one side for a quarter of a second. The floor's support in a
-landing does not count as a lighter vehicle.
+The thrust is T0 |a + g| / g, where T0 is the hover thrust. T0 is learnt in the air, because the
+rotors' thrust depends on the battery's voltage: it is the mean of T z / (1 + a / g), where z is the
+fraction of the thrust T that points up and a the measured vertical acceleration. The mean is over
+the time since take-off at first, and over about 10 s later (PX4's hover thrust estimator, a Kalman
+filter of one state, has this gain for its initial variance and process noise; 10 s is ArduPilot's
+for MOT_THST_HOVER). After a sudden change, as with a load or a weak rotor, T0 is learnt again from
+the start, as in PX4 when innovations have left its gate on one side for a quarter of a second. The
+floor's support in a landing is not mistaken for a lighter vehicle.
 """
 
 from __future__ import annotations
@@ -36,32 +36,33 @@ from kybflow.world.vehicle_context import Airframe
 Axes = tuple[float | None, float | None, float | None]
 FREE: Axes = (None, None, None)
 POSITION = (1.2, 1.2, 1.5)
-"""Gains of the position, 1/s."""
+"""Gains from position error to velocity, 1/s."""
 VELOCITY = (3.5, 3.5, 5.0)
-"""Gains of the velocity, 1/s."""
+"""Gains from velocity error to acceleration, 1/s."""
 INTEGRAL = (1.0, 1.0, 2.5)
-"""Gains of the velocity's integral, 1/s^2."""
+"""Gains of the integral of the velocity error, 1/s^2."""
 MOST_INTEGRAL = (2.0, 2.0, 4.0)
 """Bounds of the integrals, m/s^2."""
 TILT = 35.0 * DEG
 TURNS = 90.0 * DEG
 """The largest rate of the commanded heading, rad/s."""
 INITIAL, LEARNING = 0.5, 10.0
-"""Over how many seconds the hover thrust is averaged: the weight of the initial one, and the
-most."""
+"""Seconds over which the hover thrust is averaged: at first, when they act as the weight of the
+initial value, and at most."""
 STEADY = 2.0
-"""The vertical speed up to which the hover thrust is learnt, m/s; PX4's."""
+"""The vertical speed up to which the hover thrust is learnt, m/s, as in PX4."""
 SUDDEN, DETECTED = 0.15, 0.25
-"""A sudden change of the hover thrust, as a part of the weight, and the seconds over which it is
+"""A sudden change of the hover thrust as a fraction of the weight, and the seconds over which it is
 detected."""
 LEAST_HOVER, MOST_HOVER = 0.5, 2.0
-"""Bounds of the learnt hover thrust, as parts of the weight."""
+"""Bounds of the learnt hover thrust, as fractions of the weight."""
 LIGHTEST = 0.15
-"""Least thrust in the air, as a part of the weight: a quadrotor needs some to keep its attitude."""
+"""The least thrust in the air, as a fraction of the weight: a quadrotor needs some to keep its
+attitude."""
 
 
 class PositionTarget(NamedTuple):
-    """A target; None leaves an axis free. ENU of the vehicle's own local frame."""
+    """A target in the vehicle's own local ENU frame; None leaves an axis uncontrolled."""
 
     position: Axes = FREE
     velocity: Axes = FREE
@@ -71,7 +72,8 @@ class PositionTarget(NamedTuple):
 
 
 class Speeds(NamedTuple):
-    """The fastest that a position error may be corrected, m/s: horizontally, up, down."""
+    """The largest speeds at which a position error may be corrected, m/s: horizontally, up,
+    down."""
 
     along: float
     up: float
@@ -79,8 +81,8 @@ class Speeds(NamedTuple):
 
 
 class PositionControl:
-    """The controller of one vehicle. `thrust`: the last commanded one, newtons. `hover`: the learnt
-    hover thrust, newtons; it lives on from flight to flight."""
+    """The controller of one vehicle. `thrust`: the last commanded thrust, newtons. `hover`: the
+    learnt hover thrust, newtons, which is kept from flight to flight."""
 
     def __init__(self, airframe: Airframe, heading: float) -> None:
         self._airframe = airframe
@@ -95,7 +97,7 @@ class PositionControl:
         self._integral, self._heading = [0.0, 0.0, 0.0], heading
 
     def ground(self, heading: float) -> Command:
-        """Idle the rotors on the ground."""
+        """Return the command that idles the rotors on the ground."""
         self.begin(heading)
         self.thrust = 0.1 * self._airframe.hover_thrust
         return Command(LEVEL, self.thrust, ZERO, None)
@@ -109,7 +111,8 @@ class PositionControl:
         speeds: Speeds,
         dt: float,
     ) -> Command:
-        """One step of `dt` towards `target`."""
+        """Return the command of one step of `dt` seconds towards `target`. heading: the vehicle's
+        heading, radians. speeds: bounds of the position correction."""
         wanted = self._velocity(target, position, speeds)
         ax, ay, az = self._acceleration(target, wanted, velocity, dt)
         up = max(LIGHTEST * GRAVITY, az + GRAVITY)
@@ -126,14 +129,17 @@ class PositionControl:
         return Command(attitude, self.thrust, (0.0, 0.0, turn), heading)
 
     def hold(self, attitude: Quat, thrust: float, rates: Vec3, heading: float) -> Command:
-        """Command an attitude directly. thrust: newtons."""
+        """Return the command for a given attitude. thrust: newtons."""
         self._integral = [0.0, 0.0, 0.0]
         self.thrust = self._bounded(thrust)
         return Command(attitude, self.thrust, rates, heading)
 
     def learn(self, upright: float, acceleration: float, clear: bool, dt: float) -> None:
-        """Learn the hover thrust from `dt` seconds in the air. upright: the part of the thrust that
-        points up. acceleration: upward, m/s^2. clear: whether nothing can carry it from below."""
+        """Learn the hover thrust from `dt` seconds in the air.
+
+        upright: the fraction of the thrust that points up.
+        acceleration: upward, m/s^2.
+        clear: whether nothing can support the vehicle from below."""
         weight = self._airframe.hover_thrust
         lift = self.thrust * upright / max(LIGHTEST, 1.0 + acceleration / GRAVITY)
         lacks = lift - self.hover
@@ -179,7 +185,8 @@ class PositionControl:
         return (out[0], out[1], out[2])
 
     def _turn(self, target: PositionTarget, dt: float) -> float:
-        """Turn the commanded heading; its rate, rad/s."""
+        """Turn the commanded heading towards the target's. Return the heading rate to feed forward,
+        rad/s."""
         rate = target.heading_rate or 0.0
         if target.heading is None:
             self._heading = wrap(self._heading + rate * dt)

@@ -2,16 +2,17 @@
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
 eq. 34), from gyroscope, accelerometer and a measured heading. In flight an accelerometer measures
-thrust only, whatever the tilt; where the position is measured, the gravity that levels the attitude
-is the specific force less the acceleration that follows from the position, as in effect in the
-filters of PX4 and ArduPilot. World ENU, body FLU.
+only the thrust, whatever the tilt. If the position is measured, the gravity that levels the
+attitude is therefore the specific force minus the acceleration derived from the position, which has
+the same effect as the filters of PX4 and ArduPilot. World ENU, body FLU.
 
-Position: inertial, corrected by measurements. Per axis a constant-gain observer with the
-error of the acceleration as its third state, all poles at exp(-w dt), w the bandwidth and dt the
-seconds since the last correction: with the innovation e and k = 1 - exp(-w dt), p += e - (1-k)^3 e,
-v += 1.5 k^2 (2 - k) / dt e, b += k^3 / dt^2 e (Brookner, "Tracking and Kalman Filtering Made Easy",
-1998, sec. 1.3), so that after a long gap an offset is no speed. Between corrections p' = v,
-v' = a + b. A late measurement is compared with the position at its time. Metres, ENU."""
+Position: inertial, corrected by measurements. Each axis has a constant-gain observer with the error
+of the acceleration as its third state and all poles at exp(-w dt), where w is the bandwidth and dt
+the seconds since the last correction. With the innovation e and k = 1 - exp(-w dt): p += e -
+(1-k)^3 e, v += 1.5 k^2 (2 - k) / dt e, b += k^3 / dt^2 e (Brookner, "Tracking and Kalman Filtering
+Made Easy", 1998, sec. 1.3), so that after a long gap an offset is not taken for a speed. Between
+corrections p' = v, v' = a + b. A late measurement is compared with the position at its time.
+Metres, ENU."""
 
 from __future__ import annotations
 
@@ -39,17 +40,18 @@ from kybflow.core.geometry import (
 from kybflow.core.signals import NS, Imu, Time
 
 LEVELLING, AIDED = 0.10, 0.6
-"""How fast the accelerometer levels the attitude, alone and where the acceleration is known, 1/s.
-The bias of the gyroscope is learnt at critical damping, with a quarter of its square, 1/s^2."""
+"""How fast the accelerometer levels the attitude, alone and with a known acceleration, 1/s. The
+gyroscope's bias is learnt with critical damping, at a quarter of the square of this gain, 1/s^2."""
 AIMING, AIMING_BIAS = 1.0, 0.1
-"""How fast the heading follows the measured one, 1/s, and the bias about the vertical, 1/s^2."""
+"""How fast the heading follows the measured one, 1/s, and the gain of the gyroscope's bias about
+the vertical, 1/s^2."""
 LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
 UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 class AttitudeFilter:
-    """The attitude of one vehicle. `value`: body to world. `rate`: the body rates without the bias,
-    rad/s."""
+    """The attitude of one vehicle. `value`: the rotation from body to world. `rate`: the body rates
+    without the bias, rad/s."""
 
     def __init__(self, heading: float) -> None:
         self.value: Quat = from_heading(heading)
@@ -63,7 +65,8 @@ class AttitudeFilter:
         return heading_of(self.value)
 
     def see(self, heading: float) -> None:
-        """Take a heading from vision or a compass; the first one is taken as it is."""
+        """Correct with a heading from vision or a compass, radians. The first one, and one more
+        than 1 rad off, is adopted at once."""
         self._off = wrap(heading - self.heading)
         if not self._is_aimed or abs(self._off) > 1.0:
             turned = from_heading(self._off)
@@ -71,13 +74,13 @@ class AttitudeFilter:
             self._is_aimed, self._off = True, 0.0
 
     def lose(self) -> None:
-        """Drop the last heading: none is measured any more."""
+        """Discard the last heading, because none is measured any more."""
         self._off = 0.0
 
     def add_imu(self, imu: Imu, lacking: Vec3 | None) -> None:
-        """Propagate with a sample of the IMU. lacking: the acceleration that follows from position
-        measurements and that the accelerometer doesn't explain, m/s^2 in the world; None where
-        there are none: then the vehicle is assumed not to accelerate."""
+        """Propagate with an IMU sample. lacking: the acceleration that position measurements show
+        beyond that of the accelerometer, m/s^2 in the world; None without position measurements,
+        when the vehicle is assumed not to accelerate."""
         back = conjugate(self.value)
         up = rotate(back, UP)
         force, size = imu.specific_force, norm(imu.specific_force)
@@ -96,12 +99,12 @@ class AttitudeFilter:
 
 REMEMBERED: Time = NS // 2
 MOST_BIAS = 0.5
-"""Bound of the estimated error of the acceleration, m/s^2."""
+"""The bound of the estimated error of the acceleration, m/s^2."""
 
 
 class PositionObserver:
-    """The position of one vehicle; it starts at zero, at rest. `bias`: its acceleration
-    beyond that of the accelerometer, m/s^2 in the world."""
+    """The position of one vehicle, which starts at zero, at rest. `bias`: its acceleration beyond
+    that of the accelerometer, m/s^2 in the world."""
 
     def __init__(self) -> None:
         self.position: Vec3 = ZERO
@@ -111,7 +114,7 @@ class PositionObserver:
         self._shifted: Vec3 = ZERO
 
     def add_imu(self, acceleration: Vec3, dt: float, now: Time) -> None:
-        """Propagate by `dt` with an acceleration in the world, without gravity."""
+        """Propagate by `dt` seconds. acceleration: in the world, without gravity, m/s^2."""
         a = add(acceleration, self.bias)
         move = add(scale(self.velocity, dt), scale(a, 0.5 * dt * dt))
         self.position = add(self.position, move)
@@ -121,14 +124,16 @@ class PositionObserver:
             self._past.popleft()
 
     def off(self, position: Vec3, at: Time) -> Vec3:
-        """The offset of a position measured at `at` from the estimate at that time."""
+        """Return the offset of a position measured at `at` from the estimate at that time,
+        metres."""
         then = next((p for time, p in reversed(self._past) if time <= at), None)
         if then is None:
             then = self._past[0][1] if self._past else sub(self.position, self._shifted)
         return sub(position, add(then, self._shifted))
 
     def correct(self, off: Vec3, bandwidths: Vec3, dt: float) -> None:
-        """Correct by a measurement, `off` from the estimate, `dt` seconds after the last one."""
+        """Correct the estimate by a measurement. off: its offset from the estimate, metres. dt:
+        seconds since the last correction."""
         if dt <= 0.0:
             return
         k = [1.0 - exp(-w * dt) for w in bandwidths]
@@ -141,7 +146,7 @@ class PositionObserver:
         self.bias = (_within(x), _within(y), _within(z))
 
     def rest(self) -> None:
-        """Set the velocity to zero: the vehicle stands."""
+        """Set the velocity to zero, because the vehicle is at rest."""
         self.velocity = ZERO
 
     def shift(self, off: Vec3) -> None:

@@ -1,4 +1,4 @@
-"""Simulated vehicles in one world with an emulated computer on each, advanced in lockstep."""
+"""Simulated vehicles in one world, each with an emulated computer, advanced in lockstep."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kybflow.drivers.sim.world import SimulatedWorld
 from kybflow.parts import Seat
 
 PERIOD: Time = NS // 125
-"""How often the emulated computers step at most."""
+"""The shortest interval between two steps of the emulated computers."""
 
 
 class OnboardComputer(Protocol):
@@ -26,17 +26,17 @@ class OnboardComputer(Protocol):
         """The injected failures."""
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take a measurement of the vehicle's own sensors."""
+        """Handle a measurement of the vehicle's own sensors."""
 
     def step(self, now: Time) -> None:
-        """Receive, estimate, fly, report."""
+        """Receive messages, estimate, fly, and report."""
 
 
 Onboard = TypeVar("Onboard", bound=OnboardComputer)
 
 
 class EmulatedVehicle(Generic[Onboard]):
-    """A simulated vehicle and the computer on it. has_gps: whether its own GPS is switched on."""
+    """A simulated vehicle and its onboard computer. has_gps: whether its GPS is switched on."""
 
     def __init__(self, vehicle: SimulatedVehicle, onboard: Onboard, *, has_gps: bool) -> None:
         self.vehicle, self.onboard = vehicle, onboard
@@ -46,7 +46,7 @@ class EmulatedVehicle(Generic[Onboard]):
         self._poses: list[Measurement] = []
 
     def step(self, now: Time) -> None:
-        """Hand the sensors' measurements to the computer, and step it."""
+        """Pass the sensors' measurements to the computer, and step it."""
         for measured in self.vehicle.read(now):
             if isinstance(measured, Pose):
                 self._poses.append(measured)
@@ -55,18 +55,20 @@ class EmulatedVehicle(Generic[Onboard]):
         self.onboard.step(now)
 
     def with_poses(self, measured: Sequence[Measurement]) -> Sequence[Measurement]:
-        """The computer's measurements with the poses of motion capture since the last call, which
-        the computer does not get, in the order of their times."""
+        """Return the computer's measurements merged, by time, with the motion-capture poses since
+        the last call, which the computer doesn't receive."""
         poses, self._poses = self._poses, []
         return sorted([*measured, *poses], key=attrgetter("time")) if poses else measured
 
 
 class Fleet(Generic[Onboard]):
-    """The emulated vehicles of one world: `members`, in the order of the seats.
+    """The emulated vehicles of one world.
 
-    build: returns the computer of a seat, by its place from 0, its body and its source of chance,
-    and whether the vehicle has GPS. period: how often the computers step at most. Raises
-    DriverError as the simulator does.
+    members: the vehicles, in the order of the seats.
+    build: takes the index of a seat, the vehicle's body and its random generator; returns the
+    computer, and whether the vehicle has GPS.
+    period: the shortest interval between two steps of the computers.
+    Raises DriverError as the simulator does.
     """
 
     def __init__(
@@ -102,7 +104,7 @@ class Fleet(Generic[Onboard]):
         self, ticks: Iterable[Time], breaks: Sequence[Break], report: Callable[[Break, Time], None]
     ) -> None:
         """Advance from tick to tick and inject each failure at its time. report: called with a
-        failure as it begins."""
+        failure and the time when it begins."""
         waiting = sorted(breaks)
         for now in ticks:
             while waiting and waiting[0].at <= now:

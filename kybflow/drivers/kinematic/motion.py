@@ -1,4 +1,4 @@
-"""The motion of an ideal vehicle in one tick. World ENU, SI."""
+"""The motion of an ideal vehicle in one tick, in the world frame (ENU) and SI units."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ from kybflow.core.signals import Command, CommandKind, Setpoint
 from kybflow.world.vehicle_context import Airframe
 
 SPEED_RESERVE = 2.0
-"""Largest speed over the airframe's largest speed or climb rate, whichever is larger."""
+"""Largest speed of a vehicle, as a multiple of its airframe's largest speed or climb rate,
+whichever is larger."""
 DOWN: Vec3 = (0.0, 0.0, -GRAVITY)
 
 
 class KinematicState(NamedTuple):
-    """The state of a vehicle. acceleration: during the last tick."""
+    """The state of a vehicle. acceleration: that of the last tick."""
 
     position: Vec3
     velocity: Vec3 = ZERO
@@ -48,7 +49,8 @@ class KinematicState(NamedTuple):
 def moved(
     state: KinematicState, command: Command, airframe: Airframe, mass: float, dt: float
 ) -> KinematicState:
-    """Return the state `dt` seconds later, in the air."""
+    """Return the state `dt` seconds later, ignoring the ground. mass: of the vehicle with its
+    payload, kg."""
     if not command.armed:
         return _pushed(state, DOWN, state.attitude, ZERO, dt)
     if command.setpoint is not None:
@@ -65,7 +67,7 @@ def moved(
 
 
 def stopped(before: KinematicState, position: Vec3, dt: float) -> KinematicState:
-    """Return the state of a vehicle that the ground at `position` stopped during the tick."""
+    """Return the state of a vehicle that the ground has stopped at `position` during the tick."""
     level = from_heading(heading_of(before.attitude))
     return KinematicState(position, ZERO, scale(before.velocity, -1.0 / dt), level)
 
@@ -82,7 +84,7 @@ def _pushed(
 def _following(
     state: KinematicState, kind: CommandKind, wanted: Setpoint, airframe: Airframe, dt: float
 ) -> KinematicState:
-    """Follow a setpoint, which applies to the beginning of the tick."""
+    """Return the state after following a setpoint, which applies to the beginning of the tick."""
     (ax, ay, az), rate = wanted.acceleration or ZERO, wanted.heading_rate
     before = heading_of(state.attitude) if wanted.heading is None else wanted.heading
     facing = from_thrust_direction((ax, ay, az + GRAVITY), wrap(before + rate * dt))

@@ -1,4 +1,4 @@
-"""Ideal vehicles: their links, batteries and payloads, what carries them, and collisions."""
+"""Ideal vehicles: their links, batteries and payloads, the ground below them, and collisions."""
 
 from __future__ import annotations
 
@@ -31,17 +31,19 @@ from kybflow.world.shapes import Shape, Sphere
 from kybflow.world.vehicle_context import LEGS
 
 BATTERY_PERIOD: Time = NS // 10
-"""How often the battery is reported."""
+"""Period of battery reports."""
 LIFT_OFF = 0.01
-"""Height above the ground from which the next touchdown counts as a new touch, metres."""
+"""Height above the ground, metres, that a vehicle must exceed before a touchdown counts as a new
+touch."""
 NOISE = 1e-6
-"""Alternates in IMU samples, m/s^2, and poses, m: two equal ones count as stuck."""
+"""Alternating error of IMU samples, m/s^2, and poses, m, because two equal samples would count as
+stuck."""
 RIM = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
 """Directions of the points on a vehicle's rim that are tested for collisions."""
 
 
 class IdealVehicle(Link):
-    """A vehicle and the link to it. is_down: whether the ground carries it."""
+    """An ideal vehicle and the link to it. is_down: whether it stands on the ground."""
 
     def __init__(self, seat: Seat) -> None:
         self.context = context = seat.context
@@ -87,7 +89,7 @@ class IdealVehicle(Link):
         self._command = command
 
     def cut(self, now: Time) -> None:
-        """Nothing to do: disarmed commands follow."""
+        """Do nothing: disarmed commands follow."""
 
     def grip(self, is_open: bool, now: Time) -> None:
         if self.context.payload is None:
@@ -110,7 +112,7 @@ class IdealVehicle(Link):
         self.on_touch = tell
 
     def move(self, now: Time, dt: float) -> None:
-        """Follow the last command for `dt` seconds, which end at `now`."""
+        """Follow the last command for `dt` seconds that end at `now`."""
         command, before, self._noise = self._command, self.state, -self._noise
         if command is None or (self.is_down and not command.armed):
             self.state = stopped(before, before.position, dt)
@@ -137,8 +139,8 @@ class IdealVehicle(Link):
         self.state = stopped(before, (x, y, ground), dt)
 
     def _ground(self, place: Vec3, height: float) -> float:
-        """Return the height of the ground below a vehicle that has come from `height` to
-        `place`."""
+        """Return the height at which the ground stops a vehicle at `place` that comes from
+        `height`, metres."""
         x, y, z = place
         from_above = max(z, height) + LEGS
         context = self.context
@@ -153,7 +155,8 @@ class IdealVehicle(Link):
         return highest
 
     def _below(self, place: Vec3) -> Vec3:
-        """Return where the centre of a payload released at `place` comes to rest."""
+        """Return the position at which the centre of a payload released at `place` comes to
+        rest."""
         assert self.context.payload is not None
         (x, y, z), (vx, vy, _) = place, self.state.velocity
         ground = self._ground(place, z)
@@ -174,7 +177,8 @@ class KinematicWorld(Session):
     """Moves vehicles and obstacles, and reports collisions.
 
     Two vehicles collide if their distance is less than the sum of their arms. A vehicle collides
-    with an obstacle that meets the disc of its hubs; its legs stand on an obstacle below.
+    with an obstacle that intersects the disc through its hubs; its legs may stand on an obstacle
+    below.
     """
 
     def __init__(self, seats: Sequence[Seat]) -> None:
@@ -221,7 +225,8 @@ class KinematicWorld(Session):
 
 
 def _intersects(shape: Shape, place: Vec3, arm: float) -> bool:
-    """Return whether a vehicle's centre or the rim of its disc is inside of a shape."""
+    """Return whether a vehicle's centre or the rim of its disc is inside a shape. arm: the disc's
+    radius."""
     x, y, z = place
     if shape.distance(place) < 0.0:
         return True

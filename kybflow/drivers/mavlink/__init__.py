@@ -1,11 +1,12 @@
 """PX4 and ArduPilot autopilots over MAVLink.
 
-One part for both: what differs is a profile (`autopilot`). Several vehicles may share a link; each
-has its own system id. Unless its `position` is its own, the autopilot gets kybflow's estimate as
-external vision and accelerations from kybflow's position loop, which it follows by its own attitude
-controller. With GPS, or where setpoints are rare, it follows positions. Everything is sent in the
-engine's tick: when this program stops, so do setpoints and heartbeats. The last setpoint then stays
-in force until the autopilot's own failsafe acts, which the preflight has checked.
+One driver serves both firmwares; a profile (`autopilot`) holds their differences. Several vehicles
+may share a link, each with its own system id. With `position: outside` the autopilot receives
+kybflow's estimate as external vision, and accelerations from kybflow's position loop, which it
+follows with its own attitude controller. With its own position (GPS), or at a low setpoint rate, it
+follows position setpoints instead. Everything is sent in the engine's tick: if this program stops,
+setpoints and heartbeats stop too. The last setpoint then stays in force until the autopilot's own
+failsafe acts; the preflight has checked that failsafe.
 """
 
 from __future__ import annotations
@@ -27,17 +28,18 @@ if TYPE_CHECKING:
     import random
 
 OFTEN = 40.0
-"""Setpoints a second from which on kybflow's position loop may send accelerations."""
+"""The lowest setpoint rate, Hz, at which kybflow's position loop may send accelerations."""
 SLOW, QUICK = 100, 250
-"""Ticks a second, for setpoints of position or acceleration: up to one in two ticks of the former,
-and above. The attitude loop, which needs more, is the autopilot's."""
+"""Control rates, Hz: SLOW if it allows two ticks per setpoint, otherwise QUICK. The attitude loop,
+which needs a higher rate, runs on the autopilot."""
 THRUSTS = frozenset({CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST})
 DEAD_TIME, LINK = 0.005, 0.01
-"""Seconds from an autopilot's gyroscope to its rotors, and from here to there."""
+"""Delays in seconds: from the autopilot's gyroscope to its rotors, and from this program to the
+autopilot."""
 
 
 class Mavlink(Driver[MavlinkParams]):
-    """pymavlink is imported when it is opened."""
+    """The driver; it imports pymavlink only when it is opened."""
 
     accepts = frozenset(CommandKind) - {CommandKind.TILT_CLIMB}
     provides = frozenset(
@@ -57,13 +59,14 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def takes(cls, params: MavlinkParams) -> frozenset[CommandKind]:
-        """Commands with a thrust only where `attitude` is set, because they are not tested well
-        enough. The failsafe's landing by the IMU sends them all the same."""
+        """Return the accepted command kinds. Those with a thrust need `attitude`, because they are
+        not tested well enough. The failsafe's landing by IMU sends them regardless."""
         return cls.accepts if params.attitude else cls.accepts - THRUSTS
 
     @classmethod
     def tracker(cls, params: AutopilotLinkParams) -> Mapping[str, str]:
-        """By acceleration where kybflow provides the position and sends setpoints often enough."""
+        """Return the default tracker: by acceleration if kybflow provides the position and sends
+        setpoints often enough, otherwise by position."""
         if params.position != "outside" or params.rate < OFTEN:
             return {"use": "on_board", "by": "position"}
         keeps = "true" if profile_of(params.autopilot).keeps_height else "false"
@@ -75,7 +78,7 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def inner_loop(cls, params: MavlinkParams, airframe: Airframe) -> InnerLoop:
-        """The firmware's default loop, unless the airframe has gains of its own."""
+        """Return the firmware's default loop, with the airframe's own gains if it has any."""
         profile, lag = profile_of(params.autopilot), airframe.rotor_time
         gain = airframe.attitude_gain or profile.attitude_gain
         loop = attitude_loop(lag, gain, airframe.rate_gain)

@@ -4,11 +4,11 @@
 clock. `KeepAlive` sends heartbeats, requests streams, reads parameters, compares clocks and repeats
 unacknowledged commands.
 
-Two heartbeats are sent: one of a ground station, without which PX4 sends no status texts, and one
-of an onboard computer. After a reboot or a silence all requests are made again. A stream that the
-autopilot sends often by default and that no module reads is switched off, unless another program
-uses the same connection. Closing the link restores the default rate of every stream; a program that
-is killed leaves the rates as they are."""
+Two heartbeats are sent: one as a ground station, without which PX4 sends no status texts, and one
+as an onboard computer. After a reboot or a long silence all requests are repeated. A stream that
+the autopilot sends often by default and that no module reads is switched off, unless another
+program uses the same connection. Closing the link restores the default rate of every stream; a
+program that is killed leaves the rates as they are."""
 
 from __future__ import annotations
 
@@ -41,22 +41,26 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 SHORTEST: Time = 3 * NS // 10
-"""Shorter intervals without a message are no silence."""
+"""The longest interval without a message that doesn't count as a silence."""
 FORGETS: Time = 2 * NS
-"""After a longer silence the streams are requested again."""
+"""The streams are requested again after a silence longer than this."""
 REPEATED: Time = 60 * NS
-"""How long a reported text is not reported again."""
+"""How long a status text is suppressed after it was reported."""
 DISARM, REFUSALS = "disarm", ("denied", "not landed", "refused", "rejected")
 ALERT = mavlink.MAV_SEVERITY_ALERT
-"""Texts of this severity or worse are reported at once, whatever they say."""
+"""A text of this severity or worse is never held back as a refusal to disarm."""
 SEVERITIES = ("critical", "critical", "critical", "error", "warning")
 ANSWERS = frozenset({"COMMAND_ACK", "PARAM_VALUE", "PARAM_ERROR", "TIMESYNC"})
 
 
 class AutopilotState:
-    """One autopilot. `status`, `telemetry`, `parameters`: what it reported. `requests`: commands
-    to it. `sync`: the comparison of its clock with ours. `silence`: the newest interval without a
-    message. `truth`: the ground truth of its simulator, None on hardware."""
+    """The state of one autopilot.
+
+    status, telemetry, parameters: what the autopilot reported.
+    requests: the commands sent to it.
+    sync: the comparison of its clock with ours.
+    silence: the most recent interval without a message.
+    truth: the ground truth of its simulator, None on hardware."""
 
     def __init__(
         self, seat: Seat, profile: FirmwareProfile, port: Port, truth: GroundTruth | None
@@ -88,7 +92,7 @@ class AutopilotState:
             **dict.fromkeys(others.STREAMS, self._handle_target),
             **dict.fromkeys(ground_truth.STREAMS, self._handle_truth),
         }
-        """By type of message, after `status`; `telemetry` handles the rest."""
+        """Handlers by message type, called after `status`; `telemetry` handles all other types."""
         self._received_at: Time | None = None
         self._text: ReceivedText | None = None
         self._reported: dict[str, Time] = {}
@@ -100,13 +104,14 @@ class AutopilotState:
 
     @property
     def ignored_because(self) -> str:
-        """Why the autopilot may ignore our commands; empty where nothing is known."""
+        """Why the autopilot may be ignoring our commands; empty if no reason is known."""
         if self.port.counts.signed:
             return "; what it sends is signed: give the driver its `key`"
         return ""
 
     def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
-        """The rates of the streams that are read, Hz. kinds: what the vehicle is flown by."""
+        """Return the rates of the streams that are read, Hz, by message name. kinds: the
+        measurements with which the vehicle is flown."""
         true = {} if self.truth is None else ground_truth.STREAMS
         return {
             **received_status.STREAMS,
@@ -116,12 +121,12 @@ class AutopilotState:
         }
 
     def age(self, now: Time) -> float:
-        """Seconds since the last message; zero before the first."""
+        """Return the seconds since the last message; zero before the first."""
         return 0.0 if self._received_at is None else (now - self._received_at) / NS
 
     def receive(self, now: Time) -> bool:
-        """Handle the messages that arrived. Returns whether the silence before them was so long
-        that the autopilot may have forgotten our requests."""
+        """Handle the messages that arrived. Return whether the silence before them was so long that
+        the autopilot may have forgotten our requests."""
         for message in self.port.take_overheard():
             self.others.overheard(message, now)
         messages = self.port.take()
@@ -137,8 +142,9 @@ class AutopilotState:
         return gap > FORGETS
 
     def new_texts(self, *, is_disarming: bool) -> Sequence[StatusText]:
-        """The new texts of severity warning or worse, each at most once a minute. Refusals to
-        disarm are held back while disarming is retried, and reported when the retries end."""
+        """Return the new texts of severity warning or worse, each at most once a minute. Refusals
+        to disarm are held back while disarming is retried, and reported afterwards if the vehicle
+        is still armed."""
         texts = self.status.texts_after(self._text)
         if texts:
             self._text = texts[-1]
@@ -186,23 +192,23 @@ def _refuses_to_disarm(text: ReceivedText) -> bool:
 SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
 STATION = mavlink.MAV_COMP_ID_MISSIONPLANNER
-"""Our component id as a ground station."""
+"""Our component id in ground-station messages."""
 ROUND: Time = 5 * NS
-"""Pause between two requests for streams that do not arrive."""
+"""The pause between two rounds of requests for streams that don't arrive."""
 ROUNDS = 3
 SILENT: Time = 3 * NS
 SETTLED: Time = 2 * NS
-"""How long after each request for streams the unread messages are counted."""
+"""How long unread messages are counted after each round of stream requests."""
 OFTEN = 4
-"""Unread messages in that time from which on a stream is switched off."""
+"""A stream with at least this many unread messages in that time is switched off."""
 POLL: Time = NS // 4
-"""Pause between two requests for a message whose rate can't be set."""
+"""The pause between two requests for a message whose rate can't be set."""
 STOPPED, DEFAULT = -1.0, 0.0
-"""In place of an interval: never; the default rate."""
+"""Special values of SET_MESSAGE_INTERVAL: stop the stream; restore its default rate."""
 
 
 class KeepAlive:
-    """Keeps the link to one autopilot alive. rates: the streams to request, Hz. names: the
+    """Keeps the link to one autopilot alive. rates: the streams to request, Hz by name. names: the
     parameters to read."""
 
     def __init__(
@@ -222,18 +228,18 @@ class KeepAlive:
         self._settled: Time | None = None
 
     def stream(self, name: str, rate: float, now: Time) -> None:
-        """Request a stream at another rate, Hz."""
+        """Set the rate of a stream, Hz, and request it again if the rate has changed."""
         is_other = rate != self._rates.get(name)
         self._rates[name] = rate
         if self._rounds and is_other:
             self._request_stream(name, now)
 
     def begin_anew(self) -> None:
-        """Request everything again: the autopilot may have forgotten it."""
+        """Repeat all requests, because the autopilot may have forgotten them."""
         self._round = self._rounds = 0
 
     def step(self, now: Time) -> None:
-        """Send what is due. Raises DriverError."""
+        """Send the messages that are due. Raises DriverError."""
         a = self._autopilot
         if now >= self._heartbeat:
             self._heartbeat = now + NS
@@ -267,7 +273,7 @@ class KeepAlive:
             a.port.send(mavlink.MAVLink_command_long_message(*a.target, *params))
 
     def _stop_unread(self, now: Time) -> None:
-        """Switch off what came often since streams were requested, and was not read."""
+        """Switch off the streams that arrived often since the last requests and were not read."""
         unread = self._autopilot.port.unread()
         for number in sorted(n for n, count in unread.items() if count >= OFTEN):
             self._set_interval(STOPPED, number, now)
@@ -291,7 +297,7 @@ class KeepAlive:
             self._set_interval(round(1e6 / self._rates[name]), _number(name), now)
 
     def _set_interval(self, interval: float, number: int, now: Time) -> None:
-        """Request a message by its number every `interval` microseconds."""
+        """Request a message, given by its id, every `interval` microseconds."""
         self._requested[number] = None
         self._autopilot.requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
 

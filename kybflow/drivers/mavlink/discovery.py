@@ -1,7 +1,7 @@
-"""Discovery of autopilots outside a mission: those at an address, and their parameters.
+"""Discovery of autopilots outside a mission: which are at an address, and their parameters.
 
 An autopilot may be silent until it receives a message, and PX4 sends texts only to ground stations;
-so a ground station's heartbeat is sent once a second.
+therefore a ground station's heartbeat is sent once a second.
 """
 
 from __future__ import annotations
@@ -17,16 +17,20 @@ from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port,
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 FIRST: Time = 6 * NS
-"""How long the first message may take: some autopilots need two of our heartbeats."""
+"""The longest wait for the first message: some autopilots need two of our heartbeats."""
 OTHERS: Time = 3 * NS // 2
-"""How much longer other autopilots are awaited."""
+"""How much longer to wait for further autopilots."""
 SILENT: Time = 5 * NS
-"""An autopilot without a heartbeat for this long is gone."""
+"""An autopilot that has sent no heartbeat for this long counts as gone."""
 
 
 class Discovery:
-    """Searches one wire. `statuses`: what each autopilot reported, by its system id. system: the
-    one to find, None for any. own_system, key: as in a mission."""
+    """Searches one wire for autopilots.
+
+    statuses: what each autopilot reported, by system id.
+    parameters: the parameters of each autopilot, by system id.
+    system: the system id to find, None for any.
+    own_system, key: as in a mission."""
 
     def __init__(
         self, wire: Wire, system: int | None, own_system: int, key: bytes | None = None
@@ -42,7 +46,7 @@ class Discovery:
         self._beat: Time | None = None
 
     def step(self, now: Time) -> None:
-        """Handle what arrived, and send our heartbeats."""
+        """Handle the messages that arrived, and send our heartbeats."""
         self.now = now
         self._router.poll(now)
         for system in sorted(self._asked.heard_from - set(self._ports) - {self._own}):
@@ -60,22 +64,22 @@ class Discovery:
     def watch(
         self, ticks: Iterator[Time], timeout: Time, until: Callable[[], bool] = lambda: False
     ) -> None:
-        """Step until the timeout, or until `until` is true."""
+        """Step through the ticks until the timeout, or until `until` returns true."""
         end = self.now + timeout
         while self.now < end and not until():
             self.step(next(ticks))
 
     def find(self, ticks: Iterator[Time]) -> list[int]:
-        """Wait for the system to find; returns it as soon as it is heard, or all where any will do.
-        Raises DriverError where there is none."""
+        """Wait for the requested system and return it as soon as it is heard; if any system will
+        do, return all that are heard. Raises DriverError if none is."""
         self.watch(ticks, FIRST, lambda: bool(self._fitting()))
         if self._system is None and self._fitting():
             self.watch(ticks, OTHERS)
         return self.found()
 
     def found(self) -> list[int]:
-        """The systems found. Raises DriverError where there are none, with what was heard instead
-        and what to try."""
+        """Return the systems found. Raises DriverError if there are none, naming the systems that
+        were heard instead and what to try."""
         if fitting := self._fitting():
             return fitting
         if others := self.there():
@@ -90,7 +94,7 @@ class Discovery:
         return [s for s in self.there() if self._system in (None, s)]
 
     def there(self) -> list[int]:
-        """The systems whose autopilot sent a heartbeat."""
+        """Return the systems whose autopilot sent a heartbeat."""
         return sorted(s for s, statuses in self.statuses.items() if statuses.heartbeat is not None)
 
     def settle(
@@ -102,7 +106,7 @@ class Discovery:
         writes: Mapping[str, float] | None = None,
     ) -> AutopilotParameters:
         """Write parameters of an autopilot that was found, then read all of `names` again. Raises
-        DriverError where it falls silent."""
+        DriverError if the autopilot falls silent."""
         if system not in self.parameters:
             self.parameters[system] = AutopilotParameters(
                 profile.integer_parameters_bytewise,

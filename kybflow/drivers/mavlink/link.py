@@ -1,7 +1,7 @@
-"""The link to one autopilot: its messages in, setpoints out.
+"""The link to one autopilot.
 
-`update` handles what arrived (`AutopilotState`), decides (`control.offboard`), and sends what is
-due: setpoints, and the keep-alive of the link."""
+`update` handles the messages that arrived (`AutopilotState`), decides what to command
+(`control.offboard`), and sends what is due: setpoints, and the keep-alive of the link."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ from kybflow.drivers.mavlink.transport.router import Port
 from kybflow.parts import ActiveFaults, Check, ForeignCommand, Link, Seat, StatusText
 
 SILENCE_TIMEOUT: Time = 10 * NS
-"""How long the autopilot may be silent after opening."""
+"""How long the autopilot may be silent after the link was opened."""
 OFTEN: Time = NS // 50
-"""How often the keep-alive runs; it need not in every tick."""
+"""The interval of the keep-alive, which need not run in every tick."""
 REREAD: Time = NS // 2
-"""How often one of the preflight's parameters is read again in flight."""
+"""The interval at which the next of the preflight's parameters is read again in flight."""
 OLDEST: Time = NS // 2
-"""An older position of the autopilot counts as unknown."""
+"""A position of the autopilot that is older counts as unknown."""
 MS: Time = NS // 1000
 
 
 class AutopilotLink(Link):
     """The link to one vehicle. The session calls `update` once a tick, after polling the router.
-    truth: the ground truth of the firmware's own simulator, None where there is none."""
+    truth: the ground truth of the firmware's own simulator, or None."""
 
     def __init__(
         self, seat: Seat, profile: FirmwareProfile, port: Port, truth: GroundTruth | None
@@ -93,7 +93,7 @@ class AutopilotLink(Link):
         self._command: Command | None = None
 
     def update(self, now: Time) -> None:
-        """Handle messages, decide, and send what is due. Raises DriverError."""
+        """Handle messages, decide what to command, and send what is due. Raises DriverError."""
         self._now = now
         if self.autopilot.receive(now):
             self._keep_alive.begin_anew()
@@ -202,8 +202,8 @@ class AutopilotLink(Link):
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
-        """Restore the default streams, and the earlier mode of a disarmed vehicle unless somebody
-        else controls it."""
+        """Restore the default streams. If the vehicle is disarmed and nobody else controls it, also
+        restore the mode that it had before the first request."""
         self._keep_alive.close()
         autopilot, before = self.autopilot, self.offboard.modes.before
         is_ours = self.override is None and not autopilot.status.armed
@@ -216,12 +216,13 @@ class AutopilotLink(Link):
         )
 
     def _apply_faults(self) -> None:
-        """Apply the faults on this side of the link."""
+        """Apply the injected faults that act on this side of the link."""
         if self.faults is not None:
             self.autopilot.port.deaf, self.autopilot.port.mute = self.faults.deaf, self.faults.mute
 
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
-        """The streams to request, Hz. kinds: what the vehicle is flown by."""
+        """Return the streams to request, Hz, by message name. kinds: the measurements with which
+        the vehicle is flown."""
         rates = {**self.autopilot.streams(kinds), **setpoints.STREAMS}
         if self._grip is not None:
             rates |= payload.STREAMS
@@ -229,7 +230,7 @@ class AutopilotLink(Link):
         return self._capacity.fitting({name: rates[name] for name in rates if name in sent})
 
     def _stream_setpoint(self, now: Time) -> None:
-        """Send the setpoint that is due."""
+        """Send the newest setpoint if it is due."""
         command, autopilot = self.offboard.stream.due(now), self.autopilot
         if command is None:
             return
@@ -247,7 +248,8 @@ class AutopilotLink(Link):
         autopilot.others.sent(message, now)
 
     def _watch_parameters(self, now: Time) -> None:
-        """Read the parameters of the preflight again in flight, one at a time."""
+        """Report changed safety parameters. In flight, also read the preflight's parameters again,
+        one at a time."""
         parameters = self.autopilot.parameters
         for name, before, value in parameters.take_changed():
             if name in self._watched:
@@ -268,7 +270,8 @@ class AutopilotLink(Link):
             self._hover.learn(asked, self._command, own, values, now)
 
     def _holding(self) -> Command | None:
-        """The command that holds the vehicle where it is, None while that is unknown."""
+        """Return the command that holds the vehicle at its current position, or None while that
+        position is unknown."""
         own = self.autopilot.telemetry.odometry
         if own is None or self._now - own.time > OLDEST:
             return None

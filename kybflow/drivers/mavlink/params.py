@@ -1,4 +1,4 @@
-"""The parameters of a vehicle on an autopilot, real or emulated."""
+"""Parameters of a vehicle with an autopilot, real or emulated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ else:
 
 @params
 class AutopilotLinkParams:
-    """The parameters of every autopilot, also of an emulated one."""
+    """The parameters that real and emulated autopilots share."""
 
     autopilot: FirmwareName = param("The firmware.", read_only=True)
     position: Literal["outside", "own"] = param(

@@ -1,4 +1,5 @@
-"""The autopilots of a run: the wires to them, polled once a tick, and a link for each."""
+"""The session of a run's autopilots: the wires to them, polled once a tick, and one link per
+vehicle."""
 
 from __future__ import annotations
 
@@ -17,14 +18,14 @@ from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.parts import Link, Seat, Session
 
 Group = tuple[int, str | None]
-"""Our system id and the file with the secret, which the vehicles of a router share."""
+"""Our system id and the file of the signing key; vehicles that share both share a router."""
 
 
 def open_session(
     seats: Sequence[Seat], opener: Callable[[str], Wire] = open_wire
 ) -> MavlinkSession:
-    """Open the wires and links of these seats. opener: opens a wire by its address. Raises
-    DriverError, and nothing stays open then."""
+    """Open the wires and links of these seats. opener: opens the wire to an address. Raises
+    DriverError after closing everything again."""
     places = [_place(seat, number) for number, seat in enumerate(seats, start=1)]
     groups: dict[Group, dict[str, Wire]] = {}
     owners: dict[str, Group] = {}
@@ -55,7 +56,8 @@ def open_session(
 
 
 class MavlinkSession(Session):
-    """Polls the `routers`, then updates every link."""
+    """The session of a run's autopilots: each tick it polls the `routers`, then updates every
+    link."""
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
@@ -63,7 +65,7 @@ class MavlinkSession(Session):
         self._wires: list[Wire] = []
 
     def opened(self, wire: Wire) -> Wire:
-        """Add a wire, to be closed with the session."""
+        """Register a wire to be closed with the session, and return it."""
         self._wires.append(wire)
         return wire
 
@@ -85,7 +87,8 @@ class MavlinkSession(Session):
 
 
 def _place(seat: Seat, number: int) -> tuple[FirmwareProfile, str, int]:
-    """A vehicle's profile, address and system id. number: its place in the mission."""
+    """Return a vehicle's profile, address and system id. number: its position in the mission, from
+    1."""
     profile = profile_of(seat.params.autopilot)
     system = seat.params.system or number
     return profile, seat.params.address or profile.default_address(system), system

@@ -1,16 +1,17 @@
-"""Quadrotors that move by somebody else's equations: those of rotorpy.
+"""Quadrotors that move by the equations of rotorpy, a simulator by other authors.
 
-Everything else is the simulator's: the on-board loop, the IMU, motion capture, the battery, the
-link and its faults. Mass, inertia, arms, thrust and the rotors' time constant are the airframe's,
-within `model_error`; the air is that of rotorpy's AscTec Hummingbird (`aerodynamics`), and what the
-airframe, `drag_error` and `inflow` say of drag plays no part. So a controller is tried on a plant
-that it wasn't made for.
+Everything else is that of `sim`: the on-board loop, the IMU, motion capture, the battery, the link
+and its faults. Mass, inertia, arms, thrust and the rotors' time constant are the airframe's, within
+`model_error`. The aerodynamics are those of rotorpy's AscTec Hummingbird (`aerodynamics`); the drag
+of the airframe, `drag_error` and `inflow` have no effect. This tests a controller on a vehicle
+model that it was not designed for.
 
-rotorpy knows one floor and nothing to run into. Who comes nearer to an obstacle or to another
-vehicle than an arm's length has collided with it and is told so, but nothing stops it. The compiler
-refuses payloads, the viewer and who doesn't start on that floor. A step of 2 ms takes about as long
-as it lasts. Needs `pip install 'kybflow[rotorpy]'`.
-Folk, Paulos and Kumar, RotorPy, arXiv 2306.04485.
+rotorpy has a floor and no obstacles. A vehicle that comes nearer to an obstacle than its arm's
+length, or to another vehicle than both arms together, reports a collision, but nothing stops it.
+The compiler rejects payloads, the viewer, and vehicles that don't start on the floor. A step of
+2 ms takes about 2 ms to compute. Requires `pip install 'kybflow[rotorpy]'`.
+
+Source: Folk, Paulos and Kumar, RotorPy, arXiv 2306.04485.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class RotorpyParams(SimParams):
 
 
 class Rotorpy(Driver[RotorpyParams]):
-    """rotorpy is imported when it is opened."""
+    """The driver; it imports rotorpy only when it is opened."""
 
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
     provides = frozenset({Pose, Battery, Imu, Position})

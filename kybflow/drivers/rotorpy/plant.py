@@ -1,9 +1,9 @@
-"""One vehicle as rotorpy computes it; the only `import rotorpy`.
+"""One vehicle simulated by rotorpy; the only module that imports rotorpy.
 
 rotorpy's own adaptive integrator is replaced by one step of the classical Runge-Kutta method, which
-is as exact over 2 ms and several times as fast. So is its ground, which holds a vehicle down that
-rises by less than a millimetre a step: here the floor at z = 0 stops who sinks into it, sideways
-and in turning too, and lays them level.
+is as accurate over 2 ms and several times as fast. Its ground is replaced too, since it holds down
+a vehicle that rises by less than a millimetre per step: here the floor at z = 0 stops a vehicle
+that sinks into it, including its horizontal motion and its rotation, and levels it.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ except ImportError as missing:
     raise DriverError(reason) from missing
 
 HUMMINGBIRD: dict[str, Any] = quad_params
-"""What rotorpy says about that airframe, SI."""
+"""rotorpy's parameters of that airframe, SI units."""
 FASTEST = 1000.0
-"""The speed at which a rotor gives its largest thrust, rad/s. It is only a unit: rotorpy's
-coefficients are scaled to it."""
+"""Speed at which a rotor produces its largest thrust, rad/s. The value is arbitrary, because
+rotorpy's coefficients are scaled to it."""
 CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
-"""Where the rotors are along body x and y, in the simulator's order."""
+"""Directions of the rotors along body x and y, in the order of `sim`."""
 TURNING = (1.0, -1.0, 1.0, -1.0)
 """The sign of each rotor's drag torque about body z."""
 
 
 class RungeKutta(OdeSolver):  # type: ignore[misc]  # scipy has no types
-    """The classical method, in one step."""
+    """The classical Runge-Kutta method, in one step."""
 
     def __init__(self, fun: Any, t0: float, y0: Any, t_bound: float, vectorized: bool) -> None:
         super().__init__(fun, t0, y0, t_bound, vectorized)
@@ -58,7 +58,8 @@ class RungeKutta(OdeSolver):  # type: ignore[misc]  # scipy has no types
 
 
 class Plant:
-    """A vehicle's body and rotors. aerodynamics: those of the Hummingbird times so much."""
+    """A vehicle's body and rotors. aerodynamics: factor on the aerodynamic forces of the
+    Hummingbird."""
 
     def __init__(self, context: VehicleContext, body: BuiltAirframe, aerodynamics: float) -> None:
         self._thrust_per_square = sum(body.thrust) / 4.0 / FASTEST**2
@@ -75,8 +76,8 @@ class Plant:
     def _rotors(
         self, context: VehicleContext, body: BuiltAirframe, aerodynamics: float
     ) -> dict[str, Any]:
-        """The rotors' and the air's coefficients: forces over mass and airspeed are those of the
-        Hummingbird in hover."""
+        """Return the coefficients of the rotors and the air, such that forces over mass at an
+        airspeed are those of the Hummingbird in hover."""
         k, theirs = self._thrust_per_square, HUMMINGBIRD
         heavier = aerodynamics * body.mass / theirs["mass"]
         hovers = sqrt(body.mass * GRAVITY / k)
@@ -93,23 +94,23 @@ class Plant:
 
     @property
     def truth(self) -> Truth:
-        """The state now."""
+        """The current state."""
         s = self._state
         qx, qy, qz, qw = s["q"].tolist()
         return Truth(_vector(s["x"]), _vector(s["v"]), (qw, qx, qy, qz), _vector(s["w"]))
 
     @property
     def thrusts(self) -> Numbers:
-        """What each rotor gives now, N."""
+        """The current thrust of each rotor, N."""
         return tuple((self._thrust_per_square * self._state["rotor_speeds"] ** 2).tolist())
 
     @property
     def is_down(self) -> bool:
-        """Whether it stands on the floor."""
+        """Whether the vehicle stands on the floor."""
         return bool(self._state["x"][2] <= 0.0)
 
     def load(self, mass: float) -> None:
-        """Weigh `mass` from now on, with the same radii of gyration."""
+        """Set the mass, kg, from now on; the radii of gyration stay the same."""
         model, share = self._model, mass / self._model.mass
         model.mass = mass
         model.inertia = model.inertia * share
@@ -117,9 +118,10 @@ class Plant:
         model.weight = model.weight * share
 
     def step(self, thrusts: Numbers, wind: Vec3, more: Numbers, dt: float) -> Vec3:
-        """Move on by `dt` seconds; the mean acceleration meanwhile, world. thrusts: what each rotor
-        is to give, N. more: what else pushes, N, world, and turns it, N m, body. Raises DriverError
-        when rotorpy has no answer, as of a body that spins faster than numbers go."""
+        """Advance by `dt` seconds. Return the mean acceleration, world frame, m/s^2. thrusts: the
+        commanded thrust of each rotor, N. wind: world frame, m/s. more: additional force (N, world
+        frame) and torque (N m, body frame). Raises DriverError if rotorpy finds no solution, for
+        instance because a body spins so fast that numbers overflow."""
         state, k = self._state, self._thrust_per_square
         state["wind"] = numpy.array(wind)
         before = state["v"]

@@ -1,4 +1,4 @@
-"""The session: vehicles that rotorpy moves, in lockstep with the engine's clock."""
+"""The session of vehicles simulated by rotorpy, in lockstep with the engine's clock."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 
 class RotorpyWorld(Session):
-    """Every vehicle with a plant of its own. Raises DriverError for vehicles that disagree about
-    the physics' rate."""
+    """All vehicles, each with its own plant. Raises DriverError if their physics rates differ."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         rates = {seat.params.physics for seat in seats}
@@ -97,8 +96,8 @@ class RotorpyWorld(Session):
                 vehicle.measure(self.now)
 
     def _blow(self, now: Time) -> None:
-        """Give each vehicle its wind, world frame, what else pushes it, and how much it
-        vibrates."""
+        """Set the wind (world frame), the additional force and torque, and the vibration of each
+        vehicle."""
         elapsed, self._blown = (now - self._blown) / NS, now
         jets = jets_of(self._vehicles)
         for i, vehicle in enumerate(self._vehicles):
@@ -109,7 +108,8 @@ class RotorpyWorld(Session):
                 self._errors.shake(i, vehicle.vibration(thrust))
 
     def _touches(self, index: int) -> Iterator[Touch]:
-        """What a vehicle touches now: the floor, and whatever its arms reach."""
+        """Yield what a vehicle touches now: the floor, and obstacles and vehicles within its arms'
+        reach."""
         context, plant = self._seats[index], self._plants[index]
         place, arm = plant.truth.position, context.airframe.arm
         yield from _floor(plant)
@@ -122,11 +122,11 @@ class RotorpyWorld(Session):
                 yield Touch(beside.vehicle, carries=False)
 
     def truth(self, index: int) -> Truth:
-        """The state of a vehicle now."""
+        """Return the current state of a vehicle."""
         return self._plants[index].truth
 
     def index(self, name: str) -> int:
-        """The place of a vehicle."""
+        """Return the index of a vehicle."""
         return list(self.links).index(name)
 
     def apply_faults(self, index: int) -> None:
@@ -137,14 +137,14 @@ class RotorpyWorld(Session):
         self.onboard.winds[index], self.onboard.pushes[index] = ZERO, NOTHING
 
     def grip(self, index: int, is_open: bool, armed: bool) -> bool:
-        """Nobody carries anything."""
+        """Raise Refused, since no vehicle carries a payload."""
         raise Refused("it carries no payload")
 
     def schedule(self, due: Time) -> None:
-        """Each step looks what is due."""
+        """Do nothing: every step checks which measurements are due."""
 
     def update_imu_readers(self) -> None:
-        """Each step asks who reads_imu."""
+        """Do nothing: every step checks `reads_imu` of each vehicle."""
 
     def close(self) -> None:
         """There is nothing to release."""
@@ -156,6 +156,6 @@ def _floor(plant: Plant) -> Iterator[Touch]:
 
 
 def _rows(attitude: Quat) -> Numbers:
-    """The rotation from body to world, row by row."""
+    """Return the rotation from body to world, row by row."""
     columns = [rotate(attitude, axis) for axis in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0))]
     return tuple(column[row] for row in range(3) for column in columns)

@@ -233,10 +233,10 @@ class Sim(Driver[SimParams]):
 
     @classmethod
     def inner_loop(cls, params: SimParams, airframe: Airframe) -> InnerLoop:
-        """Return the loop with the lab's delays, without their random parts. A gyroscope sample
-        moves the rotors two steps later, less half a step for each stage of its filter and
-        `lead - 1` steps for the lead, which is discretised as well. The IMU measures before a
-        step."""
+        """Return the inner loop with the lab's delays, without their random parts. The IMU measures
+        before a step, so a gyroscope sample moves the rotors two steps later. From this delay, half
+        a step is subtracted for each stage of the gyroscope's filter, and `lead - 1` steps for the
+        lead, which is discretised as well."""
         p, loop, lag = params, airframe.attitude_loop, airframe.rotor_time
         steps, cut_off, command = 2.0 - (loop.lead - 1.0), 0.0, 0.0
         if not p.calm:

@@ -11,18 +11,20 @@ from kybflow.drivers.sim.steps.onboard_state import Numbers
 from kybflow.world.vehicle_context import Airframe
 
 GUST_TIME = 1.0
-"""Seconds."""
+"""Time constant of gusts, seconds."""
 EDDY_TIME = 0.5
-"""Seconds."""
+"""Time constant of eddies, seconds."""
 AIR = 1.2
-"""Density, kg/m^3."""
+"""Density of air, kg/m^3."""
 FOUNTAIN = 4.0
-"""Lift on the body by the air that rises between the rotors: twice their K."""
+"""Coefficient of the lift on the body by the air that rises between the rotors: twice the value K
+of the authors named in `GroundEffect`."""
 
 
 class Wandering:
-    """Ornstein-Uhlenbeck processes with a time constant of `lasts` seconds. deviations: their
-    standard deviations. noise: rows of as many standard normal numbers."""
+    """Ornstein-Uhlenbeck processes with a time constant of `lasts` seconds. deviations: the
+    standard deviation of each process. noise: rows of standard normal numbers, one number per
+    process."""
 
     def __init__(
         self, deviations: Sequence[float], lasts: float, noise: Iterator[list[float]]
@@ -31,7 +33,7 @@ class Wandering:
         self._now: Numbers = (0.0,) * len(deviations)
 
     def after(self, seconds: float) -> Numbers:
-        """Return the values, `seconds` after the last call."""
+        """Return the values of the processes, `seconds` after the last call."""
         keep = exp(-seconds / self._lasts)
         kick = sqrt(1.0 - keep * keep)
         moved = zip(self._now, self._deviations, next(self._noise), strict=True)
@@ -40,8 +42,8 @@ class Wandering:
 
 
 class GustyWind:
-    """The wind at one vehicle, m/s, world frame: steady, plus gusts along each axis. gust: their
-    standard deviation. noise: rows of three standard normal numbers."""
+    """The wind at one vehicle, m/s, world frame: a steady wind plus gusts along each axis. gust:
+    standard deviation of the gusts. noise: rows of three standard normal numbers."""
 
     def __init__(self, steady: Vec3, gust: float, noise: Iterator[list[float]]) -> None:
         self._steady = steady
@@ -61,12 +63,13 @@ class GroundEffect:
 
         T / T0 = 1 / (1 - (R / 4z)^2 - R^2 z (d^2 + 4 z^2)^-1.5 - k R^2 z (b^2 + 4 z^2)^-1.5)
 
-    z: their height over it. R: their radius. d, b: the distances of neighbouring and of opposite
-    hubs. k: 1/2 for the rotor across and `FOUNTAIN` for the body. The first term is Cheeseman and
-    Bennett's (ARC R&M 3021, 1955), the others are those of a quadrotor by Sanchez-Cuevas, Heredia
-    and Ollero (Characterization of the Aerodynamic Ground Effect, Int. J. Aerospace Eng. 2017).
-    Below z = R / 2, where the first no longer holds, the gain is constant. Only the world's floor
-    counts, not obstacles below a vehicle. share: a factor on the gain.
+    z: height of the rotors over the floor. R: radius of the rotors. d, b: distances of neighbouring
+    and of opposite hubs. k: 1/2 for the rotor across plus `FOUNTAIN` for the body. The first term
+    is Cheeseman and Bennett's (ARC R&M 3021, 1955), the others are those of a quadrotor by
+    Sanchez-Cuevas, Heredia and Ollero (Characterization of the Aerodynamic Ground Effect, Int. J.
+    Aerospace Eng. 2017). Below z = R / 2, where the first term no longer holds, the gain is
+    constant. Only the world's floor counts, not obstacles below a vehicle. share: a factor on the
+    gain.
     """
 
     def __init__(self, airframe: Airframe, share: float) -> None:
@@ -83,16 +86,16 @@ class GroundEffect:
 
 
 class Downwash:
-    """The turbulent jet into which the flows of a vehicle's rotors merge:
+    """The turbulent jet into which the flows of a vehicle's rotors merge. Its speed w is
 
         w = 10.1 v / s 2^-(r / h)^2,    h = 0.0767 s,    s = 5.82 + depth / diameter
 
     v = sqrt(T / (2 A rho)): the speed that rotors of the area A induce at the thrust T. r: the
     horizontal distance over the diameter. Bauersfeld, Muller, Ziegler, Coletti and Scaramuzza
-    (Robotics meets Fluid Dynamics, RA-L 2025) measured it below six quadrotors, from 2.5 diameters
-    on; nearer, where it reaches 1.7 v, it is extrapolated. This Gaussian is as wide as their
-    profile. The jet points straight down: neither wind nor tilt bends it. share: a factor on the
-    speed.
+    (Robotics meets Fluid Dynamics, RA-L 2025) measured the jet below six quadrotors, from 2.5
+    diameters on; nearer to the vehicle, where it reaches 1.7 v, it is extrapolated. This Gaussian
+    is as wide as their profile. The jet points straight down: neither wind nor tilt bends it.
+    share: a factor on the speed.
     """
 
     def __init__(self, airframe: Airframe, share: float) -> None:
@@ -100,20 +103,20 @@ class Downwash:
         self._diameter, self._share = airframe.diameter, share
 
     def jet(self, at: Vec3, thrust: float) -> Jet:
-        """Return the jet below a vehicle with this thrust, N."""
+        """Return the jet below a vehicle at a position with a thrust, N."""
         return Jet(at, self._diameter, self._share * sqrt(thrust / self._twice))
 
 
 class Jet(NamedTuple):
-    """The jet below a vehicle. at: the vehicle's position. diameter: of its airframe. speed: v of
-    `Downwash`, m/s."""
+    """The jet below a vehicle. at: position of the vehicle. diameter: of the vehicle's airframe,
+    metres. speed: v of `Downwash`, m/s."""
 
     at: Vec3
     diameter: float
     speed: float
 
     def sinks(self, place: Vec3) -> float:
-        """Return how fast the air sinks at a place, m/s."""
+        """Return the speed at which the air sinks at a position, m/s."""
         x, y, z = self.at
         px, py, pz = place
         if pz >= z:

@@ -1,4 +1,5 @@
-"""How a vehicle differs from its airframe, and the disturbances of its lab; drawn once a flight."""
+"""How a vehicle differs from its airframe, and the disturbances of its lab, drawn once per
+flight."""
 
 from __future__ import annotations
 
@@ -24,17 +25,18 @@ _NOUGHT = dict.fromkeys(
 )  # fmt: skip
 
 ROTOR_SPREAD = 0.2
-"""How much the rotors differ from each other, as a fraction of `model_error`."""
+"""Largest difference of a rotor's thrust from the mean, as a fraction of `model_error`."""
 ACROSS = 0.6
 """The accelerometer's vibration along body x and y, relative to that along z."""
 
 
 class Lab(NamedTuple):
-    """The lab of one vehicle. drag: a factor on the body's drag. inflow: drag along body z over
-    that in the rotors' plane. loop: the on-board loop's settings. eddies: force, N, world frame,
-    and torque, N m, body frame; None in still air. vibration: of the IMU in hover; None for none.
-    ground, downwash: None for none. markers: attitude of the motion-capture body in the vehicle's.
-    stamps: error of the poses' stamps, s. late: the delay of each command, s; None for none."""
+    """The lab of one vehicle. drag: factor on the body's drag. inflow: drag along body z relative
+    to that in the rotors' plane. loop: settings of the on-board loop. eddies: force (N, world
+    frame) and torque (N m, body frame); None in still air. vibration: of the IMU in hover; None
+    without vibration. ground, downwash: the models of both effects; None without. markers: attitude
+    of the motion-capture body relative to the vehicle's. stamps: error of the poses' time stamps,
+    s. late: delay of each command, s; None without delay."""
 
     drag: float
     inflow: float
@@ -55,12 +57,13 @@ class Lab(NamedTuple):
 
 
 def as_flown(params: Any) -> Any:
-    """Return the parameters, without disturbances if `calm`."""
+    """Return the parameters, with all disturbances set to zero if `calm`."""
     return replace(params, **_NOUGHT) if params.calm else params
 
 
 def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
-    """Draw a vehicle's lab. p: its parameters, `as_flown`."""
+    """Draw the random lab of a vehicle. p: the vehicle's parameters from `as_flown`. body: the
+    vehicle as built."""
     drag, jx, jy, jz, lag, stamps = generator.uniform(-1.0, 1.0, 6).tolist()
     wrong, (ix, iy, iz) = p.loop_error, airframe.inertia
     believed = replace(
@@ -90,9 +93,9 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
 
 
 def build(airframe: Airframe, error: float, generator: Any) -> BuiltAirframe:
-    """Draw a vehicle within `error` of its airframe, each rotor a little different. The inertia
-    follows from the mass distribution drawn along each axis, since three independently drawn
-    moments may be physically impossible."""
+    """Draw a random vehicle that differs from its airframe by at most the fraction `error`; its
+    rotors differ a little from each other. The inertia follows from the mass distribution drawn
+    along each axis, since three independently drawn moments may be physically impossible."""
     draws = (1.0 + error * generator.uniform(-1.0, 1.0, 7)).tolist()
     mass, along_x, along_y, along_z, thrust, rotor_time, drag = draws
     half = sum(airframe.inertia) / 2.0

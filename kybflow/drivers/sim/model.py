@@ -1,12 +1,14 @@
-"""The MJCF text of a world: the floor, the fence as a faint box, obstacles, parcels and vehicles.
+"""The MJCF description of a world: the floor, the fence as a faint box, obstacles, parcels and
+vehicles.
 
 A vehicle's origin is its centre of mass, in the plane of its rotors. A vehicle on the floor is at
-z = 0, so the floor lies `LEGS` below. The rotors form an X: front left, rear left, rear right,
-front right; the first and the third turn clockwise seen from above, so that their drag turns the
-body counterclockwise.
+z = 0, so the floor lies `LEGS` below. The rotors form an X, in the order front left, rear left,
+rear right, front right. The first and the third turn clockwise seen from above, so that their drag
+turns the body counterclockwise.
 
-MuJoCo simulates bodies and contacts, but neither actuators nor sensors, whose cost grows with
-actuators times degrees of freedom. `steps.rotors` and `sensors` compute rotors and IMUs.
+MuJoCo simulates bodies and contacts, but neither actuators nor sensors, whose cost grows with the
+number of actuators times that of degrees of freedom. `steps.rotors` and `sensors` compute rotors
+and IMUs.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Scanned, Sphere, 
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1
-"""The number of the first vehicle's body; everything that doesn't move belongs to body 0."""
+"""Number of the first vehicle's MuJoCo body. Everything that doesn't move belongs to body 0."""
 FLOOR = "floor"
 """Name of the floor's geom."""
 OBSTACLE = "obstacle "
@@ -31,12 +33,13 @@ PARCEL = "payload "
 """Prefix of the names of parcels' geoms."""
 _SCANNED = 'rgba="0.6 0.45 0.35 1"'
 SOLID = '<default><geom conaffinity="3"/></default>\n'
-"""Used if there are parcels: everything but vehicles collides with all parcels, and a vehicle with
-those that are clear of their carrier."""
+"""Collision defaults if there are parcels: everything except vehicles collides with all parcels,
+and a vehicle with those parcels that are clear of their carrier."""
 
 
 class BuiltAirframe(NamedTuple):
-    """A vehicle as built, which differs from its airframe. SI. thrust: each rotor's largest."""
+    """A vehicle as built, which differs from its nominal airframe. SI units. thrust: largest thrust
+    of each rotor."""
 
     mass: float
     inertia: Vec3
@@ -48,7 +51,7 @@ class BuiltAirframe(NamedTuple):
 def world_text(
     contexts: Sequence[VehicleContext], bodies: Sequence[BuiltAirframe], timestep: float
 ) -> str:
-    """Return the world as MJCF. timestep: in seconds."""
+    """Return the world as MJCF. bodies: the vehicles as built. timestep: seconds."""
     every = enumerate(zip(contexts, bodies, strict=True))
     vehicles = "".join(_vehicle(index, context, body) for index, (context, body) in every)
     fences = {context.fence: None for context in contexts if context.fence is not None}
@@ -85,7 +88,8 @@ def _fence(box: Box) -> str:
 
 
 def _scanned(name: str, shape: Scanned) -> str:
-    """Return a body without joints; contacts report its name for all parts."""
+    """Return an obstacle of several parts as a body without joints. Contacts report the body's name
+    for all its parts."""
     parts = "".join(f"<geom {_place(part)} {_SCANNED}/>\n" for part in parts_of(shape))
     return f'<body name="{escape(OBSTACLE + name)}">\n{parts}</body>\n'
 
@@ -108,7 +112,8 @@ def _place(shape: Convex) -> str:
 
 
 def _moving(name: str, ball: MovingSphere) -> str:
-    """Return a body that the world places each tick (`mocap`), so that contacts don't move it."""
+    """Return a moving obstacle as MJCF, as a body whose position the world sets each tick
+    (`mocap`), so that contacts don't move it."""
     called = escape(OBSTACLE + name)
     return (
         f'<body name="{called}" mocap="true" pos="{_numbers(ball.at(0.0))}">'
@@ -150,9 +155,9 @@ def mount(parcel: Parcel) -> float:
 
 
 def loaded(mass: float, inertia: Vec3, parcel: Parcel | None) -> tuple[float, Vec3, float]:
-    """Return mass, moments of inertia about the centre of mass, and that centre's height in the
-    body frame, of a vehicle with a parcel: the parallel axis theorem with the reduced mass m M / (m
-    + M), and m s^2 / 6 for the cube itself. SI."""
+    """Return the mass of a vehicle with a parcel, its moments of inertia about the common centre of
+    mass, and the height of that centre in the body frame. The parallel axis theorem applies with
+    the reduced mass m M / (m + M); the cube itself adds m s^2 / 6. SI units."""
     if parcel is None:
         return mass, inertia, 0.0
     m, height = parcel.mass, mount(parcel)
@@ -162,7 +167,7 @@ def loaded(mass: float, inertia: Vec3, parcel: Parcel | None) -> tuple[float, Ve
 
 
 def parcel_text(context: VehicleContext) -> str:
-    """Return a vehicle's parcel as MJCF, placed on board."""
+    """Return a vehicle's parcel as MJCF, at its position on board."""
     assert context.payload is not None
     (x, y, z), half = context.start, 0.5 * context.payload.size
     name = escape(PARCEL + context.vehicle)
@@ -175,7 +180,7 @@ def parcel_text(context: VehicleContext) -> str:
 
 
 def _stand(context: VehicleContext) -> str:
-    """Return the stand of a vehicle that starts above the floor."""
+    """Return the stand below a vehicle that starts above the floor, as MJCF."""
     x, y, z = context.start
     half = context.airframe.arm
     return (

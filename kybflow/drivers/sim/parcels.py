@@ -1,10 +1,12 @@
-"""Parcels: part of the vehicle's body while on board, a separate box after the release.
+"""Parcels, which are part of the vehicle's body while on board and separate boxes after the
+release.
 
 A carried parcel is a cube whose lower side is level with the legs. It adds to the vehicle's mass
 and inertia (`model.loaded`); its own MuJoCo body is weightless, touches nothing and follows the
-vehicle. A released parcel starts with its current velocity, v + w x r, while the vehicle keeps its
-own. It collides with the floor, obstacles and other parcels at once, and with vehicles as soon as
-it is clear of its carrier, since a box released on the ground lies between the legs.
+vehicle. A released parcel starts with the velocity that it had on board, v + w x r, while the
+vehicle keeps its own. It collides with the floor, obstacles and other parcels at once. It collides
+with vehicles only when it is clear of its carrier, since a box released on the ground lies between
+the legs.
 """
 
 from __future__ import annotations
@@ -17,12 +19,13 @@ from kybflow.drivers.sim.model import FIRST_BODY, mount
 from kybflow.world.vehicle_context import LEGS, Parcel
 
 _NOTHING, _LEAVING, _CLEAR = 0, 2, 3
-"""What a parcel collides with, as bits: 1 vehicles, 2 everything else."""
+"""Bits for what a parcel collides with: 1 for vehicles, 2 for everything else. The parcel is on
+board, released but near its carrier, or clear of it."""
 
 
 class FallingParcel:
     """The parcel of the vehicle at `index`, which is the free body `number` of MuJoCo's world.
-    made: its size and mass."""
+    made: the parcel's size and mass."""
 
     def __init__(self, model: Any, data: Any, index: int, number: int, made: Parcel) -> None:
         self.made, self.on_board = made, made.aboard
@@ -58,8 +61,8 @@ class FallingParcel:
         self._follow_carrier()
 
     def follow(self) -> None:
-        """Update the parcel once a tick: follow the vehicle, or collide with vehicles once clear of
-        the carrier."""
+        """Update the parcel once a tick: move it with the vehicle while on board; after the
+        release, let it collide with vehicles once it is clear of its carrier."""
         if self.on_board:
             self._follow_carrier()
         elif self._touches == _LEAVING:

@@ -1,4 +1,5 @@
-"""Delivers commands to a simulated on-board controller; its watchdog lands when none arrive."""
+"""Delivers commands to a simulated on-board controller. Its watchdog lands the vehicle when no
+commands arrive."""
 
 from __future__ import annotations
 
@@ -12,9 +13,9 @@ from kybflow.flight.descent import Descent
 from kybflow.world.vehicle_context import Airframe
 
 WATCHDOG: Time = NS // 4
-"""How long an armed vehicle waits for a command before it descends by itself."""
+"""Time without a command after which an armed vehicle descends by itself."""
 UPDATE_PERIOD: Time = NS // 5
-"""How often the estimates of climb rate, bias and hover thrust are updated."""
+"""Period in which the estimates of climb rate, bias and hover thrust are updated."""
 CLIMB_MEMORY = 2.0
 """Time constant with which the integrated climb rate decays, s, so that an accelerometer bias of b
 never becomes a climb rate of more than 2 b."""
@@ -23,20 +24,22 @@ AVERAGING_TIME = 5.0
 commanded speed is bounded, the average force is gravity plus the current accelerometer bias, and
 the average thrust is the hover thrust at the current mass and battery."""
 MOTION = 2.0
-"""Largest plausible accelerometer bias, m/s^2; a larger force since the last command is motion."""
+"""Largest plausible accelerometer bias, m/s^2. A larger mean force since the last command counts as
+motion."""
 PRIOR_TIME = 1.0
-"""Seconds with which the airframe's weight counts in that average."""
+"""Weight of the airframe's nominal weight in that average, seconds."""
 HOVER_ERROR = 0.1
 """Largest error of the airframe's hover thrust, as a fraction of the vehicle's weight."""
 LIFT_OFF = 0.9
-"""Commanded thrust over the airframe's weight from which the vehicle counts as flying. Thrust
-doesn't count while the mean force differs from that at rest by more than 1 m/s^2."""
+"""Commanded thrust, relative to the airframe's weight, above which the vehicle counts as flying.
+Thrust doesn't count while the mean force differs from that at rest by more than 1 m/s^2."""
 
 
 class Receiver:
-    """Hands commands to the on-board controller, `late` nanoseconds after they were sent. When
-    commands stop, its watchdog levels out and descends (`kybflow.flight.descent`). During the
-    descent it accepts nothing but `stop`; afterwards it ignores commands until a disarmed one."""
+    """Passes commands to the on-board controller, `late` nanoseconds after they were sent. When
+    commands stop, its watchdog levels the vehicle and descends (`kybflow.flight.descent`). During
+    the descent it accepts only `stop`; afterwards it ignores commands until it receives a disarmed
+    one."""
 
     def __init__(
         self, controller: AttitudeController, airframe: Airframe, has_watchdog: bool
@@ -53,21 +56,22 @@ class Receiver:
         self._delayed: deque[tuple[Time, Command, bool]] = deque()
 
     def set_delay(self, late: Time) -> None:
-        """Delay commands by `late`. If it is zero, the commands that this delayed are lost."""
+        """Delay commands by `late` from now on. If `late` is zero, commands still waiting because
+        of an earlier delay are lost."""
         self.late = late
         if not late:
             self._delayed = deque(entry for entry in self._delayed if not entry[2])
 
     def delay(self, command: Command, now: Time, more: Time) -> Time:
-        """Queue a command that arrives later, by another `more`; return when. Commands keep their
-        order."""
+        """Queue a command that arrives after `late` plus `more` nanoseconds. Return its time of
+        arrival. Commands keep their order."""
         last = self._delayed[-1][0] if self._delayed else now
         due = max(last, now + self.late + more)
         self._delayed.append((due, command, self.late > 0))
         return due
 
     def receive(self, command: Command, now: Time) -> None:
-        """Take a command that arrives now."""
+        """Process a command that arrives now."""
         self._received_at = now
         if self._ignores:
             if command.armed or self.descent is not None:
@@ -79,7 +83,7 @@ class Receiver:
         self._controller.receive(command)
 
     def _add_thrust(self, now: Time) -> None:
-        """Integrate the commanded upward thrust until now."""
+        """Add the commanded upward thrust until now to its integral."""
         self._impulse += self._thrust * (now - self._counted)
         self._counted = now
 
@@ -89,8 +93,9 @@ class Receiver:
         self._controller.receive(Command(LEVEL, 0.0, ZERO, None, False))
 
     def update(self, now: Time) -> Time:
-        """Take the newest command that has arrived, and start the descent if none has for too long.
-        Return when to call this again; a command that arrives doesn't require an earlier call."""
+        """Process the newest command that has arrived, and start the descent if none has arrived
+        for too long. Return the time of the next call; a command that arrives doesn't require an
+        earlier call."""
         waiting, newest = self._delayed, None
         while waiting and waiting[0][0] <= now:
             newest = waiting.popleft()[1]
@@ -125,8 +130,8 @@ class Receiver:
             self._ignores = True
 
     def _update_estimates(self, gained: float, seconds: float) -> None:
-        """Update with the upward speed that the IMU has gained in flight, m/s, in so many seconds,
-        and the thrust commanded meanwhile."""
+        """Update the estimates. gained: upward speed that the IMU has measured in flight since the
+        last update, m/s. seconds: the time since then."""
         keep, impulse = exp(-seconds / AVERAGING_TIME), self._impulse / NS
         self._impulse = 0.0
         if seconds > 0.0:
@@ -138,7 +143,8 @@ class Receiver:
         self._climb = self._climb * exp(-seconds / CLIMB_MEMORY) + gained - self._bias * seconds
 
     def come_down(self, lift: float, dt: float) -> None:
-        """Make one step of the descent. lift: the specific force along body z, m/s^2."""
+        """Make one step of the descent, `dt` seconds long. lift: specific force along body z,
+        m/s^2."""
         if self.descent is None:
             return
         thrust = self.descent.step(lift, dt)

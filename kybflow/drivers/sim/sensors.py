@@ -1,7 +1,7 @@
 """Sensors of a simulated vehicle: IMU errors, motion capture, positions and battery.
 
-Each has its own schedule in integer nanoseconds. Random numbers come from seeded NumPy generators
-in blocks.
+Each sensor has its own schedule in integer nanoseconds. Random numbers come from seeded NumPy
+generators in blocks.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
 BLOCK = 500
 NOTHING: Numbers = (0.0,) * 6
 AHEAD = 16
-"""Number of steps for which vibration is added at once."""
+"""Number of steps for which vibration is computed at once."""
 WANDERS, LASTS = 0.5, 30.0
-"""Fraction of a position's variance that wanders, and its time constant, s."""
+"""Fraction of a position's variance that changes slowly, and the time constant of that part, s."""
 
 
 def draw(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[list[float]]:
-    """Yield rows of normally distributed numbers with these means and deviations, endlessly."""
+    """Yield rows of normally distributed numbers endlessly. offsets, deviations: mean and standard
+    deviation of each column."""
     blocks = draw_blocks(generator, offsets, deviations)
     return chain.from_iterable(block.tolist() for block in blocks)
 
@@ -42,7 +43,7 @@ def draw(
 def draw_blocks(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[Array]:
-    """Yield such rows in blocks."""
+    """Yield blocks of `BLOCK` rows of normally distributed numbers, as `draw` does row by row."""
     while True:
         block = generator.standard_normal((BLOCK, len(offsets)))
         block *= deviations
@@ -51,8 +52,9 @@ def draw_blocks(
 
 
 def vibrations(generator: numpy.random.Generator, deviations: list[float]) -> Iterator[Array]:
-    """Yield blocks of noise without low frequencies: differences of white noise with these
-    deviations. Its integral stays bounded, like that of rotors' vibration at tens of hertz."""
+    """Yield blocks of noise without low frequencies: differences of white noise, with these
+    standard deviations. The integral of this noise stays bounded, like that of rotors' vibration at
+    tens of hertz."""
     count = len(deviations)
     last = numpy.zeros((1, count))
     for block in draw_blocks(generator, [0.0] * count, [d / sqrt(2.0) for d in deviations]):
@@ -63,9 +65,9 @@ def vibrations(generator: numpy.random.Generator, deviations: list[float]) -> It
 def imu_sample(
     rotation: Numbers, velocity: Numbers, acceleration: Numbers, errors: Numbers
 ) -> Numbers:
-    """Return what an IMU at the body's origin measures in a physics step: turn rate and specific
-    force along body x, y, z, plus errors. rotation: body to world, row by row. velocity,
-    acceleration: of the free joint. All of them before the step."""
+    """Return the turn rate and specific force, body axes, that an IMU at the body's origin measures
+    in a physics step, with errors. rotation: body to world, row by row. velocity, acceleration:
+    those of the free joint. All arguments apply before the step."""
     _, _, _, gx, gy, gz = velocity
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     ax, ay, az = acceleration
@@ -82,16 +84,17 @@ def imu_sample(
 
 
 class ImuSource(NamedTuple):
-    """The errors of a vehicle's IMU in blocks of steps: turn rate and specific force along body x,
-    y, z. errors: with stopped rotors. vibration: of the rotors in hover; None for none."""
+    """The errors of a vehicle's IMU (turn rate and specific force, body axes) in blocks of steps.
+    errors: with stopped rotors. vibration: the additional errors in hover; None without
+    vibration."""
 
     errors: Iterator[Array]
     vibration: Iterator[Array] | None
 
 
 class ImuErrors:
-    """The errors of all IMUs, step by step. `block` holds those of coming steps, vehicle by
-    vehicle, including vibration until `_ready`. form: makes a block from an array of steps,
+    """The errors of all IMUs, step by step. block: the errors of coming steps, by step and vehicle,
+    with vibration included up to the step `_ready`. form: makes a block from an array of steps,
     vehicles and values."""
 
     def __init__(self, sources: Sequence[ImuSource], form: Callable[[Array], Any]) -> None:
@@ -105,17 +108,18 @@ class ImuErrors:
         self.block, self._next, self._ready = form(self._drawn), 0, 0
 
     def shake(self, vehicle: int, level: float) -> None:
-        """Scale a vehicle's vibration from now on to `level` times that in hover."""
+        """From now on scale a vehicle's vibration to `level` times that in hover."""
         self._levels[vehicle] = level
         self._ready = self._next
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
-        """Add a bias to a vehicle's errors from now on."""
+        """From now on add a bias to a vehicle's errors, instead of the last one."""
         self._biases[vehicle] = more
         self.block, self._ready = self._form(self._drawn + self._biases), self._next
 
     def take(self, steps: int) -> int:
-        """Return where in `block` the next `steps` steps begin."""
+        """Reserve the errors of the next `steps` steps, and return the index in `block` at which
+        they begin."""
         first = self._next
         while first + steps > len(self.block):
             self._drawn = _followed(self._drawn[first:], self._errors)
@@ -131,7 +135,7 @@ class ImuErrors:
 
 
 def _followed(rows: Array, sources: Sequence[Iterator[Array]]) -> Array:
-    """Append the next block of each source to the rows."""
+    """Return the rows with the next block of each source appended."""
     return numpy.concatenate((rows, numpy.stack([next(source) for source in sources], axis=1)))
 
 
@@ -148,8 +152,8 @@ class Averages:
         self._count += 1
 
     def measure(self, now: Time, dt: float) -> Imu | None:
-        """Return the average of the samples, of `dt` seconds each and the last taken at `now`; None
-        without samples."""
+        """Return the average of the samples since the last call; None if there are none. now: time
+        of the last sample. dt: duration of a sample, seconds."""
         count = self._count
         if not count:
             return None
@@ -159,7 +163,7 @@ class Averages:
 
 
 class Schedule:
-    """The times of a stream: integer nanoseconds, from zero, at a rate in hertz."""
+    """The due times of a stream: integer nanoseconds from zero on, at a rate in hertz."""
 
     def __init__(self, rate: float) -> None:
         self.rate = rate
@@ -172,8 +176,8 @@ class Schedule:
 
 
 class Stamps:
-    """The stamps of poses: off by `error` seconds, plus noise with the standard deviation `jitter`.
-    The share `lost` of the poses never arrives."""
+    """The time stamps of poses, which are off by `error` seconds plus noise with the standard
+    deviation `jitter`. A share `lost` of the poses never arrives."""
 
     def __init__(
         self, error: float, jitter: float, lost: float, generator: numpy.random.Generator
@@ -184,7 +188,7 @@ class Stamps:
         self._rare = NormalDist().inv_cdf(lost) if lost else 0.0
 
     def of(self, at: Time) -> Time | None:
-        """Return the stamp of a pose at `at`, None if it is lost."""
+        """Return the stamp of a pose taken at `at`; None if the pose is lost."""
         if self._are_exact:
             return at
         jitter, chance = next(self._chances)
@@ -194,8 +198,8 @@ class Stamps:
 
 
 class PoseSampler:
-    """Noisy poses of one vehicle at their own rate, which arrive after `latency`. markers: attitude
-    of the motion-capture body in the vehicle's."""
+    """Noisy poses of one vehicle at a given rate, which arrive after `latency`. markers: attitude
+    of the motion-capture body relative to the vehicle's body."""
 
     def __init__(
         self, rate: float, latency: float, position_noise: float, attitude_noise: float,
@@ -208,8 +212,8 @@ class PoseSampler:
         self._noise = draw(generator, [0.0] * 6, deviations)
 
     def measure(self, truth: Truth, at: Time, now: Time) -> Pose | None:
-        """Return the pose at `at`, from the truth at `now`, at most a physics step later; None if
-        it is lost."""
+        """Return the pose at `at`, computed from the true state at `now`, at most a physics step
+        later; None if the pose is lost."""
         stamp = self._stamps.of(at)
         back = (at - now) / NS
         (px, py, pz), (vx, vy, vz), attitude, (ox, oy, oz), _ = truth
@@ -224,11 +228,11 @@ class PoseSampler:
 
 
 class Positions:
-    """GPS positions of one vehicle at their own rate, which arrive after `latency`.
+    """GPS positions of one vehicle at a given rate, which arrive after `latency`.
 
     The error along each axis is white noise plus a first-order Gauss-Markov process,
-    w' = a w + sqrt(1 - a^2) n with a = exp(-1 / (rate LASTS)). deviations: of the sum, east, north
-    and up.
+    w' = a w + sqrt(1 - a^2) n with a = exp(-1 / (rate LASTS)). deviations: standard deviations of
+    their sum, east, north and up.
     """
 
     def __init__(
@@ -244,14 +248,14 @@ class Positions:
         self._arriving: deque[tuple[Time, Position]] = deque()
 
     def begin(self, now: Time) -> None:
-        """Start to measure."""
+        """Start measuring."""
         self.is_wanted = True
         while self.schedule.due < now:
             self.schedule.move_on()
 
     def measure(self, truth: Truth, now: Time) -> None:
-        """Take every position that is due, from the truth at `now`, at most a physics step
-        later."""
+        """Take every position that is due, computed from the true state at `now`, at most a physics
+        step later."""
         while (at := self.schedule.due) <= now:
             back, (ex, ey, ez) = (at - now) / NS, self._errors()
             (px, py, pz), (vx, vy, vz), *_ = truth
@@ -288,6 +292,6 @@ class SimulatedBattery:
 
 
 def bias(generator: numpy.random.Generator, deviation: float) -> Vec3:
-    """Draw a sensor's constant offset."""
+    """Return a random constant offset for the three axes of a sensor."""
     x, y, z = (generator.standard_normal(3) * deviation).tolist()
     return (x, y, z)

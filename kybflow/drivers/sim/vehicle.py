@@ -48,13 +48,13 @@ if TYPE_CHECKING:
     import random
 
 TOUCH_GAP: Time = NS // 2
-"""After so long without contact, the next contact is a new touch."""
+"""Time without contact after which the next contact counts as a new touch."""
 OWN_LANDING = Override("its own watchdog lands it", lands=True)
 
 
 class Surroundings(Protocol):
-    """The world as a vehicle uses it (`kybflow.drivers.sim.world`). index: the vehicle's index in
-    the world."""
+    """The methods of the world that a vehicle uses (`kybflow.drivers.sim.world`). index: the
+    vehicle's index in the world."""
 
     onboard: OnboardState
 
@@ -69,8 +69,9 @@ class Surroundings(Protocol):
 
 
 class SimulatedVehicle(Link):
-    """A vehicle and the link to it. index: its index in the world. `is_wired`: whether its user is
-    on board (an emulated autopilot), so that faults of the link don't apply."""
+    """A vehicle and the link to it. index: the vehicle's index in the world. is_wired: whether the
+    computer that flies it is on board (an emulated autopilot), so that faults of the link don't
+    apply."""
 
     faults: ActiveFaults
     is_wired = False
@@ -126,7 +127,8 @@ class SimulatedVehicle(Link):
             )
 
     def measure(self, now: Time) -> None:
-        """Take the measurements and commands that are due at `now`, and check the watchdog."""
+        """Make the measurements and process the commands that are due at `now`, and check the
+        watchdog."""
         capture, battery = self.capture, self.battery
         if capture.schedule.due <= now:
             truth = self._world.truth(self._seen_as)
@@ -158,7 +160,7 @@ class SimulatedVehicle(Link):
 
     @property
     def thrust(self) -> float:
-        """The sum of its rotors' thrust, N."""
+        """The sum of the rotors' thrust, N."""
         onboard, index = self._world.onboard, self._index
         return _total_thrust(onboard.rotors[index], onboard.thrusts[index])
 
@@ -169,7 +171,7 @@ class SimulatedVehicle(Link):
 
     def wind_at(self, now: Time, elapsed: float, jets: Sequence[Jet]) -> Vec3:
         """Return the wind at the vehicle, m/s, world frame, `elapsed` seconds after the last call:
-        the world's, plus all vehicles' jets, whose momenta add up."""
+        the world's wind plus the jets of all vehicles, whose momenta add up."""
         x, y, z = add(self.wind.after(elapsed), self.faults.wind(now))
         if jets:
             place = self.truth().position
@@ -177,8 +179,8 @@ class SimulatedVehicle(Link):
         return x, y, z
 
     def push(self, elapsed: float, thrust: float) -> Numbers:
-        """Return the force, N, world frame, and torque, N m, body frame, of eddies, ground effect
-        and faults, `elapsed` seconds after the last call."""
+        """Return the force (N, world frame) and the torque (N m, body frame) of eddies, ground
+        effect and faults, `elapsed` seconds after the last call. thrust: of all rotors, N."""
         eddies, ground, force = self._lab.eddies, self._lab.ground, self._push
         x, y, z, *turned = NOTHING if eddies is None else eddies.after(elapsed)
         if ground is not None:
@@ -190,11 +192,12 @@ class SimulatedVehicle(Link):
 
     def vibration(self, thrust: float) -> float:
         """Return the vibration relative to that in hover. A rotor's imbalance grows with the square
-        of its speed, and so with its thrust."""
+        of its speed, and so in proportion to its thrust."""
         return thrust / (self.body.mass * GRAVITY)
 
     def _load(self, now: Time) -> None:
-        """Drain the battery by the rotors' thrust, and reduce their largest thrust accordingly."""
+        """Drain the battery according to the rotors' thrust, and reduce their largest thrust
+        accordingly."""
         onboard, index, battery = self._world.onboard, self._index, self.battery
         given = _total_thrust(onboard.rotors[index], self._thrusts())
         battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
@@ -207,16 +210,16 @@ class SimulatedVehicle(Link):
 
     @property
     def reads_imu(self) -> bool:
-        """Whether it needs the IMU's sample of every step."""
+        """Whether the vehicle needs the IMU's sample of every step."""
         return self._subscribed or self.is_descending
 
     @property
     def is_descending(self) -> bool:
-        """Whether its watchdog lands it."""
+        """Whether the vehicle's watchdog is landing it."""
         return self._receiver.descent is not None
 
     def add_imu(self, sample: Numbers) -> None:
-        """Take the IMU's sample of a step."""
+        """Process the IMU's sample of a step."""
         self._imu.add(sample)
         self._receiver.come_down(sample[-1], self._dt)
 

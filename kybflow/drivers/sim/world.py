@@ -1,5 +1,5 @@
-"""The session: MuJoCo's world, stepped in lockstep with the engine's clock; its contacts, and its
-viewer."""
+"""The session of simulated vehicles: MuJoCo's world, stepped in lockstep with the engine's clock,
+its contacts and its viewer."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 _POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
 _VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
 DISTURBANCE_RATE = 50.0
-"""How often wind and other disturbances change, Hz; eddies last half a second."""
+"""Rate at which wind and other disturbances change, Hz; eddies last half a second."""
 UPRIGHT = 0.8
-"""Upward part of a contact's force from which the contact carries the vehicle."""
+"""Upward part of a contact's unit normal above which the contact carries the vehicle."""
 VIEWER_PERIOD: Time = NS // 60
 LOOK_AT = (0.0, 0.0, 0.8)
 DISTANCE = 5.0
@@ -46,7 +46,7 @@ DISTANCE = 5.0
 
 class SimulatedWorld(Session):
     """All simulated vehicles in one MuJoCo world. Raises DriverError if their physics rates differ,
-    if MuJoCo rejects the model, and if the simulation diverges."""
+    if MuJoCo rejects the model, or if the simulation diverges."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         rates = {seat.params.physics for seat in seats}
@@ -87,7 +87,7 @@ class SimulatedWorld(Session):
         return self.onboard.steps * NS // self._rate
 
     def update_imu_readers(self) -> None:
-        """Find the vehicles that need the IMU's sample of every step."""
+        """Update the list of vehicles that need the IMU's sample of every step."""
         self._imu_readers = [(i, v) for i, v in enumerate(self._vehicles) if v.reads_imu]
 
     def advance(self, now: Time) -> None:
@@ -112,8 +112,8 @@ class SimulatedWorld(Session):
             self._viewer.show(now)
 
     def _step(self, last: int) -> None:
-        """Step until a measurement or disturbance is due, at most to `last`. A vehicle that its
-        watchdog lands needs single steps."""
+        """Step until a measurement or disturbance is due, but not beyond the step `last`. While a
+        watchdog lands a vehicle, make single steps."""
         onboard, readers, due = self.onboard, self._imu_readers, self._due
         if self._disturbed:
             if self._next_disturbance <= onboard.steps:
@@ -146,8 +146,8 @@ class SimulatedWorld(Session):
         return truth
 
     def grip(self, index: int, is_open: bool, armed: bool) -> bool:
-        """Open or close a vehicle's servo; return whether its parcel is on board. Raises
-        Refused."""
+        """Open or close a vehicle's servo. Return whether its parcel is on board. Raises Refused if
+        the vehicle carries no parcel."""
         parcel = self._parcels.get(index)
         if parcel is None:
             raise Refused("it carries no payload")
@@ -162,12 +162,12 @@ class SimulatedWorld(Session):
         return list(self.links).index(name)
 
     def schedule(self, due: Time) -> None:
-        """Let a vehicle measure at `due`, earlier than planned."""
+        """Ensure that a vehicle measures at `due`, if that is earlier than planned."""
         self._due = min(self._due, self._step_of(due))
 
     def apply_faults(self, index: int) -> None:
-        """Apply a vehicle's faults and parcel: mass, inertia, IMU bias and disturbances. Its
-        rotors' thrust changes with the next battery report."""
+        """Apply a vehicle's faults and its parcel: mass, inertia, IMU bias and disturbances. The
+        thrust of its rotors changes with the next battery report."""
         vehicle, model, parcel = self._vehicles[index], self.model, self._parcels.get(index)
         mass = vehicle.body.mass * vehicle.faults.mass + vehicle.faults.payload
         place = FIRST_BODY + index
@@ -198,7 +198,7 @@ class SimulatedWorld(Session):
         return -(-due * self._rate // NS)
 
     def _disturb(self) -> None:
-        """Set each vehicle's wind in body axes, force, torque and vibration until
+        """Set each vehicle's wind (body axes), force, torque and vibration until
         `_next_disturbance`."""
         now = (self.onboard.steps + 1) * NS // self._rate
         self._next_disturbance = self.onboard.steps + max(1, round(self._rate / DISTURBANCE_RATE))
@@ -215,7 +215,7 @@ class SimulatedWorld(Session):
 def _parcels(
     model: mujoco.MjModel, data: mujoco.MjData, seats: Sequence[Seat]
 ) -> dict[int, FallingParcel]:
-    """Return the parcels by the index of their vehicle."""
+    """Return the parcels by the index of their vehicles."""
     made = [
         (index, p) for index, seat in enumerate(seats) if (p := seat.context.payload) is not None
     ]
@@ -236,8 +236,8 @@ def _compile(seats: Sequence[Seat], bodies: Sequence[BuiltAirframe], rate: float
 
 
 class Contacts:
-    """Finds what vehicles touch in MuJoCo's contacts. vehicles: the names in order of their
-    bodies."""
+    """Detects contacts between vehicles and other things. vehicles: their names in the order of
+    their bodies."""
 
     def __init__(self, model: Any, vehicles: Sequence[str]) -> None:
         bodies: list[int] = model.geom_bodyid.tolist()
@@ -257,7 +257,8 @@ class Contacts:
         self._touched: dict[tuple[int, str, bool], Time] = {}
 
     def begun(self, data: Any, now: Time) -> list[tuple[int, Touch]]:
-        """Return each vehicle that starts to touch something at `now`, with the touch."""
+        """Return the index of each vehicle that starts to touch something at `now`, and the
+        touch."""
         vehicles, contact = self._vehicles, data.contact
         found: list[tuple[int, Touch]] = []
         for (first, second), frame in zip(contact.geom.tolist(), contact.frame, strict=True):
@@ -271,8 +272,9 @@ class Contacts:
     def _add(
         self, vehicle: int, geom: int, up: float, now: Time, found: list[tuple[int, Touch]]
     ) -> None:
-        """Add a touch of a vehicle and a geom, if it is new. up: the upward part of the contact's
-        force. A vehicle doesn't count as something to stand on."""
+        """Add the touch of a vehicle and a geom to `found` if it is new. up: upward part of the
+        contact's force on the vehicle. Standing on another vehicle doesn't count as being
+        carried."""
         touch = Touch(self._names[geom], up > UPRIGHT and geom not in self._vehicles)
         last = self._touched.get((vehicle, *touch))
         self._touched[vehicle, *touch] = now
@@ -290,7 +292,7 @@ def _name_of(geom: str) -> str:
 
 
 class Viewer:
-    """MuJoCo's viewer, updated 60 times a simulated second. Raises DriverError without a
+    """MuJoCo's viewer, updated 60 times per simulated second. Raises DriverError if there is no
     display."""
 
     def __init__(self, model: Any, data: Any) -> None:

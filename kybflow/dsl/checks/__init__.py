@@ -1,8 +1,8 @@
-"""Checks of a mission before take-off: one module per family, one function per check. The code that
-a check reports comes first in its docstring.
+"""Checks of a mission before take-off: one module per family, one function per check. A check's
+docstring begins with the code that it reports.
 
-Checks are discovered, not listed: each public function of a module here with the signature `(case:
-Case) -> Iterator[Diagnostic]` is one. Only the compiler calls them.
+Checks are discovered, not listed: every public function of a module here with the signature `(case:
+Case) -> Iterator[Diagnostic]` is a check. Only the compiler calls them.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _NAMED = re.compile(r"`([^`]*)`")
 
 @functools.cache
 def checks() -> tuple[CheckFunction, ...]:
-    """Every check, ordered by module and by place in the module."""
+    """Return all checks, ordered by module and by position in the module."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
     modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
     return tuple(one for module in modules for one in checks_in(module))
 
 
 def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
-    """The checks that a module defines."""
+    """Yield the checks that a module defines."""
     for name, value in vars(module).items():
         if not isfunction(value) or name.startswith("_") or value.__module__ != module.__name__:
             continue
@@ -50,7 +50,7 @@ def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
 
 
 def check(plan: Plan, catalog: Catalog) -> list[Diagnostic]:
-    """All findings of the checks in `plan`, unordered."""
+    """Return all findings of the checks in `plan`, in no particular order."""
     found = chain(_found(Case(plan, catalog)), _found_with_values(plan, catalog))
     return _deduplicated(found, plan.fleet)
 
@@ -60,8 +60,9 @@ def _found(case: Case) -> Iterator[Diagnostic]:
 
 
 def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
-    """The findings of the mission in which each request's values replace those of the state that it
-    enters. A finding that the plain mission has as well is dropped later, as a duplicate."""
+    """Yield the findings for requests with values: for each, check the mission with the values in
+    place of those of the state that it enters. Findings that the plain mission has too are dropped
+    later as duplicates."""
     for asked in valued_requests(plan):
         entered = dict(entered_states(plan, asked))
         if not entered:
@@ -82,8 +83,8 @@ def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
 
 
 def _deduplicated(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:
-    """Drop repeated findings: several vehicles may share a mistake, and several paths may lead to
-    it. The first one is kept."""
+    """Return the findings without repetitions: several vehicles may share a mistake, and several
+    paths may lead to it. The first of equal findings is kept."""
 
     def blank(match: re.Match[str]) -> str:
         return "" if match[1] in vehicles else match[0]

@@ -182,13 +182,13 @@ def _acts_of(case: Case, vehicle: str) -> Mapping[str, Act]:
 
 
 def actions_of(case: Case, name: str) -> Iterator[ActionKeys]:
-    """Every action named `name`, of all callbacks."""
+    """Yield the actions named `name` of all callbacks."""
     for callback in case.plan.callbacks:
         yield from (action for action in callback.do if action.name == name)
 
 
 def sets_of(case: Case) -> Iterator[tuple[Text, Node]]:
-    """(name, value) of every option that a callback or a phase sets."""
+    """Yield (name, value) for every option that a callback or a phase sets."""
     for action in actions_of(case, "set"):
         yield action.target_text, action.value_node
     for flow in case.plan.flows:

@@ -29,9 +29,9 @@ from kybflow.parts import AIR, GROUND
 _ROUNDING = 1e-6
 _TURN = 2.0 * pi
 _CRAWL = 0.02
-"""Speed below which a flight makes no sense, m/s: nearly a minute for a metre."""
+"""The least speed that makes sense for a flight, m/s: nearly a minute per metre."""
 _CLIMBS = 0.1
-"""The least climb of a take-off, m: any lower, the vehicle may still be on the ground."""
+"""The least climb of a take-off, m. After a smaller one the vehicle may still be on the ground."""
 
 
 def several_turns(case: Case) -> Iterator[Diagnostic]:
@@ -50,7 +50,7 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
 
 
 def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
-    """(span, name, value in rad) of every angle that is written."""
+    """Yield (span, name, value in rad) for every angle in the mission."""
     for vehicle in case.plan.vehicles:
         yield vehicle.span_of("start", "heading"), "heading", vehicle.heading
     for number in case.cached(_written):
@@ -59,7 +59,7 @@ def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
 
 
 class _Number(NamedTuple):
-    """A number that is written for a behavior."""
+    """A number in the mission that is a parameter of a behavior."""
 
     vehicle: VehiclePlan
     part: PartPlan
@@ -72,7 +72,7 @@ class _Number(NamedTuple):
 
 
 def _written(case: Case) -> Iterator[_Number]:
-    """Every angle and every acceleration that is written for a behavior."""
+    """Yield every angle and acceleration that the mission gives to a behavior."""
     for vehicle, state in case.states():
         part = state.behavior
         for field in _judged(part.params.__class__):
@@ -111,7 +111,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
 
 
 def _parts(case: Case) -> Iterator[PartPlan]:
-    """Every behavior and processor."""
+    """Yield every behavior and processor."""
     for vehicle in case.plan.vehicles:
         yield from (state.behavior for state in vehicle.states.values())
         yield from vehicle.processors

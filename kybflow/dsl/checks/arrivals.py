@@ -1,4 +1,4 @@
-"""How the vehicles of a phase arrive: KYB530 to KYB532."""
+"""Checks how the vehicles of a phase arrive (`arrive`): KYB530 to KYB532."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LASTING = frozenset({"hover", "landed"})
 
 
 class _Arriving(NamedTuple):
-    """A phase with `arrive`, and its request to each vehicle."""
+    """A phase with `arrive`, and its requests to the vehicles."""
 
     phase: PhasePlan
     asked: list[Assignment]
@@ -70,7 +70,7 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
 
 
 def _paced(case: Case) -> str:
-    """The behaviors that keep a common pace, in words."""
+    """Return the names of the behaviors that keep a common pace, as text."""
     return " or ".join(f"`{spec.name}`" for spec in case.parts("behaviors") if spec.cls.keeps_pace)
 
 
@@ -96,7 +96,7 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lasts(vehicle: VehiclePlan, goal: str) -> bool:
-    """Whether only a failure ends a state."""
+    """Return whether a state can only be left by a failure."""
     if goal not in vehicle.states:
         return goal in _LASTING
     ways = {transition.cause for transition in vehicle.states[goal].transitions}
@@ -115,7 +115,7 @@ def _arriving(case: Case) -> Iterator[_Arriving]:
 
 
 def _asked(case: Case, asked: list[Assignment]) -> Iterator[tuple[VehiclePlan, str, Assignment]]:
-    """Each vehicle with the state that the phase runs, if the vehicle has that state."""
+    """Yield (vehicle, state, request) for each vehicle that has the state that the phase runs."""
     for assignment in asked:
         vehicle = case.plan.fleet[assignment.vehicle]
         goal = vehicle.goal(assignment.goal.text)

@@ -73,7 +73,8 @@ def flow_too_long(case: Case) -> Iterator[Diagnostic]:
 
 
 def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
-    """The quickest way through each flow that has its vehicles from the start, by its phases."""
+    """Yield the quickest path through the phases of each flow that has its vehicles from the
+    start."""
     for flow, states in () if case.plan.faults else case.cached(_undisturbed):
         if own_vehicles(case.plan, flow):
             ways = quickest(
@@ -88,8 +89,8 @@ def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
 def _phases_ahead(
     case: Case, flow: FlowPlan, states: dict[str, dict[str, str]], name: str
 ) -> Iterator[tuple[str, float]]:
-    """The phases that follow a phase, each with the least seconds until then. `within` counts only
-    where it is the only exit."""
+    """Yield the phases that follow a phase, each with the least seconds until then. `within` counts
+    only if it is the only exit."""
     phase = flow.phases.get(name)
     if phase is None:
         return
@@ -102,13 +103,14 @@ def _phases_ahead(
 
 
 def _may_be_late(case: Case, phase: PhasePlan, limit: float) -> bool:
-    """Whether the states that a phase runs may take longer than its limit."""
+    """Return whether the states that a phase runs may take longer than its limit."""
     vehicles = (case.plan.fleet[name] for name in runs_of(case, phase))
     return any(not no_way_exceeds(case, vehicle, limit) for vehicle in vehicles)
 
 
 def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str]]]]:
-    """Every flow that no callback disturbs, with the known states of its vehicles."""
+    """Yield each flow with the known states of its vehicles, by phase; none if a callback may
+    disturb flows."""
     for flow in () if case.cached(disturbances) else case.plan.flows:
         yield flow, _known_states(case, flow)
 
@@ -116,7 +118,8 @@ def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str
 def _least_wait(
     case: Case, phase: PhasePlan, transition: TransitionPlan, states: dict[str, str]
 ) -> tuple[str, Way]:
-    """(the vehicle that takes longest, its quickest way) until an exit of a phase can open."""
+    """Return (the vehicle that takes longest, its quickest path) until an exit of a phase can be
+    taken."""
     slowest = ("", Way(0.0))
     run = runs_of(case, phase)
     for name, state in said_states(case.condition(transition, "when", case.scopes.flow())):
@@ -132,7 +135,7 @@ def _least_wait(
 
 
 def _known_states(case: Case, flow: FlowPlan) -> dict[str, dict[str, str]]:
-    """The state that each vehicle surely is in when a phase is entered, by phase."""
+    """Return, for each phase, the states in which vehicles are certain to be when it is entered."""
     plan, scope = case.plan, case.scopes.flow()
     first = {
         name: GROUNDED for name in own_vehicles(plan, flow) if plan.fleet[name].begin == GROUNDED

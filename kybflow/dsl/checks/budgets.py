@@ -42,9 +42,9 @@ from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
 _BEYOND = 3.0
-"""A wait of up to this many times a behavior's longest duration may be meant as a bound."""
+"""A wait of up to this many times a behavior's longest duration may be meant as an upper bound."""
 _AT_ONCE = 0.1
-"""Seconds in which no vehicle moves noticeably."""
+"""Time in which no vehicle moves noticeably, s."""
 
 
 def within_too_short(case: Case) -> Iterator[Diagnostic]:
@@ -75,8 +75,8 @@ def _severity(state: StatePlan, limit: TransitionPlan) -> Severity:
 def _least_of_chain(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> float:
-    """The least time from the first state of a chain to a state outside it. Judged at the first
-    state only."""
+    """Return the least time from the first state of a chain to a state outside it; 0 for the other
+    states of the chain."""
     chain = transition.since
     limit = transition.after or 0.0
     if vehicle.goal(chain) != state.name or no_way_exceeds(case, vehicle, limit):
@@ -149,7 +149,7 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
 
 
 def _is_at_once(transition: TransitionPlan) -> bool:
-    """Whether a transition waits only for time, and for less than 0.1 s."""
+    """Return whether a transition waits only for time, and for less than 0.1 s."""
     is_alone = transition.when is None and transition.event is None
     return is_alone and transition.after is not None and transition.after < _AT_ONCE
 
@@ -157,7 +157,8 @@ def _is_at_once(transition: TransitionPlan) -> bool:
 def _is_told(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> bool:
-    """Whether KYB430, KYB431 or another state of the same chain reports this transition."""
+    """Return whether KYB430, KYB431 or another state of the same chain already reports this
+    transition."""
     if transition.since and vehicle.goal(transition.since) != state.name:
         return True
     if (vehicle, state, transition) not in case.cached(_timed):
@@ -170,8 +171,8 @@ def _is_told(
 
 
 def _timed(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, TransitionPlan]]:
-    """Every transition with a time, of states that are reached and end by themselves, and of
-    chains."""
+    """Yield every transition that waits for a time, of reachable states that end by themselves and
+    of chains."""
     for vehicle in case.plan.vehicles:
         endless = endless_states(vehicle)
         for name in entries_of(vehicle):
@@ -195,7 +196,7 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
 
 
 def _waits_longer(vehicle: VehiclePlan, way: Way, limit: float) -> bool:
-    """Whether a single wait on the way exceeds the limit, which KYB259 reports."""
+    """Return whether a single wait on the path exceeds the limit, which KYB259 reports."""
     states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
     return any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions)
 
@@ -258,7 +259,7 @@ def begins_empty(case: Case) -> Iterator[Diagnostic]:
 
 
 def _reserve(vehicle: VehiclePlan) -> float:
-    """The charge at which a supervisor lands the vehicle."""
+    """Return the battery charge at which a supervisor lands the vehicle, from 0 to 1."""
     return max((s.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
 
 
@@ -279,7 +280,7 @@ def _drained(case: Case, vehicle: VehiclePlan, way: Way, reserve: float) -> Diag
 
 
 def _flights(case: Case, vehicle: VehiclePlan) -> Iterator[Way]:
-    """The quickest way from each take-off to the ground."""
+    """Yield the quickest path from each take-off to the ground."""
     for node in flight_graph(case, vehicle).nodes:
         legs = case.legs(vehicle, node.state)
         if node.flight is not GROUND or all(leg.end is GROUND for leg in legs):
@@ -309,7 +310,7 @@ def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
 
 
 def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
-    """The quickest way to what an expectation waits for, if it takes too long."""
+    """Return the quickest path to the state that an expectation waits for, if it takes too long."""
     match expectation:
         case Finished(limit):
             found = [_way_to_rest(case, vehicle, limit) for vehicle in case.cached(_left_alone)]
@@ -329,7 +330,7 @@ def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
 
 
 def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
-    """The quickest way of a vehicle into a state, if it takes longer than `limit`."""
+    """Return a vehicle's quickest path into a state, if it takes longer than `limit`."""
     vehicle = case.plan.fleet[name]
     if vehicle not in case.cached(_left_alone) or no_way_exceeds(case, vehicle, limit):
         return None
@@ -338,7 +339,7 @@ def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
 
 
 def _way_to_rest(case: Case, vehicle: VehiclePlan, limit: float) -> Way | None:
-    """The quickest way of a vehicle to its final rest, if it takes longer than `limit`."""
+    """Return a vehicle's quickest path to its final rest, if it takes longer than `limit`."""
     if no_way_exceeds(case, vehicle, limit):
         return None
     ways = ways_from(case, vehicle, [_first(vehicle)])
@@ -352,8 +353,8 @@ def _first(vehicle: VehiclePlan) -> FlightNode:
 
 
 def _left_alone(case: Case) -> Iterator[VehiclePlan]:
-    """The vehicles that only their own states control: no flow or callback requests a state, and no
-    fault may end their flight early, unless they are expected to land in spite of it."""
+    """Yield the vehicles that only their own states control: no flow or callback requests a state
+    from them, and they have no fault, unless they are expected to land in spite of it."""
     broken = {fault.vehicle for fault in case.plan.faults}
     broken -= set(_expected_to_land(case)) if broken else set()
     for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
@@ -362,8 +363,8 @@ def _left_alone(case: Case) -> Iterator[VehiclePlan]:
 
 
 def _expected_to_land(case: Case) -> Iterator[str]:
-    """The vehicles that are expected to end in `landed` whatever faults break; the failsafe would
-    leave them in `fault`."""
+    """Yield the vehicles that are expected to end in `landed`, and hence not by the failsafe in
+    `fault`."""
     for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Finally(InState(name, "landed")):
@@ -390,7 +391,7 @@ def _over(case: Case, vehicle: VehiclePlan, way: Way, limit: float) -> Diagnosti
 
 
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:
-    """Where the duration of the longest state on a way is written."""
+    """Return the source location of the duration of the longest state on a path."""
     name = way.longest()
     state = vehicle.states.get(name)
     if state is None:

@@ -152,7 +152,7 @@ def logged_fields(case: Case) -> Iterator[Diagnostic]:
 
 
 def log_fields(callback: CallbackPlan, events: KnownEvents) -> tuple[str, ...]:
-    """The fields that a callback's `log` may name in braces."""
+    """Return the fields that a callback's `log` may name in braces."""
     event = callback.event
     if not event:
         return ("time",)
@@ -162,7 +162,7 @@ def log_fields(callback: CallbackPlan, events: KnownEvents) -> tuple[str, ...]:
 
 
 def carried(event: str, events: KnownEvents) -> tuple[str, ...]:
-    """The fields of the event that triggers a callback; a custom event has none."""
+    """Return the fields of the event that triggers a callback; a custom event has none."""
     if event in events.custom or event.startswith(OPERATOR):
         return ()
     return events.fields_of(event.rpartition(".")[2])
@@ -197,7 +197,8 @@ def _placeholders(
 
 
 class _Said(NamedTuple):
-    """An event that an action surely causes, with the field values that are known in advance."""
+    """An event that an action is certain to cause, and its field values that are known in
+    advance."""
 
     vehicle: str
     event: str
@@ -205,7 +206,8 @@ class _Said(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """A link from a callback to another one that an event caused by `action` triggers."""
+    """A link from one callback to another: `action` of the first causes an event that triggers the
+    callback number `to`."""
 
     action: ActionKeys
     to: int
@@ -240,7 +242,7 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
 
 
 def _key_span(callback: CallbackPlan, action: ActionKeys) -> Span:
-    """The place of an action's key, which several targets may share."""
+    """Return the source location of an action's key, which several targets may share."""
     do = callback.entry("do")
     items = () if do is None else items_of(do.value)
     own = next(item for item in items if action.span.is_in(item.span))
@@ -265,7 +267,7 @@ def _ways(case: Case, callbacks: list[CallbackPlan], heard: list[str]) -> dict[i
 
 
 def _passes(callback: CallbackPlan, said: _Said) -> bool:
-    """Whether the callback's filters surely let the event through."""
+    """Return whether the callback's filters are certain to let the event through."""
     return all(said.fields.get(field) == value for field, value in callback.fields)
 
 
@@ -298,7 +300,7 @@ def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:
 
 
 def _back(first: int, ways: dict[int, list[_Way]]) -> list[int]:
-    """The shortest cycle that begins at `first`; empty if there is none."""
+    """Return the shortest cycle that begins at `first`; empty if there is none."""
     came: dict[int, int] = {}
     waiting = [first]
     for index in waiting:

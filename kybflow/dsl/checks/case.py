@@ -1,4 +1,4 @@
-"""A mission being checked, as every check receives it, and lookups that several checks share."""
+"""The mission as every check receives it, and lookups shared by several checks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NO_TARGET = frozenset({"fault"})
 """Built-in states that only the failsafe enters."""
 
 TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
-"""The built-in states that a transition of a mission may lead to."""
+"""The built-in states that a mission's transitions may lead to."""
 
 
 WORDS = KEYWORDS | {"all", "any", "start", "operator"}
@@ -36,8 +36,8 @@ WORDS = KEYWORDS | {"all", "any", "start", "operator"}
 
 
 class Case:
-    """A mission being checked, with the available parts and the names that its expressions may
-    use."""
+    """A mission to check. plan: the mission. catalog: the available parts. scopes: the names that
+    its expressions may use."""
 
     def __init__(self, plan: Plan, catalog: Catalog) -> None:
         self.plan = plan
@@ -46,31 +46,34 @@ class Case:
         self._found: dict[Callable[[Case], Iterable[Any]], list[Any]] = {}
 
     def cached(self, find: Callable[[Case], Iterable[T]]) -> list[T]:
-        """The list of what `find` yields for this case, computed once for all checks."""
+        """Return the list of the values that `find` yields for this case. It is computed once and
+        shared by all checks."""
         if find not in self._found:
             self._found[find] = list(find(self))
         return self._found[find]
 
     def states(self) -> Iterator[tuple[VehiclePlan, StatePlan]]:
-        """Every behavior of every vehicle."""
+        """Yield every vehicle's states, each with its vehicle."""
         for vehicle in self.plan.vehicles:
             for state in vehicle.states.values():
                 yield vehicle, state
 
     def parts(self, kind: str) -> Iterator[PartSpec]:
-        """Every available part of a kind. A part that can't be loaded is skipped; it is reported
-        where it is used."""
+        """Yield every available part of a kind. A part that can't be loaded is skipped; it is
+        reported where the mission uses it."""
         for name in self.catalog.names(kind):
             with suppress(PartError):
                 yield self.catalog.get(kind, name)
 
     def condition(self, owner: Record, key: str, scope: Scope) -> Condition | None:
-        """The parsed condition under a key of a record; None if there is none or it has errors."""
+        """Return the parsed condition under a key of a record; None if there is none or it has
+        errors."""
         text = owner.text_of(key)
         return cast("Condition | None", None if text is None else parse(text, scope)[0])
 
     def behavior(self, vehicle: VehiclePlan, state: str) -> type[Behavior[Any]] | None:
-        """The class behind a state of the vehicle or a built-in state; None for an unknown name."""
+        """Return the behavior class of a vehicle's state or of a built-in state; None for an
+        unknown name."""
         if state in vehicle.states:
             own: type[Behavior[Any]] = vehicle.states[state].behavior.cls
             return own
@@ -80,7 +83,7 @@ class Case:
         return None
 
     def legs(self, vehicle: VehiclePlan, state: str) -> tuple[Leg, ...]:
-        """The flight types of a state; empty for an unknown name."""
+        """Return the flight types of a state; empty for an unknown name."""
         cls = self.behavior(vehicle, state)
         return cls.flight if cls is not None else ()
 
@@ -89,7 +92,7 @@ class Case:
 
 
 def transitions_of(plan: Plan) -> Iterator[TransitionPlan]:
-    """Every transition of every behavior and phase."""
+    """Yield every transition of every behavior and phase."""
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())
     for state in states:
@@ -99,13 +102,13 @@ def transitions_of(plan: Plan) -> Iterator[TransitionPlan]:
 
 
 def part_of(vehicle: VehiclePlan, state: str) -> str:
-    """The name of the part behind a state."""
+    """Return the name of the behavior part that a state runs."""
     return vehicle.states[state].behavior.name if state in vehicle.states else BUILT_IN[state]
 
 
 def wrong_goal(code: str, name: Text, vehicle: VehiclePlan) -> Diagnostic | None:
-    """The finding for a target state that the vehicle does not have or that only the failsafe
-    enters; None for a valid one."""
+    """Return the finding for a target state that the vehicle doesn't have or that only the failsafe
+    enters; None for a valid target."""
     if vehicle.goal(name.text) in vehicle.states or name.text in TARGETS:
         return None
     if name.text not in NO_TARGET:
@@ -120,7 +123,8 @@ def wrong_goal(code: str, name: Text, vehicle: VehiclePlan) -> Diagnostic | None
 
 
 def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] = ()) -> Diagnostic:
-    """The finding for a name that is no state or chain of the vehicle and none of `more`."""
+    """Return the finding for a name that is neither a state or chain of the vehicle nor one of
+    `more`."""
     key = "inner goals" if "." in name.text else "goals"
     if key not in vehicle.known:
         vehicle.known[key] = sorted(goals_like(name.text, vehicle.states))

@@ -1,4 +1,4 @@
-"""Conditions, estimator health and expectations: parsing and types (KYB210 to KYB214,
+"""Checks conditions, estimator health and expectations: their syntax and types (KYB210 to KYB214,
 `kybflow.dsl.expressions.parse`), waits longer than the run (KYB259), and states and values that
 never occur (KYB257, KYB258)."""
 
@@ -35,7 +35,7 @@ from kybflow.parts.observables import chains_of
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
-    """Every `when` of every behavior."""
+    """Every `when` of a behavior must be a valid condition."""
     for vehicle, state in case.states():
         scope = case.scopes.condition(vehicle.name)
         for transition in state.transitions:
@@ -43,35 +43,35 @@ def conditions(case: Case) -> Iterator[Diagnostic]:
 
 
 def callback_conditions(case: Case) -> Iterator[Diagnostic]:
-    """Every `when` of every callback."""
+    """Every `when` of a callback must be a valid condition."""
     for callback in case.plan.callbacks:
         yield from _misread(callback, "when", case.scopes.flow())
 
 
 def health(case: Case) -> Iterator[Diagnostic]:
-    """Every estimator's `healthy`."""
+    """Every `healthy` of an estimator must be a valid condition."""
     for vehicle in case.plan.vehicles:
         for estimator in vehicle.estimators:
             yield from _misread(estimator, "healthy", case.scopes.health(vehicle.name))
 
 
 def _misread(owner: Record, key: str, scope: Scope) -> Iterator[Diagnostic]:
-    """The errors in the condition under a key of a record."""
+    """Yield the errors in the condition under a key of a record."""
     text = owner.text_of(key)
     if text is not None:
         yield from parse(text, scope)[1]
 
 
 def expectations(case: Case) -> Iterator[Diagnostic]:
-    """Every line of `expect`."""
+    """Every line of `expect` must be a valid expectation."""
     scope = case.scopes.expectation()
     for expectation in case.plan.texts_of("expect"):
         yield from parse(expectation, scope)[1]
 
 
 class TypedCondition(NamedTuple):
-    """A condition as written and as parsed. `own` is the vehicle that it belongs to; None for an
-    expectation, a callback or a flow."""
+    """A condition as written and as parsed. own: the vehicle that it belongs to; None for an
+    expectation, a callback or a flow. is_expected: whether it belongs to an expectation."""
 
     text: Text
     condition: Condition
@@ -105,14 +105,14 @@ def _seconds(value: float) -> str:
 
 
 def all_conditions(case: Case) -> Iterator[TypedCondition]:
-    """Every condition, `healthy` and expectation that parses."""
+    """Yield every condition, `healthy` and expectation that can be parsed."""
     yield from case.cached(conditions_of)
     yield from health_conditions(case)
     yield from case.cached(expected_conditions)
 
 
 def conditions_of(case: Case) -> Iterator[TypedCondition]:
-    """Every condition of a transition, a callback, a phase and a fault that parses."""
+    """Yield every condition of a transition, callback, phase or fault that can be parsed."""
     plan, scopes = case.plan, case.scopes
     asking: list[tuple[Record, str]] = [
         (transition, vehicle.name)
@@ -129,7 +129,7 @@ def conditions_of(case: Case) -> Iterator[TypedCondition]:
 
 
 def health_conditions(case: Case) -> Iterator[TypedCondition]:
-    """Every `healthy` that parses."""
+    """Yield every `healthy` that can be parsed."""
     for vehicle in case.plan.vehicles:
         scope = case.scopes.health(vehicle.name)
         for estimator in vehicle.estimators:
@@ -145,7 +145,7 @@ def _typed(
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
-    """The condition of every expectation, without its `always`, `eventually` or `finally`."""
+    """Yield the condition of every expectation, without its `always`, `eventually` or `finally`."""
     for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Always(condition) | Eventually(condition) | Finally(condition):
@@ -190,7 +190,7 @@ def _never(vehicle: VehiclePlan) -> frozenset[str]:
 
 
 def named_states(condition: Condition, own: str | None) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of each state that a condition names. `own` is the vehicle that the
+    """Yield (vehicle, state) for each state that a condition names. own: the vehicle that the
     condition belongs to."""
     for node in nodes(condition):
         match node:
@@ -236,7 +236,8 @@ def _subject(node: object, typed: TypedCondition) -> str:
 
 
 def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """What the vehicle lacks to know a value, as a message; empty if it lacks nothing."""
+    """Return a message that says what the vehicle lacks to know a value; empty if it lacks
+    nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.cls.provides:
         return f"`{driver.name}` reports no battery"
@@ -249,7 +250,7 @@ def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
 
 
 def nodes(node: object) -> Iterator[object]:
-    """A node of an expression and all nodes below it."""
+    """Yield a node of an expression and all nodes below it."""
     yield node
     if isinstance(node, tuple):
         for inner in node:

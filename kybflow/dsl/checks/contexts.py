@@ -1,4 +1,4 @@
-"""The context with which a vehicle's parts are created, for checks that ask the parts."""
+"""The contexts with which the vehicles' parts are created, for checks that query the parts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
-    """Every vehicle with its context, without the tags, of which there may be thousands."""
+    """Yield every vehicle with its context. The contexts have no tags, because there may be
+    thousands."""
     plan = case.plan
     diameters = {vehicle.name: vehicle.airframe.diameter for vehicle in plan.vehicles}
     starts = {vehicle.name: vehicle.start for vehicle in plan.vehicles}

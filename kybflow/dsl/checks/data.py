@@ -35,7 +35,7 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             kinds = f"{', '.join(first)} and {last}" if first else last
             gap = _gap(driver, f"{kinds} commands", tracker.name, takes)
             target = case.plan.target_text
-            if target is not None and driver.span == target.span:  # nobody wrote it
+            if target is not None and driver.span == target.span:  # the mission doesn't write it
                 label = f"`{driver.name}` {gap.label}"
                 gap = replace(gap, span=tracker.span, label=label)
             yield replace(gap, help=_fitting_tracker(case, vehicle, takes))
@@ -52,13 +52,15 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lands_itself(vehicle: VehiclePlan, name: str, kind: SetpointKind | CommandKind) -> bool:
-    """Whether the vehicle lands blind in its own mode instead of the built-in state."""
+    """Return whether the vehicle lands blind in a mode of its own instead of in the built-in
+    state."""
     is_command = isinstance(kind, CommandKind)
     return is_command and name in BUILT_IN and vehicle.driver.cls.lands_blind
 
 
 class _Refusal(NamedTuple):
-    """The part of a chain that can't take its input, and what it takes."""
+    """The part in the chain that can't take its input. what: the input in words. takes: the kinds
+    of input that the part takes."""
 
     part: PartPlan
     what: str
@@ -68,8 +70,8 @@ class _Refusal(NamedTuple):
 def _refusal(
     vehicle: VehiclePlan, kind: SetpointKind | CommandKind, stays: bool
 ) -> _Refusal | None:
-    """The first part along the chain that can't take `kind`. `stays`: the behavior is neither a
-    take-off nor a landing, so every processor applies."""
+    """Return the first part in the chain that can't take `kind`, or None. stays: whether the
+    behavior is neither a take-off nor a landing, so that every processor applies."""
     if isinstance(kind, CommandKind):
         driver = vehicle.driver
         accepted = driver.cls.takes(driver.params)
@@ -88,8 +90,8 @@ def _refusal(
 
 
 def _fitting_tracker(case: Case, vehicle: VehiclePlan, takes: frozenset[CommandKind]) -> str:
-    """The tracker that the driver asks for, or else one whose commands the driver takes and that
-    needs no parameters; empty if there is none."""
+    """Return a help line with a tracker that fits: the one that the driver asks for, or else one
+    whose commands the driver takes and that needs no parameters. Empty if there is none."""
     asked = vehicle.driver.cls.tracker(vehicle.driver.params)
     if asked is not None:
         return _with_tracker(case, vehicle, _written(asked))
@@ -153,7 +155,8 @@ def _sources(vehicle: VehiclePlan) -> str:
 
 
 def _way_out(case: Case, vehicle: VehiclePlan, use: EstimatorPlan, kind: MeasurementKind) -> str:
-    """A sensor that would help, or else general advice."""
+    """Return a help line with a sensor that would provide the measurements, or else general
+    advice."""
     shows = vehicle.driver.cls.shows(vehicle.driver.params)
     for spec in case.parts("sensors"):
         if kind in spec.cls.provides and spec.cls.simulated <= shows:
@@ -211,6 +214,6 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
 
 
 def _divisor(rate: float, control: int) -> str:
-    """The rate nearest to `control` that divides `rate`."""
+    """Return the rate nearest to `control` that divides `rate`, Hz."""
     steps = max(1, round(rate / control))
     return f"{rate / steps:g}"

@@ -53,8 +53,8 @@ _OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
 
 
 class _Decided(NamedTuple):
-    """A condition that always `holds`, or never. is_certain: in any flight, not only in a normal
-    one."""
+    """A condition with a known result. holds: whether it always or never holds. is_certain: whether
+    that is so in any flight, and not only in a normal one."""
 
     typed: TypedCondition
     holds: bool
@@ -72,8 +72,8 @@ def _decided(case: Case) -> Iterator[_Decided]:
 
 
 class _Asked(NamedTuple):
-    """A condition evaluated in a state. holds: True if it always holds there, False if it never
-    does, None if unknown. `why` explains that; `hint` is the help if it never holds."""
+    """A condition as evaluated in a state. holds: True if it always holds there, False if it never
+    does, None if unknown. why: the explanation. hint: the help if it never holds."""
 
     text: Text
     holds: bool | None
@@ -82,7 +82,7 @@ class _Asked(NamedTuple):
 
 
 def _decided_in_states(case: Case) -> Iterator[_Asked]:
-    """The conditions that are decided in every state that evaluates them."""
+    """Yield the conditions that have the same known result in every state that evaluates them."""
     found: dict[Span, list[_Asked]] = {}
     told = {one.typed.text.span for one in case.cached(_decided)}
     for vehicle, state in case.states():
@@ -119,19 +119,19 @@ def _asked_in(
 
 
 def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
-    """The longest duration of a state; infinite if callbacks or requests with values may change
-    it."""
+    """Return the longest duration of a state, s; infinite if callbacks or requests with values may
+    change it."""
     is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
     return inf if is_other else longest_time(vehicle, state)
 
 
 def _valued(case: Case) -> Iterator[bool]:
-    """For each phase, whether it enters states with values."""
+    """Yield for each phase whether it enters states with values."""
     return (any(map(written, phase.run.values())) for _, phase in phases(case.plan))
 
 
 def _within(own: str, longest: float, usual: Bounds) -> Bounds:
-    """The usual bounds, with `elapsed` limited to `longest`."""
+    """Return the bounds of values in a normal flight, with `elapsed` limited to `longest`."""
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
@@ -242,7 +242,8 @@ def _told(case: Case, found: _Decided, code: str, what: str, label: str, hint: s
 
 
 def _limits(case: Case, found: _Decided) -> Iterator[str]:
-    """The ranges of the values that decide a condition, except where physics alone does."""
+    """Yield the ranges of the values that decide a condition, except where physical limits alone
+    do."""
     usual, certain, _ = reaches_of(case)(found.typed.own)
     bounds, nature = (certain if found.is_certain else usual), physical_bounds(inf)
     is_known = always_holds if found.holds else never_holds
@@ -297,7 +298,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
 
 
 def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
-    """Every expectation that parses."""
+    """Yield every expectation that can be parsed."""
     for text in case.plan.texts_of("expect"):
         expression = parse(text, case.scopes.expectation())[0]
         if expression is not None:
@@ -323,8 +324,8 @@ def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
-    """For each state named in a condition that is flown only in the air: that its vehicle is not in
-    it."""
+    """For each state in a condition that is flown only in the air, yield the condition that its
+    vehicle is not in it."""
     for vehicle, state in named_states(condition, None):
         legs = case.legs(case.plan.fleet[vehicle], state)
         if legs and all(leg.end is AIR for leg in legs):

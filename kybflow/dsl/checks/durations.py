@@ -1,6 +1,6 @@
-"""The least time that a vehicle needs from state to state, as far as it is known before the flight:
-the least time of each behavior's footprint, the waits of `next`, and the quickest way through the
-graph of states.
+"""Computes the least time that a vehicle needs from state to state, as far as this is known before
+the flight. It combines the least time of each behavior's footprint, the waits of `next`, and the
+quickest path through the graph of states.
 
 Every number is a lower bound for a flight without failures. Unknown times count as zero.
 """
@@ -33,21 +33,23 @@ from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
 _SPARE = 0.95
-"""The share of a least time that must fit, because entries are known to some centimetres only."""
+"""A least time exceeds a limit only if this share of it does, because positions are known only to a
+few centimetres."""
 _BEGINS = 3.0
-"""Seconds in which a vehicle that enters in motion stops, before the behavior's time begins."""
+"""Time in which a vehicle that enters a state in motion comes to rest before the behavior begins,
+s."""
 _MOST_SHOWN = 5
 _HOVERS = frozenset({"brake", "hover"})
 """Built-in states that lead to a landing after the hover limit."""
 
 
 _DISTURBING = frozenset({"switch", "phase", "stop"})
-"""Actions that send a mission elsewhere or end it."""
+"""Actions that change which states follow or end the mission."""
 
 
 class Way(NamedTuple):
-    """The quickest way to a node: its total `seconds`, the last state that it leaves, the time
-    spent there, and the way before it."""
+    """The quickest path to a node. seconds: its total time. state: the last state that it leaves.
+    spent: the time in that state, s. before: the path up to that state."""
 
     seconds: float
     state: str = ""
@@ -55,7 +57,7 @@ class Way(NamedTuple):
     before: Way | None = None
 
     def steps(self) -> list[tuple[str, float]]:
-        """Each state on the way that takes time, in order, with its least seconds."""
+        """Return each state on the path that takes time, in order, with its least seconds."""
         found, way = [], self
         while way.before is not None:
             if way.spent > 0.0:
@@ -64,12 +66,12 @@ class Way(NamedTuple):
         return found[::-1]
 
     def longest(self) -> str:
-        """The state that takes the most time."""
+        """Return the state that takes the most time."""
         return max(self.steps(), key=lambda step: step[1])[0]
 
 
 def sum_of(way: Way) -> str:
-    """The terms that add up to the time of a way, for a note."""
+    """Return the terms that add up to the path's time, as text for a note."""
     steps = way.steps()
     shown = sorted(sorted(steps, key=lambda s: -s[1])[:_MOST_SHOWN], key=steps.index)
     terms = [f"`{state}` {seconds_of(spent)}" for state, spent in shown]
@@ -86,7 +88,8 @@ _Edge = tuple[FlightNode, float]
 
 
 def disturbances(case: Case) -> Iterator[str]:
-    """Actions that send a mission elsewhere, end it, or change how a behavior flies."""
+    """Yield the actions that change which states follow, end the mission, or change how a behavior
+    flies."""
     for callback in case.plan.callbacks:
         for action in callback.do:
             is_tuned = action.name == "set" and ".behaviors." in (action.target or "")
@@ -97,18 +100,18 @@ def disturbances(case: Case) -> Iterator[str]:
 
 
 def exceeds(least: float, limit: float) -> bool:
-    """Whether a least time surely exceeds a limit."""
+    """Return whether a least time certainly exceeds a limit."""
     return least * _SPARE > limit
 
 
 def seconds_of(value: float) -> str:
-    """A time as reports show it."""
+    """Return a time as text for a report."""
     return f"{value:.0f} s" if value >= 100.0 else f"{value:.3g} s"
 
 
 def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
-    """The least seconds from the entry of a state to the normal end of its behavior, over all its
-    known entries."""
+    """Return the least seconds from the entry of a state to the normal end of its behavior, over
+    all known entry positions."""
     times: dict[str, float] = vehicle.known.setdefault("least times", {})
     name = state.name
     if name not in times:
@@ -119,7 +122,8 @@ def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
 
 
 def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
-    """The least seconds from one entry. With obstacles, a landing may end early, on one of them."""
+    """Return the least seconds for one entry position. A landing counts as zero if there are
+    obstacles, because it may end early on top of one."""
     footprint = state.footprint(entry)
     if footprint is None or (case.plan.obstacles and _lands(state)):
         return 0.0
@@ -127,7 +131,8 @@ def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
 
 
 def longest_time(vehicle: VehiclePlan, state: StatePlan) -> float:
-    """The seconds after which the behavior of a state has surely ended; infinite if unknown."""
+    """Return the seconds after which the behavior of a state has certainly ended; infinite if
+    unknown."""
     entries = entries_of(vehicle).get(state.name)
     footprints = [state.footprint(entry) for entry in entries.candidates()] if entries else []
     ends = [
@@ -146,8 +151,8 @@ def ways_from(
     first: Iterable[FlightNode],
     through: Callable[[FlightNode], bool] = lambda _: True,
 ) -> dict[FlightNode, Way]:
-    """The quickest way from any node of `first` to every node reachable without failures. Ways
-    continue only through nodes that `through` accepts."""
+    """Return the quickest path from any node in `first` to each node that is reachable without
+    failures. Paths continue only through nodes that `through` accepts."""
     edges, begins = _ahead(case, vehicle), set(first)
 
     def ahead(node: FlightNode) -> Iterable[_Edge]:
@@ -161,8 +166,9 @@ def ways_from(
 def quickest(
     first: Iterable[N], ahead: Callable[[N], Iterable[tuple[N, float]]], name: Callable[[N], str]
 ) -> dict[N, Way]:
-    """The quickest way from any of `first` to every node (Dijkstra). ahead: the successors of a
-    node, each with the seconds until then; name: the name of a node in a sum."""
+    """Return the quickest path from any node in `first` to each node (Dijkstra). ahead: returns the
+    successors of a node, each with the seconds until then. name: returns a node's name for
+    `sum_of`."""
     found, order = dict[N, Way](), count()
     queue = [(0.0, next(order), node, Way(0.0)) for node in first]
     while queue:
@@ -178,13 +184,15 @@ def quickest(
 
 
 def quickest_into(ways: Mapping[FlightNode, Way], state: str) -> Way | None:
-    """The quickest of the ways that end in a state, or inside a chain of that name."""
+    """Return the quickest of the paths that end in a state, or in a chain of that name; None if
+    there is none."""
     ends = (way for node, way in ways.items() if is_in(node.state, state))
     return min(ends, key=lambda way: way.seconds, default=None)
 
 
 def no_way_exceeds(case: Case, vehicle: VehiclePlan, limit: float) -> bool:
-    """Whether the sum of all times of the vehicle's states fits into a limit: a cheap test."""
+    """Return whether the times of all states of the vehicle together fit into a limit. This cheap
+    test often makes a search for paths unnecessary."""
     if "most" not in vehicle.known:
         ahead = _ahead(case, vehicle).values()
         brakes = any(target.state in _HOVERS for edges in ahead for target, _ in edges)
@@ -204,8 +212,8 @@ def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
 
 
 def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
-    """The successors of each node of the vehicle's own states, with the least seconds until then. A
-    vehicle with a fault may fail at once."""
+    """Return the successors of each node of the vehicle's own states, with the least seconds until
+    then. A vehicle with a fault may fail at once."""
     if "ahead" not in vehicle.known:
         vehicle.known["ahead"] = _followers(case, vehicle)
     found: dict[FlightNode, list[_Edge]] = vehicle.known["ahead"]
@@ -235,8 +243,8 @@ def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]
 
 
 def _is_foreseen(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Whether a normal flight may take the transition. A behavior without an end may be meant to
-    fail."""
+    """Return whether a normal flight may take the transition. A behavior without an end may be
+    meant to fail."""
     return may_end(transition, is_endless) or (is_endless and transition.cause == "failed")
 
 
@@ -250,7 +258,8 @@ def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
 
 
 def own_wait(transition: TransitionPlan) -> float:
-    """The time in the state that a transition waits for. The time of a chain began earlier."""
+    """Return the time in its state after which a transition can be taken, s. A transition of a
+    chain counts as zero, because its time began in an earlier state."""
     after = 0.0 if transition.since else transition.after or 0.0
     return max(after, transition.hold)
 
@@ -265,8 +274,8 @@ def _least_elapsed(when: Condition | None, own: str) -> float:
 
 
 def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
-    """The least time of a state entered at `node`. A part that also flies may be done at once on
-    the ground."""
+    """Return the least time of a state entered at `node`, s. On the ground it is zero for a
+    behavior that can also begin in the air, because it may be done at once."""
     state = vehicle.states[node.state]
     if node.flight is GROUND and len({leg.start for leg in state.legs}) > 1:
         return 0.0
@@ -274,8 +283,8 @@ def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
 
 
 def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
-    """Where the duration of a state is written: the parameter whose default would more than halve
-    it, or else the behavior's name."""
+    """Return where the duration of a state is written: the parameter whose default would shorten it
+    most, if to less than half, or else the behavior's name."""
     part, entries = state.behavior, entries_of(vehicle)[state.name].candidates()
     quickest = 0.5 * least_time(case, vehicle, state)
     span = part.span

@@ -1,5 +1,5 @@
-"""Values that a phase or a callback passes to a state: KYB244. All other checks judge the state
-with them."""
+"""Checks the values that a phase or a callback passes to a state (KYB244). All other checks use
+these values in place of the state's own."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ OF_ENTRIES = (
     too_steep,
     refuses,
 )
-"""The checks of a state that is entered with values in flight: those that depend only on the values
-and on the entry."""
+"""The checks that apply when a state is entered with values in flight: those that depend only on
+the values and the entry position."""
 
 
 def values(case: Case) -> Iterator[Diagnostic]:

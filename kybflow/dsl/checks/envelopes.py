@@ -1,4 +1,4 @@
-"""The ranges of the vehicles' values, derived from the fence, the airframe and the start: in any
+"""Derives the ranges of the vehicles' values from the fence, the airframe and the start: in any
 flight, in a normal flight, and in the first tick."""
 
 from __future__ import annotations
@@ -16,21 +16,25 @@ from kybflow.world.shapes import Box
 
 _PLACED = (0.05, 0.05, 0.05)
 _STANDS, _LEVEL = 0.05, 0.2
-"""In the first tick: distance from the start, m, per axis and speed, m/s; tilt, rad."""
+"""In the first tick: the largest distance from the start per axis (`_PLACED`), m; the largest
+speed, m/s; the largest tilt, rad."""
 _SHARE, _ROOM = 0.2, 0.3
-"""How far outside the fence a normal flight may get: a share of its size, and at least this, m."""
+"""How far outside the fence a normal flight may get: this share of its size, but at least this many
+metres."""
 _FAR = 2.0
-"""How far outside the fence any flight may get, m, or the fence's length if that is more."""
+"""How far outside the fence any flight may get: its longest side, but at least this, m."""
 _FASTER = 3.0
-"""How many times the airframe's speed gusts and failures reach; a fall comes on top."""
+"""The factor of the airframe's speed that gusts and failures can cause; in any flight, the speed of
+a fall is added."""
 _OLD = 10.0
-"""Age of an estimate that no vehicle still flies on, s."""
+"""The age of an estimate on which no vehicle still flies, s."""
 _SPREAD, _LEAST_SPREAD = 1e-4, 1e-5
 """The spread of the best motion capture, and a spread below that of any system, m."""
 
 
 class Reaches(NamedTuple):
-    """Bounds of values. usual: in a normal flight. certain: in any flight."""
+    """Bounds of values. usual: in a normal flight. certain: in any flight. at_first: in the first
+    tick."""
 
     usual: Bounds
     certain: Bounds
@@ -38,7 +42,8 @@ class Reaches(NamedTuple):
 
 
 def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
-    """The bounds, by the vehicle that a condition belongs to (None if it belongs to none)."""
+    """Return a function that returns the bounds for the conditions of a vehicle, or of none
+    (None)."""
     (found,) = case.cached(_reaches)
     return found
 
@@ -87,7 +92,8 @@ def _fast(vehicle: VehiclePlan) -> float:
 def _around(
     vehicle: VehiclePlan, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
 ) -> Box:
-    """The fence and the start with some room around them; everywhere if there is no fence."""
+    """Return the box around the fence, with some room, and the start; everywhere if there is no
+    fence."""
     if fence is None:
         return EVERYWHERE
     x, y, z = room(fence.size)

@@ -77,7 +77,8 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
 
 
 def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:
-    """The least and the largest age of its estimates in a normal flight, s."""
+    """Return the least and largest age of an estimator's estimates in a normal flight, s; None if
+    unknown."""
     driver, needs = vehicle.driver, use.part.cls.uses(use.part.params)
     if Frame in needs and vehicle.body.cameras:
         return 0.0, 1.0 / min(camera.rate for camera in vehicle.body.cameras)
@@ -91,7 +92,8 @@ _AGE, _USUAL = "estimate.age", 0.25
 
 
 def _aged(low: float, high: float) -> Bounds:
-    """The bounds for an estimate whose age is in this range."""
+    """Return bounds in which the estimate's age is in this range, and all other values are
+    unbounded."""
 
     def bounds(value: object) -> tuple[float, float]:
         return (low, high) if isinstance(value, Read) and value.name == _AGE else (-inf, inf)
@@ -136,7 +138,8 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
 
 
 def reckons(use: EstimatorPlan) -> bool:
-    """Whether it continues the estimate in use and measures only its own motion."""
+    """Return whether an estimator continues another one's estimate and measures only its own
+    motion."""
     cls, params = use.part.cls, use.part.params
     return cls.anchor is not Estimator.anchor and cls.uses(params) <= {Imu}
 

@@ -1,4 +1,4 @@
-"""The events that a mission can wait for, and waits that are in vain: KYB208, KYB209, KYB415 and
+"""The events that a mission can wait for. Checks for waits in vain: KYB208, KYB209, KYB415 and
 KYB449."""
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _unheard_by(
 
 
 def _heard(records: Iterable[Record]) -> Iterator[Text]:
-    """The event of each transition or callback that waits for one."""
+    """Yield the event of each transition or callback that waits for one."""
     return (event for one in records if (event := one.text_of("event")) is not None)
 
 
@@ -68,7 +68,7 @@ def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[
 
 
 def _of_a_person(name: str) -> str:
-    """A note on how an operator or a callback can raise an event that no part emits."""
+    """Return a note on how an operator or a callback can raise an event that no part emits."""
     given = f"{OPERATOR}{name}"
     return (
         f"a person emits `{given}` (`--emit {given}@2s`), a callback any name (`{{emit: {name}}}`)"
@@ -101,7 +101,7 @@ def never_emitted(case: Case) -> Iterator[Diagnostic]:
 
 
 def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Iterator[Diagnostic]:
-    """The finding for an event that no vehicle named by it can have."""
+    """Yield a finding for an event that none of the vehicles it refers to can have."""
     name, vehicles = event.text.rpartition(".")[2], known.sources(event.text)
     if own is not None and event.text in known.of[own]:
         vehicles = (own,)
@@ -139,7 +139,7 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
-    """What a vehicle lacks to have an event; empty if it lacks nothing."""
+    """Return what a vehicle lacks to have an event, in words; empty if it lacks nothing."""
     vehicle = case.plan.fleet[name]
     if event not in AWAITED_EVENTS:
         return _silent(case, vehicle, event)
@@ -159,7 +159,8 @@ def _lacks(case: Case, name: str, event: str) -> str:
 
 
 def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
-    """A message if no supervisor that emits an event has anything to watch; otherwise empty."""
+    """Return a message if none of the supervisors that emit an event has anything to watch,
+    otherwise an empty string."""
     emitting = [part for part in vehicle.supervisors if event in part.cls.events]
     context = next(c for v, c in case.cached(contexts) if v is vehicle) if emitting else None
     if context is None or any(event in part.cls.can_emit(context) for part in emitting):
@@ -185,21 +186,21 @@ def of_the_simulator(case: Case) -> Iterator[Diagnostic]:
 
 ANY = "any"
 LANDED = Landed.name
-"""The event after a vehicle's landing."""
+"""The event after a vehicle has landed."""
 OPERATOR = "operator."
-"""The prefix of events that a person gives."""
+"""The prefix of the names of events that a person raises."""
 
 
 def given_by_a_person(event: str, plan: Plan) -> bool:
-    """Whether a person gives an event, by a command or a button."""
+    """Return whether a person raises an event, by a command or a button."""
     first, _, button = event.partition(".")
     use = plan.inputs_by_name.get(first)
     return event.startswith(OPERATOR) or (use is not None and button in use.button_names.values())
 
 
 class KnownEvents:
-    """The events of a mission. `of` are those of each vehicle, by their bare names. `custom` are
-    those that its actions emit, the ends of its flows, and the buttons of its inputs."""
+    """The events of a mission. of: the events of each vehicle, by their bare names. custom: the
+    events that its actions emit, the ends of its flows, and the buttons of its inputs."""
 
     def __init__(self, case: Case) -> None:
         self._plan = case.plan
@@ -217,8 +218,8 @@ class KnownEvents:
         return RUN_EVENTS | self.custom | {f"{flow.name}.finished" for flow in self._plan.flows}
 
     def sources(self, event: str) -> tuple[str, ...]:
-        """The vehicles that an event's name refers to; `("",)` is the run. Empty for an unknown
-        event."""
+        """Return the vehicles that an event's name refers to; `("",)` stands for the run. Empty for
+        an unknown event."""
         first, dot, name = event.partition(".")
         if event in self.of_the_run or event.startswith(OPERATOR):
             return ("",)
@@ -228,7 +229,7 @@ class KnownEvents:
         return tuple(vehicle for vehicle in asked if name in self.of[vehicle])
 
     def fields_of(self, event: str) -> tuple[str, ...]:
-        """The fields of an event, given its bare name. A mission's own event has none."""
+        """Return the fields of the event with this bare name. A mission's own event has none."""
         if event in AWAITED_EVENTS:
             return tuple(AWAITED_EVENTS[event].fields)
         for vehicle in self._plan.vehicles:
@@ -240,14 +241,15 @@ class KnownEvents:
         return tuple(AlarmRaised.fields)
 
     def hears(self, event: str, own: str | None) -> bool:
-        """Whether a transition of the vehicle `own`, or of a flow (None), can wait for an event."""
+        """Return whether a transition of the vehicle `own`, or of a flow (None), can wait for an
+        event."""
         if own is not None and event in self.of[own]:
             return True
         return event.partition(".")[0] not in self._plan.groups and bool(self.sources(event))
 
     def names(self, own: str | None, groups: Iterable[str]) -> set[str]:
-        """Every name that an event can be waited for by: for `own` including the bare names of its
-        events, and for each of `groups`."""
+        """Return every name under which an event can be awaited, including the bare names of the
+        events of the vehicle `own`, and the events of each of `groups`."""
         events = {event for known in self.of.values() for event in known}
         return {
             *self.of_the_run,
@@ -258,12 +260,12 @@ class KnownEvents:
 
 
 def known_events(case: Case) -> Iterator[KnownEvents]:
-    """The events of a mission, for `case.cached`."""
+    """Yield the events of a mission once, for use with `case.cached`."""
     yield KnownEvents(case)
 
 
 def emitted(plan: Plan) -> frozenset[str]:
-    """The custom events that the actions and transitions of a mission emit."""
+    """Return the custom events that the actions and transitions of a mission emit."""
     found = {name.text for name in emitted_by_transitions(plan)}
     for callback in plan.callbacks:
         for action in callback.do:
@@ -275,13 +277,13 @@ def emitted(plan: Plan) -> frozenset[str]:
 
 
 def emitted_by_transitions(plan: Plan) -> list[Text]:
-    """The events that transitions of states and phases emit."""
+    """Return the events that transitions of states and phases emit."""
     names = (transition.text_of("emit") for transition in transitions_of(plan))
     return [name for name in names if name is not None and name.text]
 
 
 def _emitted_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
-    """The events of a vehicle, by their bare names."""
+    """Return the events of a vehicle, by their bare names."""
     parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
     parts += [estimator.part for estimator in vehicle.estimators]
     parts += [state.behavior for state in vehicle.states.values()]

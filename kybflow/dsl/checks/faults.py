@@ -21,7 +21,7 @@ from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import ActiveFaults
 
 _LATE: Time = 1000 * NS
-"""A time by which every effect has reached its full strength."""
+"""A time by which every effect has reached full strength."""
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
@@ -185,13 +185,13 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
 
 
 def _first_span(part: PartPlan) -> Span:
-    """The place of its first parameter, or else of its name."""
+    """Return the source location of a part's first parameter, or else of its name."""
     written = entries_of(part.source.node).values()
     return next((entry.value.span for entry in written), part.span)
 
 
 def _rig_under(fault: FaultPlan) -> ActiveFaults:
-    """The vehicle's active faults with the fault's effects."""
+    """Return the active faults of a vehicle that has only this fault's effects."""
     rig = ActiveFaults(fault.vehicle)
     try:
         effects = fault.part.cls(fault.part.params, Random(0)).effects(rig.vehicle)
@@ -203,7 +203,8 @@ def _rig_under(fault: FaultPlan) -> ActiveFaults:
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
-    """Every `when` of every fault, read in the scope of its vehicle: KYB210 to KYB214."""
+    """Every `when` of a fault must be a valid condition in the scope of its vehicle: KYB210 to
+    KYB214."""
     for fault in case.plan.faults:
         when = fault.text_of("when")
         if when is not None and fault.vehicle in case.plan.fleet:
@@ -217,6 +218,6 @@ def _vehicles(fault: FaultPlan) -> Iterator[tuple[str, Span]]:
 
 
 def _named(fault: FaultPlan, what: Named) -> Iterator[tuple[str, Span]]:
-    """The names of the kind `what` among the fault's parameters."""
+    """Yield (name, span) for the fault's parameters that are names of the kind `what`."""
     for parameter, name in named_in(fault.part.params, what).items():
         yield name, fault.part.span_of(parameter)

@@ -1,5 +1,5 @@
-"""Things that two vehicles can't share, and vehicles that wait for each other: KYB440, KYB441 and
-KYB443."""
+"""Checks for things that two vehicles can't share, and for vehicles that wait for each other:
+KYB440, KYB441 and KYB443."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from kybflow.parts import AIR, Claim
 from kybflow.parts.observables import is_in
 
 _UP = 0.2
-"""Metres above its start where the estimate of a standing vehicle surely never is."""
+"""Height above its start at which the estimate of a standing vehicle is certain not to be, m."""
 
 
 def taken_twice(case: Case) -> Iterator[Diagnostic]:
@@ -88,8 +88,8 @@ def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Settled(NamedTuple):
-    """Where a vehicle ends up by itself. state: None if it rests for good. seen: every state that
-    it may have been in by then, including after failures."""
+    """The state in which a vehicle ends up by itself. state: None if it rests for good. seen: every
+    state that it may have been in by then, including after failures."""
 
     vehicle: VehiclePlan
     state: StatePlan | None
@@ -97,7 +97,7 @@ class _Settled(NamedTuple):
 
     @property
     def is_grounded(self) -> bool:
-        """Whether it has never left the ground."""
+        """Whether the vehicle has never left the ground."""
         states = self.vehicle.states
         legs = (leg for name in self.seen & states.keys() for leg in states[name].legs)
         return self.seen <= states.keys() and not any(AIR in leg for leg in legs)
@@ -145,7 +145,8 @@ def _where(other: _Settled) -> str:
 
 
 def _settled(vehicle: VehiclePlan) -> _Settled | None:
-    """Where a vehicle ends up by `then` alone; None if anything else may lead elsewhere."""
+    """Return where a vehicle ends up through `then` alone; None if anything else may lead
+    elsewhere."""
     if vehicle.requested:
         return None
     name, passed, endless = vehicle.begin, list[StatePlan](), endless_states(vehicle)
@@ -162,7 +163,7 @@ def _settled(vehicle: VehiclePlan) -> _Settled | None:
 
 
 def _seen(vehicle: VehiclePlan, passed: list[StatePlan]) -> frozenset[str]:
-    """The states that were passed, and all that their failures may lead to."""
+    """Return the states in `passed` and all states to which their failures may lead."""
     seen = {state.name for state in passed}
     failures = {t.target for s in passed for t in s.transitions if t.cause != "next"} - seen
     while failures:
@@ -173,7 +174,8 @@ def _seen(vehicle: VehiclePlan, passed: list[StatePlan]) -> frozenset[str]:
 
 
 def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:
-    """Whether no transition of a vehicle's state can be taken while the `waiting` wait."""
+    """Return whether no transition of a vehicle's state can be taken while the `waiting` vehicles
+    wait."""
     own = settled[name].state
     assert own is not None
     scope = case.scopes.condition(name)
@@ -187,7 +189,8 @@ def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[
 
 
 def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
-    """Whether a condition can't become true while the vehicles wait where they settled."""
+    """Return whether a condition can't become true while the vehicles stay in the states in which
+    they ended up."""
     match when:
         case And(parts):
             return any(_is_barred(part, settled, waiting) for part in parts)
@@ -208,8 +211,8 @@ def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str])
 
 
 def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state: str) -> bool:
-    """Whether a vehicle is never in a state while it stays where it is. Built-in states don't
-    count, because the failsafe may enter them."""
+    """Return whether a vehicle that has ended up somewhere is never in `state`. False for built-in
+    states, because the failsafe may enter them."""
     other = _resting(settled, waiting, name)
     if other is None or state in BUILT_IN:
         return False
@@ -217,7 +220,8 @@ def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state:
 
 
 def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Settled | None:
-    """The named vehicle, if it stays as it is while the `waiting` wait; otherwise None."""
+    """Return the named vehicle's final state if it stays there while the `waiting` vehicles wait;
+    otherwise None."""
     other = settled.get(name)
     if other is None or name in waiting or other.state is None:
         return other
@@ -225,7 +229,7 @@ def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Set
 
 
 def _awaited(case: Case, name: str, state: StatePlan) -> set[str]:
-    """The vehicles that the transitions of a state wait for."""
+    """Return the vehicles for which the transitions of a state wait."""
     scope = case.scopes.condition(name)
     conditions = [case.condition(t, "when", scope) for t in state.transitions]
     return {v for when in conditions if when is not None for v in _named(when)} - {name}

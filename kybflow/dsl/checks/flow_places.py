@@ -1,8 +1,8 @@
-"""Where vehicles are when a flow requests a state, as far as its conditions say.
+"""Finds the positions at which flows enter states, as far as the flows' conditions determine them.
 
-A vehicle that waits for its flow is at its start. A transition of a phase that waits until a
-vehicle is in `hover`, in `landed` or in a behavior that stays in place tells that the vehicle is
-where the requested state ends. All other positions are unknown.
+A vehicle that waits for its flow is at its start. If a transition of a phase waits until a vehicle
+is in `hover`, in `landed` or in a behavior that stays in place, the vehicle is then where the
+requested state ends. All other positions are unknown.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 
 _MOST = 16
 _KEEP = frozenset({"hover", "landed"})
-"""Built-in states in which a vehicle stays, in place, until the next phase begins."""
+"""Built-in states in which a vehicle stays in place until the next phase begins."""
 _Points = frozenset[Vec3]
 _Places = dict[str, _Points]
-"""Where each vehicle may be, if known."""
+"""The positions where each vehicle may be, if they are known."""
 
 
 class EnteredByFlow(NamedTuple):
-    """A state that a flow leads to, entered at `point`."""
+    """A state reached through a flow, entered at the position `point`."""
 
     vehicle: VehiclePlan
     state: str
@@ -37,7 +37,8 @@ class EnteredByFlow(NamedTuple):
 
 
 def entered_by_flows(case: Case) -> Iterator[EnteredByFlow]:
-    """Every entry of a state through flows that the vehicle's own states don't already give."""
+    """Yield every entry of a state through flows at a position that is not already known from the
+    vehicle's own states."""
     told: set[tuple[str, str, Vec3]] = set()
     for flow in () if case.cached(disturbances) else case.plan.flows:
         for name, places in _places(case, flow).items():
@@ -59,7 +60,7 @@ def _entries(vehicle: VehiclePlan, goal: str, points: Iterable[Vec3]) -> Iterato
 
 
 def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
-    """Where each vehicle may be on entry to each phase."""
+    """Return where each vehicle may be on entry to each phase, by phase."""
     fleet = case.plan.fleet
     first: _Places = {
         name: frozenset({fleet[name].start})
@@ -88,8 +89,9 @@ def _united(a: _Places, b: _Places) -> _Places:
 def _places_after(
     case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
-    """Where vehicles are after a transition of a phase: those without a request where they were
-    before, those whose condition names a state that stays in place where that state is."""
+    """Return where vehicles may be after a transition of a phase. Vehicles without a request are
+    where they were before. Vehicles that the condition requires to be in a state that stays in
+    place are where that state is."""
     plan = case.plan
     run = runs_of(case, phase)
     given = {asked.vehicle for asked in handovers(plan, phase)}
@@ -107,7 +109,8 @@ def _places_after(
 
 
 def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
-    """The known entries of the state `goal`, entered at `point`, and of all states that follow."""
+    """Return the positions at which the state `goal`, entered at `point`, and all states after it
+    are entered, as far as known."""
     walks: dict[tuple[str, Vec3], dict[str, set[Vec3]]] = vehicle.known.setdefault("walks", {})
     if (goal, point) in walks:
         return walks[goal, point]
@@ -124,7 +127,7 @@ def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]
 
 
 def _left(vehicle: VehiclePlan, name: str, entry: Vec3) -> Iterator[tuple[str, Vec3 | None]]:
-    """(state, where it is entered) of all that may follow a state."""
+    """Yield (state, entry position) for all states that may follow a state."""
     if name == "brake":
         yield "hover", entry
     state = vehicle.states.get(name)

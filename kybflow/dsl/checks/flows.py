@@ -56,8 +56,8 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
 
 
 def _nobody(who: Text, plan: Plan) -> Diagnostic:
-    """The finding for a name that is neither a vehicle nor a group. A flow that the mission
-    inherits may need a group."""
+    """Return the finding for a name that is neither a vehicle nor a group. An inherited flow may
+    need a group that the mission lacks."""
     finding = unknown_vehicle("KYB193", who, plan)
     if not who.span.used:
         return finding
@@ -153,7 +153,7 @@ def barriers(case: Case) -> Iterator[Diagnostic]:
 
 
 def _may_wait(transition: TransitionPlan, flow: FlowPlan, plan: Plan) -> bool:
-    """Whether a phase may wait for this alone without a bound."""
+    """Return whether a phase may wait for this transition alone without a time limit."""
     if transition.event is None or transition.when is not None:
         return False
     given = {goal for phase in flow.phases.values() for goal in phase.give.values()}
@@ -180,7 +180,8 @@ def timeless_cycles(case: Case) -> Iterator[Diagnostic]:
 
 
 def _cycle(flow: FlowPlan, name: str) -> list[str]:
-    """The phases that follow `name` at once, up to itself; empty if they don't return to it."""
+    """Return the phases that follow `name` without waiting and lead back to it; empty if they
+    don't."""
     path = [name]
     while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
         assert ahead is not None
@@ -191,7 +192,7 @@ def _cycle(flow: FlowPlan, name: str) -> list[str]:
 
 
 def _at_once(phase: PhasePlan | None) -> str | None:
-    """The phase that follows at once; None if the phase may wait."""
+    """Return the phase that follows without waiting; None if the phase may wait."""
     for transition in phase.transitions if phase else ():
         if transition.after == 0.0 and transition.when is None and transition.event is None:
             return transition.target
@@ -199,7 +200,7 @@ def _at_once(phase: PhasePlan | None) -> str | None:
 
 
 def phase_conditions(case: Case) -> Iterator[Diagnostic]:
-    """Every `when` of every phase: KYB210 to KYB215."""
+    """Every `when` of a phase must be a valid condition: KYB210 to KYB215."""
     scope = case.scopes.flow()
     for _, phase in phases(case.plan):
         for transition in phase.transitions:
@@ -250,12 +251,12 @@ def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic
 
 Asked = Literal["run", "give"]
 ASKED: tuple[Asked, ...] = get_args(Asked)
-"""The keys of a phase that make a request to vehicles."""
+"""The keys of a phase that contain requests to vehicles."""
 
 
 class Assignment(NamedTuple):
-    """The request of a phase to one vehicle: to enter a state, or to be given to a flow. `who` is
-    the vehicle or the group as written."""
+    """The request of a phase to one vehicle. who: the vehicle or group as written. goal: the state
+    to enter, or the flow that receives the vehicle."""
 
     vehicle: str
     who: Text
@@ -263,21 +264,21 @@ class Assignment(NamedTuple):
 
 
 def phases(plan: Plan) -> Iterator[tuple[FlowPlan, PhasePlan]]:
-    """Every phase of every flow."""
+    """Yield every phase of every flow."""
     for flow in plan.flows:
         for phase in flow.phases.values():
             yield flow, phase
 
 
 def goals_of(phase: PhasePlan, key: Asked) -> Iterator[tuple[Text, Text]]:
-    """(vehicle or group, the state or the flow) of each entry of `run` or `give`."""
+    """Yield (vehicle or group, state or flow) for each entry of `run` or `give`."""
     for who, goal in phase.pairs(key):
         if not is_null(goal):
             yield who, _name(goal)
 
 
 def _name(goal: Node) -> Text:
-    """The name of a goal, which may have values beside it."""
+    """Return the name of a goal, which may be followed by values."""
     keys = [entry.key for entry in entries_of(goal).values()]
     name = keys[0] if keys else goal
     assert isinstance(name, Scalar)
@@ -285,14 +286,15 @@ def _name(goal: Node) -> Text:
 
 
 def assignments(plan: Plan, phase: PhasePlan, key: Asked) -> Iterator[Assignment]:
-    """The `run` or the `give` of a phase, by vehicle. Unknown names are skipped."""
+    """Yield a phase's requests under `run` or `give`, one per vehicle. Unknown names are
+    skipped."""
     for who, goal in goals_of(phase, key):
         for vehicle in plan.members(who.text):
             yield Assignment(vehicle, who, goal)
 
 
 def runs_of(case: Case, phase: PhasePlan) -> Mapping[str, str]:
-    """The state or chain that a phase requests from each of its vehicles."""
+    """Return the state or chain that a phase requests from each of its vehicles."""
     (runs,) = case.cached(_runs)
     return runs[id(phase)]
 
@@ -305,13 +307,13 @@ def _runs(case: Case) -> Iterator[dict[int, Mapping[str, str]]]:
 
 
 def handovers(plan: Plan, phase: PhasePlan) -> Iterator[Assignment]:
-    """The `give` of a phase, by vehicle, to flows that exist."""
+    """Yield the requests under `give` of a phase whose flow exists, one per vehicle."""
     asked = assignments(plan, phase, "give")
     yield from (a for a in asked if a.goal.text in plan.flows_by_name)
 
 
 def all_known(plan: Plan) -> bool:
-    """Whether every vehicle and state that phases request exists."""
+    """Return whether every vehicle and state that phases request exists."""
     asked = [one for _, phase in phases(plan) for one in phase.run.items()]
     return all(
         bool(plan.members(who))
@@ -324,12 +326,12 @@ def all_known(plan: Plan) -> bool:
 
 
 def has_state(vehicle: VehiclePlan, state: str) -> bool:
-    """Whether a vehicle has its own state, or a chain of states, with that name."""
+    """Return whether a vehicle has its own state or chain with that name."""
     return vehicle.goal(state) in vehicle.states
 
 
 def reached(plan: Plan, flow: FlowPlan) -> set[str]:
-    """The phases reached from the first one, or from one that a callback enters."""
+    """Return the phases reached from the first one, or from one that a callback enters."""
     waiting = [flow.begin, *_asked(plan, flow)]
     found = set(waiting)
     while waiting:
@@ -342,7 +344,7 @@ def reached(plan: Plan, flow: FlowPlan) -> set[str]:
 
 
 def _asked(plan: Plan, flow: FlowPlan) -> Iterator[str]:
-    """The phases of the flow that callbacks enter."""
+    """Yield the phases of the flow that callbacks enter."""
     for callback in plan.callbacks:
         for action in callback.do:
             named = action.target is None or action.target == flow.name

@@ -22,7 +22,7 @@ LOST = "input_lost"
 
 
 class _Steered(NamedTuple):
-    """A state whose behavior is steered, and the name of the input as written."""
+    """A state whose behavior is steered by an input. input: the name of the input as written."""
 
     state: StatePlan
     input: Text
@@ -81,7 +81,7 @@ def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
 
 
 def _renamed(use: InputPlan) -> list[Text]:
-    """The buttons of the device that the mission names."""
+    """Return the buttons of the device that the mission names."""
     buttons = use.entry("buttons")
     named = () if buttons is None else entries_of(buttons.value).values()
     return [one.value.as_text for one in named if isinstance(one.value, Scalar)]
@@ -105,7 +105,7 @@ def unused_inputs(case: Case) -> Iterator[Diagnostic]:
 
 
 def _heard(case: Case) -> set[str]:
-    """The part before the dot of every event that the mission waits for."""
+    """Return the part before the dot of every event that the mission waits for."""
     events = [way.event for way in transitions_of(case.plan)]
     events += [one.event for one in case.plan.callbacks]
     return {event.partition(".")[0] for event in events if event}
@@ -155,7 +155,7 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
 
 
 _SILENT = 5.0
-"""The longest time to steer with the last values of an input, s."""
+"""The longest time for which a vehicle may be steered by the last values of an input, s."""
 
 
 def silent_for_long(case: Case) -> Iterator[Diagnostic]:

@@ -23,7 +23,7 @@ _ROUNDING = 1e-6
 _SPARE = 1.15
 _STEER = "steering needs 15 % more thrust than the weight"
 LIMITS = frozenset({"tilt", "speed", "climb"})
-"""The airframe's parameters that limit those of the same name in a tracker and a processor."""
+"""The limits of an airframe that bound the parameters of the same name in its parts."""
 
 
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
@@ -77,7 +77,7 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Frame(NamedTuple):
-    """An airframe, its name in messages, and the place of that name."""
+    """An airframe, its name in messages, and the source location of that name."""
 
     name: str
     span: Span
@@ -88,13 +88,14 @@ class _Frame(NamedTuple):
         return self.body.airframe
 
     def place(self, *keys: str) -> Span:
-        """The first of `keys` that is written in the same file, or else the name."""
+        """Return the source location of the first of `keys` that is written in the same file, or
+        else of the name."""
         spans = (self.body.span_of(key) for key in keys if self.body.is_written(key))
         return next((s for s in spans if s.file == self.span.file), self.span)
 
 
 def _airframes(case: Case) -> Iterator[_Frame]:
-    """Every airframe that is flown, then those that the mission only describes."""
+    """Yield every airframe that is flown, then those that the mission only describes."""
     flown = [_Frame(v.name, v.span, v.body) for v in case.plan.vehicles]
     yield from flown
     for body in case.plan.airframes:
@@ -103,8 +104,8 @@ def _airframes(case: Case) -> Iterator[_Frame]:
 
 
 def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
-    """Whether its rotors lift it with a payload of this mass, kg, with enough thrust left to
-    steer."""
+    """Return whether the rotors can lift the airframe with a payload of this mass (kg) and have
+    enough thrust left to steer."""
     return airframe.max_thrust >= _SPARE * (airframe.mass + payload) * GRAVITY
 
 
@@ -130,7 +131,8 @@ def too_heavy(case: Case) -> Iterator[Diagnostic]:
 
 
 def _meant_in_grams(frame: Airframe) -> str:
-    """The help line: grams, if only a thousandth of the mass can fly."""
+    """Return the help line: to write grams, if the airframe can fly only with a thousandth of the
+    mass."""
     meant = replace(frame, mass=frame.mass / 1000.0)
     if _lifts(meant) and frame.mass >= 10.0:
         return f"write `mass: {frame.mass:g} g` if grams are meant"
@@ -158,7 +160,7 @@ def unusual(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Doubt(NamedTuple):
-    """An implausible number, whose it is, and where it is written."""
+    """An implausible number. name: the thing that has it. span: where it is written."""
 
     name: str
     found: Implausible
@@ -205,7 +207,7 @@ def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
 
 
 _GRAMS = 10.0
-"""From this many kilograms on, a mass is probably in grams without its unit."""
+"""From this mass on, kg, a number is probably meant in grams."""
 
 
 def nothing_to_hold(case: Case) -> Iterator[Diagnostic]:
@@ -254,7 +256,7 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lighter(vehicle: VehiclePlan, payload: Parcel) -> str:
-    """The help line: the number in grams if that was probably meant, or else the largest
+    """Return the help line: the number in grams if this was probably meant, or else the largest
     payload."""
     most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
     if _GRAMS <= payload.mass <= 1000.0 * most:
@@ -266,7 +268,7 @@ def _lighter(vehicle: VehiclePlan, payload: Parcel) -> str:
 
 
 def _gripping(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan]]:
-    """Every state whose behavior uses the payload servo."""
+    """Yield every state whose behavior uses the payload servo."""
     for vehicle, state in case.states():
         if state.behavior.cls.grips:
             yield vehicle, state

@@ -26,12 +26,12 @@ from kybflow.world.inner_loop import InnerLoop
 
 GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"
 _SWINGS = Margins(1.1, radians(10.0), 0.0)
-"""Below these margins a loop oscillates long after each disturbance."""
+"""Margins below which a loop oscillates for long after each disturbance."""
 
 
 class _Closed(NamedTuple):
-    """A vehicle's position loop. is_chosen: the gains are the author's or derived from the loop,
-    not the tracker's defaults."""
+    """A vehicle's position loop. is_chosen: whether the gains are the author's or derived from the
+    loop, and not the tracker's defaults."""
 
     vehicle: VehiclePlan
     outer: OuterLoop
@@ -41,7 +41,7 @@ class _Closed(NamedTuple):
 
 
 def _loops(case: Case) -> Iterator[_Closed]:
-    """The position loop of each vehicle for which it is known."""
+    """Yield the position loop of each vehicle for which it is known."""
     period = 1.0 / case.plan.control_rate
     for vehicle in case.plan.vehicles:
         driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
@@ -56,7 +56,7 @@ def _loops(case: Case) -> Iterator[_Closed]:
 
 
 def _gains(tracker: PartPlan) -> Iterator[tuple[float | None, float | None]]:
-    """(value, default) of each gain of a tracker."""
+    """Yield (value, default) for each gain of a tracker."""
     for field in tracker.fields:
         if field.name in GAINS:
             yield getattr(tracker.params, field.name), field.default
@@ -124,7 +124,7 @@ def _estimated(loop: _Closed) -> Iterator[str]:
 
 
 def _way_out(loop: _Closed, bound: Margins) -> str:
-    """The help line: the largest gains with the planned margins, or the fastest observer."""
+    """Return the help line: the largest gains with the planned margins, or the fastest observer."""
     outer, inner = loop.outer, loop.inner
     if not loop.is_chosen:
         return "use a tracker that derives its gains from the loop, such as `geometric`"

@@ -16,14 +16,14 @@ from kybflow.world.moving_sphere import MovingSphere
 
 
 class _Way(NamedTuple):
-    """The volume that a ball sweeps on its way from `start` to `end`."""
+    """The volume that a ball sweeps as it moves from `start` to `end`."""
 
     start: Vec3
     end: Vec3
     radius: float
 
     def distance(self, p: Vec3) -> float:
-        """Return the distance from its surface to `p`; negative inside."""
+        """Return the distance from the volume's surface to `p`; negative inside."""
         along = sub(self.end, self.start)
         length = dot(along, along)
         share = dot(sub(p, self.start), along) / length if length > 0.0 else 0.0
@@ -60,7 +60,7 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
 
 
 def _balls(case: Case) -> Iterator[tuple[Obstacle, MovingSphere]]:
-    """Every moving obstacle."""
+    """Yield every moving obstacle."""
     return ((o, o.moving) for o in case.plan.world.obstacles if o.moving is not None)
 
 

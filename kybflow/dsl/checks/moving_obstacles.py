@@ -30,7 +30,7 @@ def _moving(case: Case) -> list[Obstacle]:
 
 
 def _real(case: Case) -> str:
-    """The real sensors that track bodies, in words."""
+    """Return the names of the real sensors that track bodies, as text."""
     known = (spec for spec in case.parts("sensors") if not spec.cls.simulated)
     return " or ".join(f"`{spec.name}`" for spec in known if spec.cls.tracks_bodies)
 

@@ -20,13 +20,13 @@ from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
 
 _ROUNDING = 1e-6
 _STANDS = 0.05
-"""Accepted height of a start above the ground, m: the frame's origin is not at its legs."""
+"""Accepted height of a start above the ground, m, because the frame's origin is above its legs."""
 _LANDS = 0.15
-"""Accepted height of the end of a landing, m: there may be a pad that is no obstacle."""
+"""Accepted height of the end of a landing, m, because there may be a pad that is no obstacle."""
 _TOUCHES = 0.02
-"""Depth in an obstacle up to which a vehicle may intend to touch it, m."""
+"""Depth inside an obstacle up to which a vehicle may intend to touch it, m."""
 _CLAMPED = 0.02
-"""Distance to a goal that a processor may add before the goal is out of reach, m."""
+"""How far from its goal a processor may stop a vehicle without putting the goal out of reach, m."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
 
@@ -70,7 +70,7 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _support(case: Case, place: Vec3) -> tuple[float, str]:
-    """The height of what is below a place, and its name."""
+    """Return the height and name of what is below a position: an obstacle or the ground."""
     below, what = 0.0, "the ground"
     for name, shape in case.plan.obstacles.items():
         top, inside = _top(shape, place)
@@ -162,7 +162,7 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
 
 
 class _OutOfReach(NamedTuple):
-    """A goal that is too close to an obstacle."""
+    """A goal that is too close to an obstacle. room: its distance from the obstacle, m."""
 
     goal: Vec3
     room: float
@@ -172,7 +172,8 @@ class _OutOfReach(NamedTuple):
 def _out_of_reach(
     footprint: Footprint, keep: float, obstacles: Mapping[str, Shape]
 ) -> _OutOfReach | None:
-    """The first goal that a vehicle which keeps this distance can't reach."""
+    """Return the first goal that is unreachable for a vehicle kept `keep` metres away from
+    obstacles, or None."""
     for goal, near in footprint.goals:
         for name, shape in obstacles.items():
             room = shape.distance(goal)
@@ -182,7 +183,8 @@ def _out_of_reach(
 
 
 def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
-    """The processors of each vehicle that always keep it away from obstacles, and how far."""
+    """Return, for each vehicle, the processors that always keep it away from obstacles, each with
+    its distance (m)."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
     names = [action.value for action in switched]
     names += [name.text for name, _ in sets_of(case)]
@@ -199,7 +201,8 @@ def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
 
 
 def _way_round(obstacle: str, room: float) -> str:
-    """The help line for a path into an obstacle. A path that only touches it may be intended."""
+    """Return the help line for a path into an obstacle. A path that only touches it may be
+    intended."""
     meant = ", or write `contact: allowed` for the obstacle" if room > -_TOUCHES else ""
     return f"fly around `{obstacle}`, or further away from it{meant}"
 
@@ -228,7 +231,7 @@ def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
 
 
 def _kept_from(case: Case) -> Mapping[str, Shape]:
-    """The obstacles that nothing may touch."""
+    """Return the obstacles that no vehicle may touch, by name."""
     plan = case.plan
     return {name: shape for name, shape in plan.obstacles.items() if name not in plan.touchable}
 
@@ -285,20 +288,20 @@ def homes(case: Case) -> Iterator[Diagnostic]:
 
 
 def path_of(footprint: Footprint) -> tuple[Vec3, ...]:
-    """The points of the path, joined by straight lines; empty if the path is unknown. Two points
-    bound just the line between them."""
+    """Return the points of the path, joined by straight lines; empty if the path is unknown. Bounds
+    that consist of two points are a straight line."""
     return footprint.path or (footprint.points if len(footprint.points) <= 2 else ())
 
 
 class _Solid(Protocol):
-    """A convex solid, or a scan."""
+    """A convex solid or a scan."""
 
     def distance(self, p: Vec3) -> float: ...
 
 
 def nearest(path: tuple[Vec3, ...], shape: _Solid, enough: float) -> tuple[float, Vec3]:
-    """The least distance of a path from a shape, and where it occurs. Lines that keep at least
-    `enough` away are not examined closely."""
+    """Return the least distance of a path from a shape, and the position where it occurs. Lines
+    that keep at least `enough` away are not examined closely."""
     rooms = [(shape.distance(p), p) for p in path]
     found = min(rooms, default=(inf, (0.0, 0.0, 0.0)))
     for (room, a), (other, b) in pairwise(rooms):
@@ -311,8 +314,9 @@ def nearest(path: tuple[Vec3, ...], shape: _Solid, enough: float) -> tuple[float
 
 
 def _on_line(a: Vec3, b: Vec3, shape: _Solid, enough: float) -> tuple[float, Vec3]:
-    """The least distance of a line from a shape, by golden section: a convex solid has a single
-    minimum along a line. Stops once the line surely keeps `enough` away."""
+    """Return the least distance of a line from a shape, and where it occurs. Uses golden-section
+    search, because a convex solid has a single minimum along a line; stops once the line is certain
+    to keep `enough` away."""
     if isinstance(shape, Scanned):
         return shape.nearest_on(a, b)
     low, high, length = 0.0, 1.0, distance(a, b)
@@ -335,12 +339,13 @@ def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
 
 
 def _goes_round(vehicle: VehiclePlan, state: StatePlan) -> bool:
-    """Whether a processor leads the vehicle around obstacles, which happens only in the air."""
+    """Return whether a processor leads the vehicle around obstacles, which happens only in the
+    air."""
     return not is_vertical(state) and any(use.cls.goes_round for use in vehicle.processors)
 
 
 def is_vertical(state: StatePlan) -> bool:
-    """Whether the behavior is a take-off or a landing."""
+    """Return whether the behavior is a take-off or a landing."""
     return any(GROUND in leg and leg.start is not leg.end for leg in state.behavior.cls.flight)
 
 
@@ -351,14 +356,14 @@ def _starts_in(shape: Shape, vehicle: VehiclePlan) -> bool:
 
 
 def _carries(shape: Shape, point: Vec3, vehicle: VehiclePlan) -> bool:
-    """Whether the whole vehicle is over the obstacle, at or above its top."""
+    """Return whether the whole vehicle is over the obstacle, at or above its top."""
     top, inside = _top(shape, point)
     return point[2] >= top - _ROUNDING and inside >= vehicle.airframe.arm - _ROUNDING
 
 
 def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
-    """(height of the obstacle's level top, distance of the point inside the top's edge, seen from
-    above). An obstacle without a level top gives (inf, -inf)."""
+    """Return (height of the obstacle's level top, distance of the point from the top's edge,
+    positive inside, as seen from above); (inf, -inf) for an obstacle without a level top."""
     x, y, _ = point
     match shape:
         case Box(low, high):
@@ -375,7 +380,7 @@ def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
 
 
 def room_needed(vehicle: VehiclePlan, room: float) -> str:
-    """How close the vehicle comes, and how much room it needs."""
+    """Return in words how close the vehicle comes and how much room it needs."""
     where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
     return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
 

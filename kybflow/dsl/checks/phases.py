@@ -1,13 +1,13 @@
-"""Flows, phase by phase: which flow controls a vehicle (KYB198, KYB199, KYB242), and whether the
-vehicle can enter the state that a phase requests (KYB243).
+"""Checks flows phase by phase: which flow controls a vehicle (KYB198, KYB199, KYB242), and whether
+the vehicle can enter the state that a phase requests (KYB243).
 
-The first walk begins in a flow's first phase with the vehicles that the flow has from the start. A
-vehicle that it gave away returns when `FLOW.finished` of the flow that received it occurs. After
-any other transition the owner is unknown, and the runtime decides.
+The first search begins in a flow's first phase with the vehicles that the flow has from the start.
+A vehicle that was given away returns with the event `FLOW.finished` of the flow that received it.
+After any other transition it is unknown which flow controls it, and the runtime decides.
 
-In the second walk, a vehicle that waits in `landed` stays on the ground until a phase requests a
-state. A transition whose condition names the state of a vehicle tells where the vehicle is when the
-next phase begins. Everything else is unknown, and the runtime decides.
+In the second search, a vehicle that waits in `landed` stays on the ground until a phase requests a
+state. If the condition of a transition names a vehicle's state, it tells whether the vehicle is in
+the air when the next phase begins. Everything else is unknown, and the runtime decides.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 class _Holder(NamedTuple):
     """The flow that controls a vehicle. given: where another flow gave it the vehicle, or None.
-    is_sure: whether this holds along every path."""
+    is_sure: whether this is so along every path."""
 
     flow: str
     given: Span | None = None
@@ -65,7 +65,7 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
 
 
 def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
-    """The first place where a flow names a vehicle."""
+    """Return the source location where a flow first names a vehicle."""
     for phase in flow.phases.values():
         for assignment in (one for key in ASKED for one in assignments(plan, phase, key)):
             if assignment.vehicle == vehicle:
@@ -113,7 +113,7 @@ def _way_out(holder: _Holder) -> str:
 
 
 def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
-    """The holder of each vehicle on entry to each phase."""
+    """Return the holder of each vehicle on entry to each phase."""
     own = _Holder(flow.name)
     entered: dict[str, _Holders] = {flow.begin: _first(plan, flow)}
     waiting = [flow.begin]
@@ -137,8 +137,8 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
 
 
 def _first(plan: Plan, flow: FlowPlan) -> _Holders:
-    """The holder of each vehicle when the flow begins. A flow that waits for vehicles surely has
-    those that every giver gives it."""
+    """Return the holder of each vehicle when the flow begins. A flow that waits for its vehicles is
+    certain to have those that every flow giving to it gives."""
     own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
         (other.name, {w.vehicle for w in given})
@@ -154,14 +154,15 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
 
 
 def _held_after(holder: _Holder, own: _Holder, event: str) -> _Holder:
-    """The holder of a vehicle after a transition of a phase."""
+    """Return the holder of a vehicle after a transition of a phase."""
     if holder.flow == own.flow or event == f"{holder.flow}.finished":
         return own
     return holder.doubtful
 
 
 def _merged(a: _Holder, b: _Holder) -> _Holder:
-    """The holder where two paths meet; in doubt the one that is not the flow itself."""
+    """Return the holder where two paths meet. If the two differ, the result is not sure; it is
+    preferably a holder that another flow gave the vehicle."""
     if a == b:
         return a
     return (a if a.given is not None else b).doubtful
@@ -189,7 +190,7 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
 
 _ANY = frozenset({GROUND, AIR, MOVING})
 _Places = dict[str, frozenset[Flight]]
-"""Where each vehicle can be."""
+"""The flight conditions in which each vehicle can be."""
 _DISTURBING = frozenset({"switch", "phase"})
 
 
@@ -232,7 +233,7 @@ def _said(places: set[Flight] | frozenset[Flight]) -> str:
 
 
 def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
-    """Where each vehicle can be on entry to each phase."""
+    """Return the flight conditions in which each vehicle can be on entry to each phase."""
     plan = case.plan
     own = own_vehicles(plan, flow)
     first = {
@@ -256,7 +257,7 @@ def _flight_conditions(case: Case, flow: FlowPlan) -> dict[str, _Places]:
 def _conditions_after(
     case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
-    """Where each vehicle can be after a transition of a phase."""
+    """Return the flight conditions in which each vehicle can be after a transition of a phase."""
     plan = case.plan
     asked = {*runs_of(case, phase)}
     asked |= {assignment.vehicle for assignment in handovers(plan, phase)}
@@ -269,7 +270,7 @@ def _conditions_after(
 
 
 def said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of every state that a condition requires."""
+    """Yield (vehicle, state) for every state that a condition requires."""
     match when:
         case InState(vehicle, state):
             yield vehicle, state
@@ -281,7 +282,8 @@ def said_states(when: Condition | None) -> Iterator[tuple[str, str]]:
 
 
 def _places_of(case: Case, vehicle: str, state: str) -> frozenset[Flight]:
-    """Where a vehicle in a state can be. Within a take-off or a landing it is moving."""
+    """Return the flight conditions in which a vehicle in a state can be; MOVING during a take-off
+    or landing."""
     owner = case.plan.fleet[vehicle]
     if state not in owner.states and owner.goal(state) != state:
         return _ANY  # a chain of states

@@ -1,8 +1,8 @@
 """The proof that every vehicle that flies also lands: KYB205, KYB251 and KYB252.
 
-It walks the graph of states by flight condition (`flights`), along the transitions of the mission
-and those that the language adds: a behavior that ends without `then` is followed by `brake`,
-`hover` and a landing, one that fails without `failed` is too, and a landing that fails lands blind.
+It follows the graph of states by flight condition (`flights`), along the mission's transitions and
+those that the language adds. A behavior that ends without a `then`, or fails without a `failed`, is
+followed by `brake`, `hover` and a landing. A landing that fails lands blind.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def failures_in_a_cycle(case: Case) -> Iterator[Diagnostic]:
 
 
 def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[FlightEdge]:
-    """The failure transitions from `first` back to itself; empty if they end elsewhere."""
+    """Return the failure transitions from `first` back to itself; empty if they end elsewhere."""
     cycle = [failing[first]]
     for _ in failing:
         link = cycle[-1]
@@ -122,8 +122,8 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
 
 
 def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
-    """The vehicles whose transitions all have valid targets; nothing can be proven for the
-    others."""
+    """Yield the vehicles whose transitions all have valid targets, with their graphs. Nothing can
+    be proven for other vehicles."""
     for vehicle in case.plan.vehicles:
         flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
@@ -131,8 +131,8 @@ def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
 
 
 def _drains(case: Case, vehicle: VehiclePlan, transition: TransitionPlan) -> bool:
-    """Whether a transition waits only for the vehicle's own battery to fall below a share that
-    hovering reaches within the mission's time limit."""
+    """Return whether a transition waits only for the vehicle's own battery to fall below a charge
+    that hovering reaches within the mission's time limit."""
     if transition.event is not None or transition.after is not None or transition.hold > 0.0:
         return False
     own = vehicle.name
@@ -148,7 +148,7 @@ def _comes_surely(
     transition: TransitionPlan,
     is_endless: bool,
 ) -> bool:
-    """Whether a transition is sure to be taken."""
+    """Return whether a transition is certain to be taken."""
     if drains(transition):
         return True
     if transition.event is not None:
@@ -159,20 +159,20 @@ def _comes_surely(
 
 
 def _way_out(path: list[str]) -> str:
-    """The help line for a trap: a cycle of states, or one state that never ends."""
+    """Return the help line for a trap: a cycle of states, or a state that never ends."""
     if len(path) > 1:
         return "let the last of them lead to a landing, such as `auto_land`"
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
 
 
 def _asked_down(vehicle: VehiclePlan, down: AbstractSet[FlightNode]) -> bool:
-    """Whether a callback or a flow requests a state that leads to the ground."""
+    """Return whether a callback or a flow requests a state that leads to the ground."""
     own = any(FlightNode(state, AIR) in down for state in vehicle.requested)
     return own or not vehicle.requested <= vehicle.states.keys()
 
 
 def _told(vehicle: VehiclePlan) -> set[str]:
-    """The states with a `then`: if it is never taken, KYB206 reports it."""
+    """Return the states that have a `then`. If it is never taken, KYB206 reports it."""
     states = vehicle.states.items()
     return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
 
@@ -183,8 +183,8 @@ def _traps(
     stuck: AbstractSet[FlightNode],
     endless: AbstractSet[str],
 ) -> Iterator[list[str]]:
-    """Each endless state and each cycle of `then` among the `stuck`, once: its states, with the
-    first one repeated at the end of a cycle."""
+    """Yield the states of each trap among the `stuck` nodes once: an endless state, or a cycle of
+    `then`, which ends with its first state again."""
     names = {node.state for node in stuck}
     thens = (link for link in flights.links if link.transition.cause == "then")
     ahead = {link.source.state: link.transition.target for link in thens}
@@ -198,7 +198,8 @@ def _traps(
 
 
 def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[str]:
-    """The states from `name` along `then`, up to the first that repeats or never ends."""
+    """Return the states from `name` along `then`, up to the first one that repeats or never
+    ends."""
     path, passed = [name], {name}
     while path[-1] in ahead and path[-1] not in endless:
         path.append(ahead[path[-1]])
@@ -209,7 +210,8 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
 
 
 def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:
-    """The counter-example: the path from the first state into the trap and around it."""
+    """Return the counter-example as text: the path from the first state into the trap and around
+    it."""
     names = [*_way(vehicle.begin, path[0], flights)[:-1], *path]
     shown = "`" + "` → `".join(names) + "`"
     if path[-1] in path[:-1]:
@@ -219,7 +221,8 @@ def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> s
 
 
 def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
-    """The shortest path along the transitions; only the goal if it is requested from outside."""
+    """Return the shortest path along the transitions; only the goal if it is requested from
+    outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
         ahead.setdefault(link.source.state, []).append(link.transition.target)

@@ -1,8 +1,8 @@
 """How each state of a vehicle can be entered: in which flight condition (on the ground, in the air
-or moving) and from which positions, as far as that is known before the flight.
+or moving), and at which positions, as far as that is known before the flight.
 
-The walk begins on the ground in the first state. Only the normal end of a behavior completes its
-flight type. A take-off or a landing that is left in any other way leaves the vehicle MOVING.
+The search begins on the ground in the first state. Only the normal end of a behavior completes its
+flight type. If a take-off or landing is left in any other way, the vehicle is MOVING.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight, Leg
 
 
 class FlightNode(NamedTuple):
-    """A state entered in one flight condition."""
+    """A state entered in a flight condition."""
 
     state: str
     flight: Flight
 
 
 class FlightEdge(NamedTuple):
-    """A transition of the mission from a node. `flight` is the condition in which it leaves the
-    vehicle."""
+    """A transition of the mission out of a node. flight: the vehicle's flight condition after
+    it."""
 
     source: FlightNode
     transition: TransitionPlan
@@ -36,9 +36,12 @@ class FlightEdge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FlightGraph:
-    """The graph of states by flight condition: the reachable `nodes`, the valid `links`, and the
-    `broken` ones, whose target can't start in the condition in which the source leaves the vehicle.
-    Links to unknown names are in neither."""
+    """The graph of states by flight condition.
+
+    nodes: the reachable ones. links: the valid transitions. broken: transitions whose target can't
+    start in the flight condition in which the source leaves the vehicle. Transitions to unknown
+    names are left out.
+    """
 
     nodes: frozenset[FlightNode]
     links: tuple[FlightEdge, ...]
@@ -46,8 +49,8 @@ class FlightGraph:
 
 
 def flight_graph(case: Case, vehicle: VehiclePlan) -> FlightGraph:
-    """Walk every transition of the mission, from the first state and from the states that may be
-    requested, in each condition in which they can start."""
+    """Return the graph of all transitions from the first state and from the states that may be
+    requested, in each flight condition in which these can start."""
     if "flights" not in vehicle.known:
         vehicle.known["flights"] = _flights(case, vehicle)
     found: FlightGraph = vehicle.known["flights"]
@@ -88,8 +91,8 @@ def _links(state: StatePlan, node: FlightNode) -> Iterator[FlightEdge]:
 
 
 def may_end(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Whether a transition may be taken without a failure, from a behavior with or without an end:
-    `within` counts as a failure unless the behavior is endless."""
+    """Return whether a transition may be taken without a failure. is_endless: whether its behavior
+    has no end; only then `within` is no failure."""
     if transition.cause == "within":
         return is_endless
     return transition.cause == "next" or (transition.cause == "then" and not is_endless)
@@ -101,10 +104,11 @@ def comes_down(
     endless: AbstractSet[str],
     counts: Callable[[TransitionPlan, bool], bool] = may_end,
 ) -> frozenset[FlightNode]:
-    """The nodes from which the counting transitions lead to the ground without a failure.
+    """Return the nodes from which the vehicle reaches the ground without a failure, by transitions
+    for which `counts` is true.
 
-    A behavior without `then` is followed by `brake`, `hover` and then `auto_land`, or is on the
-    ground. The states of `endless` have no normal end.
+    A behavior without `then` is followed by `brake`, `hover` and then `auto_land`, or ends on the
+    ground. The states in `endless` have no normal end.
     """
     before: dict[FlightNode, list[FlightNode]] = {}
     waiting = [node for node in flights.nodes if node.flight is GROUND]
@@ -135,7 +139,7 @@ def _ends_by_default(vehicle: VehiclePlan, node: FlightNode) -> bool:
 
 
 PHRASES = {GROUND: "on the ground", AIR: "in the air", MOVING: "moving"}
-"""The flight conditions in words, for reports."""
+"""The flight conditions in words for reports."""
 
 
 _MOST = 16
@@ -144,14 +148,15 @@ _SAME = 1e-6
 
 @dataclass(slots=True)
 class Entries:
-    """The known entries of a state. `known` is false if it can also be entered elsewhere."""
+    """The known entry positions of a state. known: false if the state can also be entered
+    elsewhere."""
 
     points: list[Vec3] = field(default_factory=list)
     known: bool = True
 
     def add(self, point: Vec3 | None) -> bool:
-        """Note an entry and return whether it is new. Beyond a few entries, the state counts as
-        entered anywhere."""
+        """Add an entry position and return whether this changes anything. None, or one too many,
+        means that the state can be entered anywhere."""
         if point is None or len(self.points) >= _MOST:
             changed, self.known = self.known, False
             return changed
@@ -161,14 +166,15 @@ class Entries:
         return True
 
     def candidates(self) -> list[Vec3 | None]:
-        """The entries to compute a footprint for; None stands for an unknown one."""
+        """Return the entry positions for which to compute a footprint; None stands for an unknown
+        one."""
         return [*self.points] if self.known else [*self.points, None]
 
 
 def entries_of(vehicle: VehiclePlan) -> dict[str, Entries]:
-    """The entries of every reachable state of the vehicle, from its start on. A state that a
-    callback or a flow may request is also entered from anywhere; a flow's first request finds the
-    vehicle at its start."""
+    """Return the entry positions of every state of the vehicle that is reachable from its start. A
+    state that a callback or a flow may request can be entered anywhere; a flow's first request
+    finds the vehicle at its start."""
     if "entries" not in vehicle.known:
         vehicle.known["entries"] = _walked(vehicle)
     found: dict[str, Entries] = vehicle.known["entries"]
@@ -188,7 +194,8 @@ def _walked(vehicle: VehiclePlan) -> dict[str, Entries]:
 
 
 def entries_after(vehicle: VehiclePlan, goals: Iterable[str]) -> dict[str, Entries]:
-    """The entries of every state reached from `goals`, which are entered anywhere."""
+    """Return the entry positions of every state reached from `goals`, which can be entered
+    anywhere."""
     waiting: list[tuple[str, Vec3 | None]] = [(goal, None) for goal in goals]
     return _followed(vehicle, {goal: Entries([], known=False) for goal, _ in waiting}, waiting)
 
@@ -196,7 +203,7 @@ def entries_after(vehicle: VehiclePlan, goals: Iterable[str]) -> dict[str, Entri
 def _followed(
     vehicle: VehiclePlan, found: dict[str, Entries], waiting: list[tuple[str, Vec3 | None]]
 ) -> dict[str, Entries]:
-    """Add the entries of every state that follows those `waiting`."""
+    """Return `found` with the entry positions of every state that follows the `waiting` ones."""
     while waiting:
         name, entry = waiting.pop()
         state = vehicle.states.get(name)
@@ -212,7 +219,7 @@ def _followed(
 
 
 def endless_states(vehicle: VehiclePlan) -> frozenset[str]:
-    """The states whose behavior, with its parameters, has no normal end."""
+    """Return the states whose behavior, with its parameters, has no normal end."""
     if "endless" not in vehicle.known:
         vehicle.known["endless"] = frozenset(_endless(vehicle))
     endless: frozenset[str] = vehicle.known["endless"]
@@ -228,7 +235,7 @@ def _endless(vehicle: VehiclePlan) -> Iterator[str]:
 
 
 def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
-    """Where a transition for `cause` leaves the vehicle; None if unknown."""
+    """Return the position at which a transition for `cause` leaves the vehicle; None if unknown."""
     cls = state.behavior.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry
@@ -241,7 +248,7 @@ def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
 
 
 def stays(state: StatePlan, entry: Vec3 | None) -> bool:
-    """Whether a behavior surely keeps its vehicle in one place."""
+    """Return whether a behavior is certain to keep its vehicle in one place."""
     footprint = state.footprint(entry)
     if footprint is None or not footprint.points:
         return False

@@ -1,4 +1,4 @@
-"""Requests of callbacks that come at a moment when they can't be met, or that defeat their purpose:
+"""Checks for requests of callbacks that can't be met when they come, or that defeat their purpose:
 KYB450 to KYB452."""
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 _STARTED, _ENDED, _TOOK_OFF = "behavior_started", "behavior_ended", "took_off"
 _AFTER = {LANDED: (GROUND, MOVING), _TOOK_OFF: (AIR, MOVING)}
-"""The flight condition after an event, when the next behavior has already begun."""
+"""The flight conditions possible after an event, when the next behavior may already have begun."""
 _BEFORE_ALL = frozenset({"run_started", "preflight_passed", _TOOK_OFF})
-"""Events that occur before anything is flown."""
+"""Events that occur before anything has been flown."""
 
 
 def always_refused(case: Case) -> Iterator[Diagnostic]:
@@ -81,7 +81,8 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
 
 
 def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:
-    """Every request of a callback whose event comes from the very vehicle that it switches."""
+    """Yield every request to enter a state that a callback makes to the vehicle that its event
+    comes from."""
     plan = case.plan
     for callback in plan.callbacks:
         asked = [action for action in callback.do if action.name == "switch"]
@@ -105,12 +106,13 @@ def _bare(callback: CallbackPlan) -> str:
 
 
 def _behavior(callback: CallbackPlan) -> str:
-    """The only behavior that the callback filters for; empty if it filters for none."""
+    """Return the behavior for which the callback filters; empty if there is none."""
     return dict(callback.fields).get("behavior", "")
 
 
 def _found(case: Case, callback: CallbackPlan, vehicle: VehiclePlan) -> tuple[Flight, ...]:
-    """The possible flight conditions of the vehicle at the callback's event; empty if unknown."""
+    """Return the possible flight conditions of the vehicle at the callback's event; empty if
+    unknown."""
     event, state = _bare(callback), _behavior(callback)
     if event == _STARTED:
         legs = case.legs(vehicle, state)

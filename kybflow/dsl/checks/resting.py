@@ -1,4 +1,4 @@
-"""Where vehicles come to rest: KYB344."""
+"""Checks where vehicles come to rest: KYB344."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
 
 
 class RestingPlace(NamedTuple):
-    """A place where a vehicle stays, and the span that says so."""
+    """A position where a vehicle stays, and the source location that determines it."""
 
     at: Vec3
     span: Span
@@ -67,7 +67,8 @@ def _together(
 
 
 def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
-    """Every place where the vehicle may come to rest without a failure; empty if one is unknown."""
+    """Return every position where the vehicle may come to rest without a failure; empty if one is
+    unknown."""
     found: list[RestingPlace] = []
     endless = endless_states(vehicle)
     goals = _asked_last(case, vehicle) if vehicle.requested else frozenset[str]()
@@ -93,8 +94,8 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
 
 
 def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
-    """The states that a flow may have requested last when it ends; empty if another flow or a
-    callback may request more."""
+    """Return the states that a flow may have requested last when it ends; empty if another flow or
+    a callback may request more."""
     name, plan = vehicle.name, case.plan
     flows = [f for f in plan.flows if name in named_vehicles(plan, f)]
     if len(flows) != 1 or name in given_vehicles(plan, flows[0]) or case.cached(disturbances):
@@ -103,7 +104,8 @@ def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
 
 
 def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[str]:
-    """The vehicle's last requested state, along every path from the first phase to the end."""
+    """Yield the last state that the flow requests from the vehicle, for every path from the first
+    phase to the end."""
     waiting, seen = [(flow.begin, vehicle.begin)], set[tuple[str, str]]()
     while waiting:
         name, goal = waiting.pop()
@@ -118,7 +120,8 @@ def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[st
 
 
 def _rest(vehicle: VehiclePlan, state: StatePlan, entry: Vec3 | None) -> RestingPlace | None:
-    """Where the vehicle rests after a behavior that nothing follows: below the end of its path."""
+    """Return where the vehicle rests after a behavior that nothing follows: below the end of its
+    path. None if unknown."""
     footprint = state.footprint(entry)
     if footprint is None or footprint.exit is None:
         return None

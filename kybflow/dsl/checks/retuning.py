@@ -39,6 +39,6 @@ def _is_tunable(option: str, fields: tuple[Field, ...]) -> bool:
 
 
 def _trackers_with(case: Case, option: str) -> str:
-    """The trackers with such an option, in words."""
+    """Return the names of the trackers that have a tunable option of this name, as text."""
     known = case.parts("trackers")
     return " or ".join(f"`{spec.name}`" for spec in known if _is_tunable(option, spec.fields))

@@ -85,7 +85,7 @@ def _is_same(one: SensorPlan, other: SensorPlan) -> bool:
 
 
 def _written(case: Case) -> Iterator[tuple[VehiclePlan, SensorPlan]]:
-    """Every sensor that the mission names."""
+    """Yield every sensor that the mission names, without those that a driver adds itself."""
     for vehicle in case.plan.vehicles:
         yield from ((vehicle, use) for use in vehicle.sensors if use.estimators)
 

@@ -18,11 +18,13 @@ from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
 _LOW = 0.3
-"""Height above its start, m, below which a vehicle need not see a tag: it takes off or lands."""
+"""Height above its start, m, below which a vehicle need not see a tag, because it is taking off or
+landing."""
 _DOWNWARD = -0.95
-"""The z of the axis up to which a camera looks straight down."""
+"""The largest z component of a camera's axis at which the camera counts as looking straight down.
+"""
 _LEVEL = -0.5
-"""The z of the axis of a camera 30 degrees below the horizontal."""
+"""The z component of the axis of a camera that looks 30 degrees below the horizontal."""
 
 
 def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
@@ -79,13 +81,13 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
 
 
 def _tags(case: Case) -> tuple[Related, ...]:
-    """Where the mission itself describes the tags."""
+    """Return the source location of the tags, if the mission itself describes them."""
     world = case.plan.world
     return (Related(world.key_span("tags"), "the tags"),) if world.is_written("tags") else ()
 
 
 def _axes(vehicle: VehiclePlan) -> list[float]:
-    """The z component of each camera's axis in a level vehicle: -1 if it looks straight down."""
+    """Return the z component of each camera's axis on a level vehicle; -1 is straight down."""
     return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in vehicle.own_cameras.values()]
 
 
@@ -94,14 +96,14 @@ def _lies_flat(tag: Tag) -> bool:
 
 
 def _flies_on_tags(vehicle: VehiclePlan) -> bool:
-    """Whether the vehicle relies on tags and dead reckoning alone, with cameras that all look
+    """Return whether the vehicle relies on tags and dead reckoning alone, and all its cameras look
     down."""
     down = [axis < _DOWNWARD for axis in _axes(vehicle)]
     return bool(down) and all(down) and _knows_tags_alone(vehicle)
 
 
 def _knows_tags_alone(vehicle: VehiclePlan) -> bool:
-    """Whether the vehicle relies on tags and dead reckoning alone."""
+    """Return whether the vehicle relies on tags and dead reckoning alone."""
     sees = [_sees_tags(use) for use in vehicle.estimators]
     known = (
         is_by_tags or reckons(use) for is_by_tags, use in zip(sees, vehicle.estimators, strict=True)
@@ -115,7 +117,7 @@ def _sees_tags(use: EstimatorPlan) -> bool:
 
 
 def _unseen(vehicle: VehiclePlan, place: Vec3, tags: Sequence[Tag]) -> str:
-    """Why no tag is seen from a place; empty if one is."""
+    """Return why no tag is seen from a position; empty if one is."""
     reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
     return reasons[0] if all(reasons) else ""
 

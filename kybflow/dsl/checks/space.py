@@ -175,15 +175,15 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
 
 
 def _entered(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Entries]]:
-    """Every reachable state, with its entries."""
+    """Yield every reachable state with its entry positions."""
     for vehicle in case.plan.vehicles:
         for name, entries in entries_of(vehicle).items():
             yield vehicle, vehicle.states[name], entries
 
 
 def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None, Footprint]]:
-    """The footprint of every reachable state from each of its entries; with obstacles, also from
-    the entries by flows."""
+    """Yield the footprint of every reachable state for each of its entry positions. If there are
+    obstacles, include the entries through flows."""
     for vehicle, state, entries in _entered(case):
         for entry in entries.candidates():
             footprint = state.footprint(entry)
@@ -196,7 +196,7 @@ def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None
 
 
 def _travels(state: StatePlan, fence: Box | None) -> bool:
-    """Whether the behavior moves sideways from where it is entered."""
+    """Return whether the behavior moves sideways from where it is entered."""
     (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
     middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
     footprint = state.footprint(middle)
@@ -208,44 +208,44 @@ def _beyond(fence: Box, point: Vec3) -> str:
 
 
 def extent(fence: Box) -> str:
-    """The extent of the fence, for a note."""
+    """Return the extent of the fence as text for a note."""
     return f"the fence goes from {shown_point(fence.low)} to {shown_point(fence.high)}"
 
 
 def the_fence(case: Case) -> tuple[Related, ...]:
-    """The place of the fence, if the mission itself writes it."""
+    """Return the source location of the fence, if the mission itself defines it."""
     world = case.plan.world
     return (Related(world.key_span("fence"), "the fence"),) if world.is_written("fence") else ()
 
 
 def the_time_limit(case: Case) -> tuple[Related, ...]:
-    """The place of the time limit, if the mission itself writes it."""
+    """Return the source location of the time limit, if the mission itself defines it."""
     plan = case.plan
     is_own = plan.is_written("time_limit")
     return (Related(plan.key_span("time_limit"), "the mission's time limit"),) if is_own else ()
 
 
 def the_limit(vehicle: VehiclePlan, name: str) -> tuple[Related, ...]:
-    """The place of an airframe's limit, if the mission itself writes it."""
+    """Return the source location of an airframe's limit, if the mission itself defines it."""
     span = vehicle.body.span_of(name)
     is_own = vehicle.body.is_written(name) and span.file == vehicle.span.file
     return (Related(span, f"the {name} of its airframe"),) if is_own else ()
 
 
 def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
-    """The places of a vehicle's cameras that the mission itself describes."""
+    """Return the source locations of the vehicle's cameras that the mission itself describes."""
     own = (use for use in vehicle.body.cameras if use.span.file == vehicle.span.file)
     return tuple(Related(use.span, f"its camera `{use.name}`") for use in own)
 
 
 def values_of(part: PartPlan) -> tuple[Related, ...]:
-    """The places of the mission parameters whose values a part has."""
+    """Return the source locations of the mission parameters whose values a part uses."""
     given = {name: e.value.span.given for name, e in nodes.entries_of(part.source.node).items()}
     return tuple(Related(span, f"its `{name}`") for name, span in given.items() if span)
 
 
 def shown_point(point: Vec3) -> str:
-    """A point as reports show it, without -0 or 1e-17."""
+    """Return a point as text for a report, without -0 or 1e-17."""
     return "[" + ", ".join(f"{round(c, 6) + 0.0:.4g}" for c in point) + "] m"
 
 
@@ -297,8 +297,8 @@ _SAME = 1e-6
 
 
 def aim_of(state: StatePlan, footprint: Footprint) -> Span:
-    """The place of the written target that the behavior flies to, if there is one, or else of the
-    behavior's name."""
+    """Return the source location of the target to which the behavior flies, if the mission gives
+    one, or else of the behavior's name."""
     part = state.behavior
     way = (*footprint.points, *footprint.path, *([footprint.exit] if footprint.exit else []))
     for field in part.fields:
@@ -313,6 +313,6 @@ def aim_of(state: StatePlan, footprint: Footprint) -> Span:
 
 
 def _leads(told: Iterable[Vec3], way: tuple[Vec3, ...]) -> bool:
-    """Whether the path passes through, above or below one of the points. The middle of a circle
-    doesn't count."""
+    """Return whether the path `way` passes through, above or below one of the points `told`. The
+    centre of a circle doesn't count."""
     return any(hypot(t[0] - w[0], t[1] - w[1]) < _SAME for t in told for w in way)

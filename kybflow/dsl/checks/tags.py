@@ -16,14 +16,15 @@ from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
 
 _PLANE = 0.005
-"""Tags at most this far apart across their faces, m, are in the same plane."""
+"""Tags at most this far apart perpendicular to their faces, m, are in the same plane."""
 _PARALLEL = 0.999
 _ROUNDING = 1e-6
 _SHOWN = 8
 
 
 class _Floor(NamedTuple):
-    """An entry of `tags`: its tags, the side of the largest, and the range of the centres."""
+    """An entry of `tags`: its tags, the side of the largest one, and the range of their centres (x,
+    y), m."""
 
     use: Tags
     tags: list[Tag]
@@ -80,7 +81,7 @@ def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
 
 
 def _floors(uses: tuple[Tags, ...]) -> Iterator[_Floor]:
-    """Each entry, without the tags that an entry above also has."""
+    """Yield each entry, without the tags that an earlier entry also has."""
     known: set[Key] = set()
     for use in uses:
         own = [tag for tag in use.tags if tag.key not in known]
@@ -109,8 +110,8 @@ def _overlap(pairs: list[tuple[Tag, Tag]], under: Tags, over: Tags) -> Diagnosti
 
 
 def _pairs(under: _Floor, over: _Floor) -> Iterator[tuple[Tag, Tag]]:
-    """The overlapping tags of two entries or of one. The tags of a grid never overlap each other.
-    The search goes cell by cell, because there may be thousands of tags."""
+    """Yield the overlapping tags of two entries, or of one entry with itself. The tags of a grid
+    never overlap each other. The search is by cells, because there may be thousands of tags."""
     reach = (under.size + over.size) / sqrt(2.0)
     is_one = under is over
     if is_one and under.use.grid is not None:
@@ -135,8 +136,8 @@ def _cell(tag: Tag, side: float) -> tuple[float, float]:
 
 
 def overlap(a: Tag, b: Tag) -> bool:
-    """Whether two squares in one plane that face the same way share more than an edge, by the
-    separating axis theorem."""
+    """Return whether two squares in one plane that face the same way share more than an edge, by
+    the separating axis theorem."""
     apart = sub(b.position, a.position)
     if distance(a.position, b.position) >= (a.size + b.size) / sqrt(2.0):
         return False
@@ -157,12 +158,12 @@ def _seen(axis: Vec3, x: Vec3, y: Vec3) -> Vec3:
 
 
 def _half(size: float, axis: Vec3) -> float:
-    """Half the extent along `axis` of an axis-aligned square."""
+    """Return half the extent along `axis` of an axis-aligned square."""
     return 0.5 * size * (abs(axis[0]) + abs(axis[1]))
 
 
 _LARGE = 2.0
-"""Side of a black square, m, that is hardly ever printed."""
+"""The side of a black square, m, above which it is hardly ever printed."""
 
 
 def in_another_unit(case: Case) -> Iterator[Diagnostic]:

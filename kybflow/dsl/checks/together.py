@@ -16,7 +16,7 @@ from kybflow.dsl.plan import StatePlan, VehiclePlan
 
 
 class _Shared(NamedTuple):
-    """A state that a vehicle flies together with a group, and where the group is named."""
+    """A state that a vehicle flies together with a group. span: where the group is named."""
 
     vehicle: VehiclePlan
     state: StatePlan

@@ -59,7 +59,7 @@ def begins_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _begins_at(vehicle: VehiclePlan) -> Span:
-    """Where the first behavior is named: under `begin`, or else where it is declared."""
+    """Return where the first behavior is named: under `begin`, or else where it is declared."""
     begin = vehicle.text_of("begin")
     return vehicle.states[vehicle.begin].span if begin is None else begin.span
 
@@ -97,7 +97,7 @@ def _broken(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> Diagnostic:
 
 
 def _alternative(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> str:
-    """The next behavior in the file that fits, or else a built-in state that does."""
+    """Return the next behavior in the file that fits, or else a built-in state that does."""
     names = list(vehicle.states)
     behind = names[names.index(link.source.state) + 1 :] + names
     own = [n for n in behind if n != link.source.state]
@@ -141,8 +141,8 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
 
 
 def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """The help line for a behavior that is not reached. Other vehicles that share it may need
-    it."""
+    """Return the help line for a behavior that is not reached. Other vehicles that share it may
+    need it."""
     own = vehicle.states.get(vehicle.goal(name))
     needing = [
         f"`{other.name}`"
@@ -160,8 +160,8 @@ def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
 def _unreached(
     vehicle: VehiclePlan, state: StatePlan, reached: AbstractSet[str]
 ) -> tuple[str, Span]:
-    """(name, span) to report: the outermost chain whose first state is not reached, or else the
-    state."""
+    """Return (name, span) to report: the outermost chain whose first state is not reached, or else
+    the state."""
     name, span = state.name, state.span
     for chain, use in zip(chains_of(name), span.used, strict=False):
         if vehicle.goal(chain) not in reached:
@@ -170,8 +170,8 @@ def _unreached(
 
 
 def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]:
-    """A note for each of the vehicle's own behaviors that is reached and doesn't say what follows
-    it."""
+    """Yield a note for each of the vehicle's own behaviors that is reached but doesn't say what
+    follows."""
     for state in vehicle.states.values():
         is_own = not state.inherited and not any(chains_of(state.name))
         is_open = all(t.cause in {"within", "failed"} for t in state.transitions)
@@ -182,8 +182,8 @@ def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]
 
 
 def reached_states(vehicle: VehiclePlan, since: tuple[str, ...] = ()) -> set[str]:
-    """The states reached from those in `since`, or else from those where the vehicle begins or that
-    may be requested. Includes unknown names."""
+    """Return the states reached from those in `since`, or else from those where the vehicle begins
+    or that may be requested. They include unknown names."""
     waiting = list(since or (vehicle.begin, *vehicle.requested))
     reached = set(waiting)
     while waiting:
@@ -200,7 +200,8 @@ _MARKS = frozenset({"*", "="})  # `transitions` reads them as any state and as t
 
 @dataclass(frozen=True, slots=True)
 class _Guarded:
-    """A transition with its parsed condition; None if it has none or has errors."""
+    """A transition with its parsed condition. when: None if it has no condition or one with
+    errors."""
 
     transition: TransitionPlan
     when: Condition | None
@@ -267,7 +268,8 @@ def _guarded(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Iterator[_Gu
 
 
 def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: StatePlan) -> bool:
-    """Whether `later`, a transition of `state`, is reported if `first` is always taken before it.
+    """Return whether `later`, a transition of `state`, is reported if `first` is always taken
+    before it.
 
     Every state of a chain has the transitions of the whole chain. They are only compared with each
     other, and reported once, at the chain's first state.
@@ -279,7 +281,7 @@ def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: S
 
 
 def _covers(first: _Guarded, later: _Guarded) -> bool:
-    """Whether `first` is taken in every tick in which `later` would be."""
+    """Return whether `first` is taken in every tick in which `later` would be."""
     a, b = first.transition, later.transition
     if not first.understood or not later.understood or _is_empty(a) or _is_empty(b):
         return False
@@ -293,7 +295,7 @@ def _covers(first: _Guarded, later: _Guarded) -> bool:
 
 
 def _is_sooner(first: _Guarded, later: _Guarded) -> bool:
-    """Whether `first` waits only for time, and for less time than `later`."""
+    """Return whether `first` waits only for time, and for less time than `later`."""
     a, b = first.transition, later.transition
     if a.after is None or a.when is not None or a.event is not None or b.after is None:
         return False

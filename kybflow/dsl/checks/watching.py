@@ -80,15 +80,15 @@ def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:
 
 
 def _only_warns(part: PartPlan) -> bool:
-    """Whether it would land by default but is set to warn."""
+    """Return whether a supervisor would land the vehicle by default but is set to warn."""
     if not part.is_written("reaction") or part.params.reaction != "warn":
         return False
     return Reaction[_usual(part).reaction.upper()] >= Reaction.LAND
 
 
 def _answered(case: Case) -> Iterator[str]:
-    """The bare name of each event that something reacts to. A condition on the battery counts as a
-    reaction to all events of a battery supervisor."""
+    """Yield the bare name of each event to which something reacts. A condition on the battery
+    counts as a reaction to all events of a battery supervisor."""
     plan = case.plan
     transitions = list(transitions_of(plan))
     asked = (one.text_of("when") for one in (*transitions, *plan.callbacks))
@@ -106,7 +106,7 @@ def _answered(case: Case) -> Iterator[str]:
 
 
 def _usual(part: PartPlan) -> Any:
-    """The part's parameters with its default reaction, if it has one."""
+    """Return the part's parameters with the default reaction, if it has one."""
     usual = {f.name: f.default for f in part.fields if f.name == "reaction"}
     return replace(part.params, **usual)
 

@@ -1,3 +1,2 @@
-"""Diagnostics: what one is, the span that it marks, and how it is rendered for people and for
-programs. Every other folder of the compiler makes diagnostics; none is made here.
-"""
+"""Diagnostics: their content, the spans that they mark, and their rendering for people and
+programs. All other folders of the compiler report diagnostics; this one reports none."""

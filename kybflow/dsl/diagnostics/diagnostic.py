@@ -1,5 +1,5 @@
-"""A diagnostic is a value: a code, one terse sentence, a span, notes and one help line. Rendering
-lives elsewhere."""
+"""A diagnostic is a value: a code, one short sentence, a span, notes and one hint. `render` turns
+it into text."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Severity(Enum):
 
 
 class Related(NamedTuple):
-    """Another place that has a part in a finding, and what it is to it: the fence that a way
-    leaves, the default of a parameter."""
+    """Another location that is relevant to a finding. label: its role there, such as the fence that
+    a path leaves, or the default of a parameter."""
 
     span: Span
     label: str
@@ -27,8 +27,8 @@ class Related(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One finding. `label` is written under the marked text; `related` places, `notes` and `help`
-    below it, one line each."""
+    """One finding. label: the text written under the marked source. related, notes, help: further
+    locations, remarks and a hint, one line each below it."""
 
     code: str
     message: str
@@ -49,7 +49,7 @@ class Stopped(Exception):
 
 
 class Findings:
-    """The sink of a pass: what reads a value reports here and returns its value."""
+    """Collects the findings of a pass."""
 
     def __init__(self) -> None:
         self.all: list[Diagnostic] = []
@@ -73,7 +73,8 @@ class Findings:
         self.report(code, message, span, help=help, severity=Severity.WARNING)
 
     def add(self, findings: Iterable[Diagnostic] | Diagnostic) -> None:
-        """Report what was found elsewhere: by a check, in a file that was read before."""
+        """Add findings that were collected elsewhere, such as by a check or when a file was
+        read."""
         self.all += [findings] if isinstance(findings, Diagnostic) else findings
 
     @property
@@ -81,14 +82,14 @@ class Findings:
         return has_errors(self.all)
 
     def stop_if_errors(self) -> None:
-        """End the compilation here where there are errors. Raises Stopped."""
+        """Raise Stopped if there are errors."""
         if self.has_errors:
             raise Stopped
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Each finding once, sorted by place. Where every use of a chain gets the same wrong, the
-    first finding is kept."""
+    """Return each finding once, sorted by location. Of equal findings from several uses of a chain,
+    the first is kept."""
     first: dict[tuple[object, ...], Diagnostic] = {}
     for diagnostic in diagnostics:
         first.setdefault((*diagnostic.order, diagnostic.message), diagnostic)
@@ -100,8 +101,8 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 def goals_like(name: str, states: Iterable[str]) -> list[str]:
-    """The states that could be meant by `name`: a chain's name stands for those inside of it,
-    unless `name` speaks of one."""
+    """Return the states and chains that `name` could have been meant for. If `name` has no dot, a
+    chain stands for all its states."""
     if "." in name:
         return list(dict.fromkeys(own for s in states for own in (*chains_of(s), s)))
     return list(dict.fromkeys([state.partition(".")[0] for state in states]))

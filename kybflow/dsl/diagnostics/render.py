@@ -1,4 +1,4 @@
-"""Findings as a person reads them, or as a program does. Colour is the command line's."""
+"""Render findings for people and for programs. Colours are added by the command line."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.diagnostics.spans import Span
 
 _WIDEST = 160
-"""Longer source lines are cut around the marked text."""
+"""Longer source lines are cut around the marked text, characters."""
 _LONGEST = 500
 
 
 def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
-    """The report of one finding:
+    """Return the report of one finding:
 
     missions/courier.yaml:31:48 error[KYB203]: `release` can't follow `depart`
        31 |   depart:  {do: take_off, height: 1.2 m, then: release, failed: down}
@@ -61,7 +61,8 @@ def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
 
 
 def ways_to(span: Span) -> Iterator[str]:
-    """How the place was reached: a line for each import and each use, the nearest first."""
+    """Yield a line for each import and each use through which the span was reached, nearest
+    first."""
     for reached in reversed(span.via):
         yield f"imported from {reached.at}"
     for use in reversed(span.used):
@@ -69,24 +70,25 @@ def ways_to(span: Span) -> Iterator[str]:
 
 
 def elsewhere(diagnostic: Diagnostic) -> Iterator[str]:
-    """The related places in other files, a line each."""
+    """Yield a line for each related location in another file."""
     for other in diagnostic.related:
         if other.span.file != diagnostic.span.file:
             yield f"{other.label}: {other.span.at}"
 
 
 def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list[str]:
-    """Every finding as `render` writes it, with an empty line behind each."""
+    """Return every finding as `render` writes it, with an empty line after each."""
     return [render(diagnostic, texts) + "\n" for diagnostic in diagnostics]
 
 
 def clipped(text: str) -> str:
-    """`text`, its middle left out where it is longer than 500 characters."""
+    """Return `text` with its middle omitted if it is longer than 500 characters."""
     return text if len(text) <= _LONGEST else f"{text[:200]} ... {text[-200:]}"
 
 
 def printable(text: str) -> str:
-    """`text` without what could command a terminal or can't be encoded."""
+    """Return `text` with control characters, and characters that can't be encoded, replaced by
+    escapes."""
     if text.isprintable():
         return text
     return "".join(
@@ -95,7 +97,7 @@ def printable(text: str) -> str:
 
 
 def to_json(diagnostic: Diagnostic) -> dict[str, Any]:
-    """One finding for programs; lines and columns count from 1."""
+    """Return one finding as JSON values; lines and columns count from 1."""
     span = diagnostic.span
     return {
         "file": span.file,

@@ -1,22 +1,24 @@
-"""Spans: where a piece of text was written, kept through imports, `like` and parameters."""
+"""Spans: where a piece of text was written. They are kept through imports, `like` and
+parameters."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 PREFIX = "world.points."
-"""What stands before the name of a point of the world."""
+"""The prefix of the name of a point of the world."""
 SET = "--set"
-"""The name of the file that spans of settings point into; each setting is one of its lines."""
+"""The file name in the spans of settings; each setting is one line of that file."""
 
 
 class Span(NamedTuple):
-    """A piece of a file. Lines and columns count from 1; `end` is just behind the last character.
+    """A range of text in a file. Lines and columns count from 1; the end is just after the last
+    character.
 
-    `via` says how the file was reached: the spans of the imports, outermost first; `used` how the
-    chain was that the text stands in: the spans of the uses, outermost first; `given` where the
-    value was written that took the place of a `$name` there, `is_set` whether in a file: not as
-    the default, nor by `--set`. Neither counts when spans are compared.
+    via: the spans of the imports through which the file was reached, outermost first. used: the
+    spans of the uses of the chain or flow that contains the text, outermost first. given: where the
+    value that replaced a `$name` at this location was written. is_set: whether a file sets that
+    value, in contrast to a default or `--set`. Comparisons of spans ignore `given` and `is_set`.
     """
 
     file: str
@@ -40,8 +42,8 @@ class Span(NamedTuple):
 
     @property
     def value(self) -> Span | None:
-        """Where a user wrote the value that stands here for a `$name` of a chain or of a library;
-        None where the text here says it."""
+        """Where a user wrote the value that replaced a `$name` of a chain or library here; None if
+        the value is a default, or is written in this text itself."""
         given = self.given
         if given is None or not self.is_set or (given.file == self.file and not self.used):
             return None
@@ -49,17 +51,18 @@ class Span(NamedTuple):
 
     @property
     def at(self) -> str:
-        """`file:line`, as events and plans carry it."""
+        """The location as `file:line`, for events and plans."""
         return f"{self.file}:{self.line}"
 
     def is_in(self, around: Span) -> bool:
-        """Whether all of it lies in `around`."""
+        """Return whether the span lies entirely within `around`."""
         begins = (around.line, around.column) <= (self.line, self.column)
         ends = (self.end_line, self.end_column) <= (around.end_line, around.end_column)
         return self.file == around.file and begins and ends
 
     def beside(self, other: Span) -> str:
-        """Where it is, for a report about `other`: its line, and its file where that differs."""
+        """Return the location for a report about `other`: its line, with the file if that
+        differs."""
         return f"line {self.line}" if self.file == other.file else self.at
 
 
@@ -67,8 +70,9 @@ _COMPARED = Span._fields.index("given")
 
 
 class Inset(NamedTuple):
-    """A value in the place of a parameter: the characters `start` to `end` of the text stand for
-    `written_start` to `written_end` of what was written, and are `given` there."""
+    """A value that replaced a parameter in a text. start, end: the characters of the value in the
+    text. written_start, written_end: the characters of `$name` in the text as written. given: where
+    the value was written."""
 
     start: int
     end: int
@@ -78,9 +82,9 @@ class Inset(NamedTuple):
 
 
 class Text(NamedTuple):
-    """A scalar, and where. `verbatim` is true when column arithmetic inside it holds (plain, one
-    line). `written` is what the author wrote where parameters stood in it, `insets` their values.
-    """
+    """The text of a scalar, with its span. verbatim: whether the columns of characters inside it
+    can be computed (the text is in one line and without escapes). written: the text as its author
+    wrote it, if parameters in it were replaced. insets: the values of these parameters."""
 
     text: str
     span: Span
@@ -90,12 +94,12 @@ class Text(NamedTuple):
 
     @property
     def as_written(self) -> str:
-        """The text as its author wrote it, `$name` and all."""
+        """The text as its author wrote it, with `$name` not replaced."""
         return self.written or self.text
 
     def part(self, start: int, end: int) -> Span:
-        """The span of the characters `start` to `end` of the text; the whole span where that can't
-        be told."""
+        """Return the span of the characters `start` to `end` of the text, or the whole span if
+        their columns can't be computed."""
         if not self.verbatim or self.span.line != self.span.end_line:
             return self.span
         s = self.span
@@ -106,7 +110,7 @@ class Text(NamedTuple):
         return place._replace(given=next(inside, None)) if self.insets else place
 
     def _written_at(self, position: int, is_end: bool = False) -> int:
-        """Where the character at `position` of the text stands in what was written."""
+        """Return the position in the text as written of the character at `position` in the text."""
         shift = 0
         for inset in self.insets:
             if is_end and inset.start < position <= inset.end:

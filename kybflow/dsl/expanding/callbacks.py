@@ -1,4 +1,4 @@
-"""`on:` and `faults:`: when a callback is answered and when a fault begins, and the actions of a
+"""Decode `on:` and `faults:`: when a callback runs and when a fault begins, and the actions of a
 callback, one for each target."""
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
 
 def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:
-    """The callbacks of `on:`, without those whose event is no name."""
+    """Return the callbacks of `on:`, without those that have errors."""
     callbacks = (_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
     return tuple(callback for callback in callbacks if callback is not None)
 
@@ -76,7 +76,7 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
 
 
 def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
-    """The actions of one item: `switch`, `set` and `perform` may have several targets."""
+    """Yield the actions of one item; `switch`, `set` and `perform` may have several targets."""
     found = decoder.found
     if not isinstance(node, Mapping) or len(node.entries) != 1:
         hint = "write each as an item of its own: `do: [{log: hello}, {emit: ready}]`"
@@ -100,7 +100,7 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
 
 
 def _targeted(entry: MappingEntry, decoder: Decoder) -> Iterator[ActionKeys]:
-    """The actions of `{set: {NAME: VALUE, ...}}`."""
+    """Yield the actions of `{set: {NAME: VALUE, ...}}`, one for each target."""
     name = entry.key.text
     for target in entries_of(entry.value).values():
         value: Any = None
@@ -119,7 +119,8 @@ def _targeted(entry: MappingEntry, decoder: Decoder) -> Iterator[ActionKeys]:
 
 
 def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:
-    """An action of a package; its value is its parameters."""
+    """Return an action of a package, whose value is the mapping of its parameters; None if it has
+    errors."""
     name, known, found = entry.key, decoder.catalog.names("actions"), decoder.found
     if name.text not in known:
         hint = did_you_mean(name.text, (*BUILT_IN, *known))
@@ -135,7 +136,7 @@ def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:
 
 
 def faults_of(node: Node | None, decoder: Decoder) -> tuple[FaultPlan, ...]:
-    """The faults of `faults:`; one with errors is left out."""
+    """Return the faults of `faults:`, without those that have errors."""
     faults = (_fault(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
     return tuple(fault for fault in faults if fault is not None)
 

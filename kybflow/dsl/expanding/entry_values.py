@@ -1,5 +1,5 @@
 """The values with which a state is entered in place of its own: `run: {a: {goto: {position: [1, 0,
-1]}}}` in a phase, `switch: {a: {goto: {...}}}` in a callback. Only parameters change: the state
+1]}}}` in a phase, `switch: {a: {goto: {...}}}` in a callback. Only parameters change; the state
 keeps its transitions."""
 
 from __future__ import annotations
@@ -19,15 +19,14 @@ _FILES = frozenset({"file", "file path"})
 
 
 class ValuedRequest(NamedTuple):
-    """A request in a phase or a callback that brings values with it; `who` is a vehicle or a
-    group."""
+    """A request with values, in a phase or a callback. who: a vehicle or a group."""
 
     who: str
     request: Request
 
 
 def valued_requests(plan: Plan) -> Iterator[ValuedRequest]:
-    """Every request of the mission that brings values with it."""
+    """Yield every request of the mission that has values."""
     for flow in plan.flows:
         for phase in flow.phases.values():
             yield from (ValuedRequest(who, r) for who, r in phase.run.items() if written(r))
@@ -38,13 +37,13 @@ def valued_requests(plan: Plan) -> Iterator[ValuedRequest]:
 
 
 def written(request: Request) -> bool:
-    """Whether a request has values."""
+    """Return whether a request has values."""
     return bool(entries_of(request.source.node))
 
 
 def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
-    """The values (SI) at `source` for the parameters of a state's part; empty where they have
-    errors."""
+    """Return the values (SI) written at `source` for the parameters of a state's part; empty if
+    they have errors, which are reported."""
     fields = {field.key: field for field in part.fields}
     values: list[tuple[str, Any]] = []
     before = len(found.all)
@@ -64,7 +63,7 @@ def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
 
 
 def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
-    """The state as it is entered with other values."""
+    """Return the state with other values of its parameters."""
     part = state.behavior
     entries = {**entries_of(part.source.node), **entries_of(source.node)}
     place = part.source._replace(node=Mapping(entries, part.source.node.span))
@@ -73,7 +72,7 @@ def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
 
 
 def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:
-    """(vehicle, its state with the new values) of each requested vehicle; nothing for values with
+    """Yield each requested vehicle with its state and the new values; nothing for values with
     errors."""
     for name in plan.members(asked.who):
         vehicle = plan.fleet[name]
@@ -84,6 +83,6 @@ def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, Stat
 
 
 def values_for(vehicle: VehiclePlan, request: Request) -> Values:
-    """The values of a request for one of its vehicles; none where they have errors."""
+    """Return the values of a request for one of its vehicles; empty if they have errors."""
     entered = vehicle.states.get(vehicle.goal(request.state))
     return () if entered is None else entry_values(request.source, entered.behavior, Findings())

@@ -1,5 +1,5 @@
-"""Flows and the vehicles that they drive: the transitions that every phase has, and the states that
-flows and callbacks may request."""
+"""Decode flows: the transitions that every phase has, the vehicles that a flow drives, and the
+states that flows and callbacks may request."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ CODES = {
     "KYB192": "A phase with `within` and no `otherwise`, or the reverse.",
 }
 GROUNDED = "landed"
-"""The state that a vehicle waits in for its flow."""
+"""The state in which a vehicle waits for its flow."""
 
 
 def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
-    """The flows as written, each phase with the ways out that all of its flow have."""
+    """Return the flows as written. Each phase also has the transitions that its flow declares for
+    all phases."""
     flows = []
     for name, entry in entries_of(node).items():
         body = entry.value
         if not isinstance(body, Mapping):
-            continue  # null: not written
+            continue  # null means not written
         phases = entries_of(body.get("phases")).items()
         written = [name for name, phase in phases if isinstance(phase.value, Mapping)]
         if not written:
@@ -44,7 +45,7 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
 
 
 def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
-    """The flow with the transitions of its phases."""
+    """Return the flow with the transitions of its phases."""
     shared = []
     for way in flow.next:
         if way.after is not None:
@@ -61,11 +62,11 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
 
 
 def _limit(phase: PhasePlan, found: Findings) -> Ways:
-    """The transition of `within` and `otherwise`; none where one of them is missing."""
+    """Return the transition of `within` and `otherwise`; empty if either is missing."""
     limit, goal = phase.entry("within"), phase.entry("otherwise")
     if limit is not None and goal is not None:
         if phase.otherwise is None:
-            return ()  # reported already: it is no name
+            return ()  # already reported: not a name
         span = limit.value.span
         source = Source(span, Mapping({"go": goal}, span))
         target, after = phase.otherwise, phase.within
@@ -82,8 +83,8 @@ def _limit(phase: PhasePlan, found: Findings) -> Ways:
 
 
 def with_waiting(plan: Plan) -> Plan:
-    """Let each vehicle wait on the ground for the flow that drives it, unless it has `begin` or its
-    first behavior stays on the ground."""
+    """Return the plan in which each vehicle that a flow drives waits on the ground first, unless it
+    has `begin` or its first behavior stays on the ground."""
     driven = {name for flow in plan.flows for name in named_vehicles(plan, flow)}
     vehicles = list[VehiclePlan]()
     for vehicle in plan.vehicles:
@@ -95,13 +96,14 @@ def with_waiting(plan: Plan) -> Plan:
 
 
 def named_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
-    """The vehicles that a flow requests something of, or gives away."""
+    """Return the vehicles that a flow names: in its requests, or when it gives them to other
+    flows."""
     names = [who for phase in flow.phases.values() for who in (*phase.run, *phase.give)]
     return tuple(dict.fromkeys(v for name in names for v in plan.members(name)))
 
 
 def given_vehicles(plan: Plan, flow: FlowPlan) -> frozenset[str]:
-    """The vehicles that other flows give to this one."""
+    """Return the vehicles that other flows give to this flow."""
     return frozenset(
         vehicle
         for other in plan.flows
@@ -113,13 +115,14 @@ def given_vehicles(plan: Plan, flow: FlowPlan) -> frozenset[str]:
 
 
 def own_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
-    """The vehicles that a flow drives from the start: those it names and no other flow gives it."""
+    """Return the vehicles that a flow drives from the start: those that it names and no other flow
+    gives to it."""
     given = given_vehicles(plan, flow)
     return tuple(name for name in named_vehicles(plan, flow) if name not in given)
 
 
 def with_requests(plan: Plan) -> Plan:
-    """Add to each vehicle the states that callbacks and flows may request."""
+    """Return the plan with the states of each vehicle that callbacks and flows may request."""
     asked = set(_requests(plan))
     if not asked:
         return plan
@@ -141,7 +144,7 @@ def with_requests(plan: Plan) -> Plan:
 
 
 def _requests(plan: Plan) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of each request; unknown names are left out."""
+    """Yield the vehicle and the state of each request, without unknown names."""
     for callback in plan.callbacks:
         for action in callback.do:
             if action.name == "switch" and action.target is not None:
@@ -160,8 +163,9 @@ def _goals(plan: Plan, who: str, state: str) -> Iterator[tuple[str, str]]:
 
 
 def _first_of(plan: Plan, flow: FlowPlan, vehicle: str) -> Iterator[tuple[str, str]]:
-    """(vehicle, state) of the first requests to a vehicle that waits for the flow: follow the
-    transitions from the first phase until a phase requests something of it or gives it away."""
+    """Yield the vehicle and the state of each request that may be the first to a vehicle that waits
+    for the flow. The search follows the transitions from the first phase until a phase requests
+    something of the vehicle or gives it away."""
     waiting, seen = [flow.begin], {flow.begin}
     while waiting:
         phase = flow.phases.get(waiting.pop())

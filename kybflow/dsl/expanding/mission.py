@@ -1,6 +1,8 @@
-"""The resolved tree of a mission to its plan as written, and a library judged without a mission.
+"""Expand the resolved tree of a mission to its plan as written, and check a library without a
+mission.
 
-Every value is in SI, every part has its parameters, names are still names."""
+Every value of the plan is in SI and every part has its parameters; names are not resolved yet.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ _LEFT_TO_LIKE = frozenset({"KYB108", "KYB385"})
 def mission_of(
     resolved: Resolved, catalog: Catalog, target: str | None, found: Findings
 ) -> Plan | None:
-    """The mission as written; None where it has errors."""
+    """Return the plan as written, or None if it has errors."""
     root, decoder = resolved.root, Decoder(catalog, found, resolved.chains)
     world = world_of(root.get("world"), decoder)
     if resolved.names_points:
@@ -68,7 +70,7 @@ def mission_of(
 
 
 def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
-    """The control rate, Hz: the one written, else the one that is needed."""
+    """Return the control rate, Hz: the one written, or else `needed`."""
     node = root.get("control")
     if not isinstance(node, Scalar):
         return needed
@@ -87,8 +89,8 @@ def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
 
 
 def airframes_of(root: Mapping, decoder: Decoder) -> tuple[Body, ...]:
-    """The airframes that the file itself describes. An incomplete one is no mistake: others may
-    start from it."""
+    """Return the airframes that the file itself describes. An incomplete airframe is not reported,
+    because others may start from it."""
     airframes: list[Body] = []
     for name, entry in entries_of(root.get("airframes")).items():
         assert isinstance(entry.value, Mapping)
@@ -104,10 +106,11 @@ _LEFT_TO_MISSION = frozenset({"KYB102", "KYB108"})
 
 
 def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
-    """Report what is wrong with the worlds, airframes, parts and flows of a library.
+    """Report errors in the worlds, airframes, parts and flows of a library.
 
-    Its `like` is resolved, but for chains. A parameter without a value, a named point and a missing
-    key of an entry to start from are left to the mission that imports it.
+    `like` is already resolved, except in chains. What the importing mission can provide is not
+    reported: a parameter without a value, a named point, and a missing key of an entry to start
+    from.
     """
     decoder = Decoder(catalog, found)
     for entry in entries_of(library.get("worlds")).values():

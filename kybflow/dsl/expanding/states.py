@@ -1,8 +1,8 @@
-"""A vehicle's `behaviors` to its states.
+"""Expand a vehicle's `behaviors` to its states.
 
-States called `NAME.INNER` are those of a chain, and an entry `NAME` without `do` has the
-transitions of the chain as a whole: each state inside has them too, its own first but for `next`;
-their times count from the entry of the chain.
+States called `NAME.INNER` belong to the chain `NAME`; an entry `NAME` without `do` holds the
+transitions of the whole chain. Each state of the chain has these transitions as well, after its
+own, except that a chain's `next` comes first. Their times count from the entry of the chain.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ CODES = {
 def states_of(
     behaviors: dict[str, MappingEntry], decoder: Decoder
 ) -> dict[str, StatePlan | ChainPlan]:
-    """The states and chains in the entries of `behaviors`; a state with errors is left out."""
+    """Return the states and chains in the entries of `behaviors`, without the states that have
+    errors."""
     entries = {name: e for name, e in behaviors.items() if not is_null(e.value)}
     names = [n for n, e in entries.items() if "do" in entries_of(e.value)]
     first: dict[str, str] = {}
@@ -73,8 +74,8 @@ def _state(
 def _written(
     entry: StatePlan | ChainPlan, first: dict[str, str], found: Findings
 ) -> list[TransitionPlan]:
-    """The transitions of one entry. The target of `within` is that of its `failed`, else empty. A
-    chain as a target means its first state."""
+    """Return the transitions of one entry. The target of `within` remains empty here. A chain as a
+    target is replaced by its first state."""
     ways = [next_transition(way, found) for way in entry.next]
     causes: tuple[tuple[Cause, str | None], ...] = (("then", entry.then), ("failed", entry.failed))
     for cause, target in causes:
@@ -98,8 +99,10 @@ def _following(
 
 
 def _joined(own: list[TransitionPlan], around: list[Ways], implied: str) -> Ways:
-    """The transitions of a state: `next` of the chains around it from the outermost, and its own;
-    `then` and `failed` of itself, else of the nearest chain; every `within`, its own first."""
+    """Return the transitions of a state with those of the chains around it: every `next`, from the
+    outermost chain to the state itself; `then` and `failed` of the state, or else of the nearest
+    chain; every `within`, the state's own first. implied: the target of `within` if nothing has
+    `failed`."""
     inward: list[Iterable[TransitionPlan]] = [own, *reversed(around)]
     transitions = [way for level in (*around, own) for way in level if way.cause == "next"]
     for cause in ("then", "failed"):
@@ -125,7 +128,8 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
 
 
 def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
-    """The transition of an item of `next`, checked alone."""
+    """Return the transition of an item of `next` after checking that it has a condition
+    (KYB143)."""
     if all(way.entry(key) is None for key in ("when", "event", "after")):
         message = f"the transition to `{way.target}` has no condition"
         hint = "add `when: CONDITION`, `event: NAME` or `after: 10 s`"

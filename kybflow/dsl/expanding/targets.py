@@ -1,5 +1,5 @@
-"""Where the mission flies: the chosen target, each vehicle's driver, tracker and sensors on it, its
-inputs, and the control rate that the drivers need."""
+"""Where the mission flies: the chosen target; each vehicle's driver, tracker and sensors on it; the
+target's inputs; and the control rate that the drivers need."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ CODES = {
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
-"""The name of the file that the span of an unknown target points into."""
+"""The file name in the span of an unknown target."""
 _OWN = frozenset(field.key for field in fields_of(TargetKeys))
-"""The keys of a target that are no vehicles."""
+"""The keys of a target that are not vehicles."""
 
 
 class Target:
-    """The chosen target of a mission: its name, and its entries as they are written."""
+    """The chosen target of a mission: its name, and its entries as written."""
 
     def __init__(self, root: Mapping, target: str | None, decoder: Decoder) -> None:
-        """The default target is `sim`."""
+        """Decode the target called `target`, which is `sim` if that is None."""
         self._decoder, self._found, catalog = decoder, decoder.found, decoder.catalog
         self._vehicles = entries_of(root.get("vehicles"))
         self._targets = entries_of(root.get("targets"))
@@ -66,8 +66,8 @@ class Target:
             self._found.report("KYB150", message, place, help=did_you_mean(name, known))
 
     def drivers(self) -> dict[str, PartPlan]:
-        """The driver of each vehicle: its own entry, else that of `all`, else the one that the
-        target's name implies."""
+        """Return the driver of each vehicle: from its own entry, or else from `all`, or else the
+        driver that the target's name implies."""
         written = {n: p.driver for n, p in self._places.items() if p.entry("driver") is not None}
         if "all" not in written and not self._vehicles.keys() <= written.keys():
             name, span = self.name.text, self.name.span
@@ -89,7 +89,7 @@ class Target:
         return drivers
 
     def _decoded(self, entries: MappingOf[str, MappingEntry], decoder: Decoder) -> dict[str, Place]:
-        """How `all` and each vehicle are reached on a target."""
+        """Return the entries of a target, for `all` and for each vehicle."""
         places: dict[str, Place] = {}
         for name, entry in entries.items():
             if name in _OWN:
@@ -115,8 +115,8 @@ class Target:
         return places
 
     def judge_others(self) -> None:
-        """Report what is wrong with the other targets; a part that is not installed and a missing
-        file are only warnings."""
+        """Report errors in the other targets. A part that is not installed and a missing file are
+        only warnings there."""
         for name, entry in self._targets.items():
             if name == self.name.text:
                 continue
@@ -134,9 +134,9 @@ class Target:
     def equipped(self, vehicles: Iterable[VehiclePlan]) -> Iterator[VehiclePlan]:
         """Yield the vehicles with their sensors and trackers.
 
-        The sensors of an estimator are the vehicle's own, else those of `all`; then follow those
-        that the driver brings. The tracker is that of the vehicle's own entry, else that of `all`,
-        else the one that the driver requests, else the mission's.
+        The sensors of an estimator are from the vehicle's own entry, or else from `all`; the
+        driver's additional sensors follow. The tracker is from the vehicle's own entry, or else
+        from `all`, or else the one that the driver requests, or else the mission's.
         """
         shared = self._places.get("all", Place())
         for vehicle in vehicles:
@@ -163,8 +163,8 @@ class Target:
             )
 
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
-        """The sensors that the driver brings for estimators that lack measurements; they are placed
-        at the first such estimator."""
+        """Return the sensors that the driver adds for estimators that lack measurements. Their
+        source location is the first such estimator."""
         given, driver = _provided(vehicle.driver, own), vehicle.driver
         shows = driver.cls.shows(driver.params)
         parts = [use.part for use in vehicle.estimators]
@@ -181,13 +181,13 @@ class Target:
 
 
 def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
-    """The targets that every mission has beside `sim`, each with its driver and the driver's
-    parameters as text. Imports every driver."""
+    """Return the targets that every mission has in addition to `sim`, each with its driver and the
+    driver's parameters as text. Imports every driver."""
     found: dict[str, tuple[str, dict[str, str]]] = {}
     for name in catalog.names("drivers"):
         try:
             targets = catalog.get("drivers", name).cls.targets
-        except (KybflowError, ImportError):  # reported where it is used
+        except (KybflowError, ImportError):  # reported when the driver is used
             continue
         for target, values in targets.items():
             written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}
@@ -196,13 +196,13 @@ def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
 
 
 def _node(values: dict[str, str], span: Span) -> Mapping:
-    """The mapping as an author would write it there."""
+    """Return a mapping of texts as if an author had written it at `span`."""
     entries = {k: MappingEntry(Scalar(k, span), Scalar(value, span)) for k, value in values.items()}
     return Mapping(entries, span)
 
 
 def _sensors(place: Place) -> dict[str, list[SensorPlan]]:
-    """The sensors of an entry of a target, by estimator."""
+    """Return the sensors in an entry of a target, by estimator."""
     return {
         label.text: [
             SensorPlan(part, (label.text,), index, source=Source(label.span))
@@ -214,7 +214,7 @@ def _sensors(place: Place) -> dict[str, list[SensorPlan]]:
 
 
 def _estimators(vehicle: Node) -> Iterator[str]:
-    """The names of a vehicle's estimators, whether or not they can be decoded."""
+    """Yield the names of a vehicle's estimators, whether or not they can be decoded."""
     for item in items_of(vehicle.get("estimators") if isinstance(vehicle, Mapping) else None):
         name: Node | None = item
         if isinstance(item, Mapping):
@@ -224,7 +224,7 @@ def _estimators(vehicle: Node) -> Iterator[str]:
 
 
 def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
-    """The kinds of measurement that the vehicle's driver and sensors provide."""
+    """Return the kinds of measurement that the vehicle's driver and sensors provide."""
     return _provided(vehicle.driver, vehicle.sensors)
 
 
@@ -234,12 +234,13 @@ def _provided(driver: PartPlan, sensors: Iterable[SensorPlan]) -> frozenset[Meas
 
 
 CONTROL_RATE = 250
-"""Hz."""
+"""The usual control rate, Hz."""
 
 
 def needed_rate(drivers: Iterable[PartPlan]) -> int:
-    """The lowest control rate (Hz) that all drivers accept; the usual one where only that falls on
-    the steps of each. KYB303 reports where neither does."""
+    """Return the lowest control rate (Hz) that all drivers accept. If its ticks don't fall on the
+    simulation steps of each driver but those of the usual rate do, return the usual rate. KYB303
+    reports the case that neither does."""
     used = [(use.cls, use.params) for use in drivers]
     needed = max((driver.control_rate(params) for driver, params in used), default=CONTROL_RATE)
     steps = [rate for driver, params in used if (rate := driver.step_rate(params)) is not None]
@@ -248,19 +249,20 @@ def needed_rate(drivers: Iterable[PartPlan]) -> int:
 
 
 def divides(control: int, steps: float) -> bool:
-    """Whether every tick at `control` falls on a step, of `steps` a second."""
+    """Return whether every tick falls on a step. control: ticks per second. steps: steps per
+    second."""
     each = round(steps / control)
     return each >= 1 and abs(steps / control - each) < 1e-9
 
 
 def inputs_in(target: Node | None) -> MappingOf[str, MappingEntry]:
-    """The inputs that a target has in place of the mission's, as they are written."""
+    """Return the inputs of a target that replace the mission's, as written."""
     written = entries_of(target)
     return entries_of(written["inputs"].value) if "inputs" in written else {}
 
 
 def inputs_of(root: Mapping, target: str, decoder: Decoder) -> tuple[InputPlan, ...]:
-    """The inputs on a target; one with errors is left out."""
+    """Return the inputs on a target, without those that have errors."""
     own, targets = entries_of(root.get("inputs")), entries_of(root.get("targets"))
     vehicle = entries_of(root.get("vehicles")).get("inputs")
     for entry in targets.values():
@@ -281,7 +283,7 @@ def inputs_of(root: Mapping, target: str, decoder: Decoder) -> tuple[InputPlan, 
         one = None if is_null(value) else _input(entry.key, value, decoder)
         if one is not None:
             inputs.append(one)
-        if instead is not None and not is_null(entry.value):  # judged too, though it isn't used
+        if instead is not None and not is_null(entry.value):  # checked although it is replaced
             _input(entry.key, entry.value, decoder)
     return tuple(inputs)
 

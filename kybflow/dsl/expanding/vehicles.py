@@ -1,4 +1,4 @@
-"""One vehicle of the tree: its airframe with cameras, its chain of parts, its states."""
+"""Expand one vehicle: its airframe with cameras, its parts, its states."""
 
 from __future__ import annotations
 
@@ -30,13 +30,14 @@ FACING: dict[str, Quat] = {
     "left": from_axes((1.0, 0.0, 0.0), _DOWNWARD, (0.0, 1.0, 0.0)),
     "right": from_axes((-1.0, 0.0, 0.0), _DOWNWARD, (0.0, -1.0, 0.0)),
 }
-"""Optical frame to body. Down and up have the image's upper edge forward, the others up."""
+"""The rotations from the optical frame to the body frame. The image's upper edge points forward for
+`down` and `up`, and up for the others."""
 
 
 def vehicle_of(
     entry: MappingEntry, driver: PartPlan | None, decoder: Decoder
 ) -> VehiclePlan | None:
-    """The vehicle; None when it has errors."""
+    """Return the vehicle, or None if it has errors."""
     name, body, found = entry.key, entry.value, decoder.found
     assert isinstance(body, Mapping)
     airframe, behaviors = body.entries.get("airframe"), entries_of(body.get("behaviors"))
@@ -84,7 +85,8 @@ def vehicle_of(
 
 
 def body_of(name: str, head: Span, node: Mapping, decoder: Decoder) -> Body | None:
-    """An airframe with its cameras; a camera with errors is left out."""
+    """Return an airframe with its cameras, without the cameras that have errors; None if the
+    airframe itself has errors."""
     cameras = [_camera(e, decoder) for e in entries_of(node.get("cameras")).values()]
     kept = tuple(camera for camera in cameras if camera is not None)
     body: Body = decoder.record(Body, node, head, name=name, cameras=kept)
@@ -105,8 +107,8 @@ def _camera(entry: MappingEntry, decoder: Decoder) -> CameraPlan | None:
 
 
 def _with_nearest_lens(body: Mapping) -> Mapping:
-    """A calibration takes the place of the lens that the camera was `like`, and the other way
-    round."""
+    """Return the camera's mapping with only one description of the lens: of a calibration and a
+    written lens, the one from fewer `like` steps away."""
     lens = [body.entries[key] for key in _LENS if body.get(key) is not None]
     if not lens or body.get("calibration") is None:
         return body
@@ -137,15 +139,16 @@ def _lens(camera: CameraPlan, found: Findings) -> Lens | None:
 
 
 def pinhole(width: int, height: int, field_of_view: float) -> Lens:
-    """A lens without distortion, square pixels, its axis through the middle of the image;
-    field_of_view: angle between the image's left and right edges."""
+    """Return a lens without distortion, with square pixels and its axis through the middle of the
+    image. width, height: pixels. field_of_view: the angle between the image's left and right edges,
+    rad."""
     focal = 0.5 * width / tan(0.5 * field_of_view)
     return Lens(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 
 
 def written_camera(camera: Camera, calibration: str) -> str:
-    """An entry of `cameras`, to a tenth of a millimetre and a hundredth of a degree, with its lens
-    in a file."""
+    """Return an entry of `cameras` as text, to a tenth of a millimetre and a thousandth of a
+    degree, with its lens in the file `calibration`."""
     at = ", ".join(f"{metres:.4f} m" for metres in camera.position)
     turned = {name: multiply(camera.attitude, conjugate(quat)) for name, quat in FACING.items()}
     facing = max(FACING, key=lambda name: abs(turned[name][0]))

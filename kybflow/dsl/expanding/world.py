@@ -1,4 +1,5 @@
-"""`world:` to its solids and printed tags, and coordinates in the place of `world.points.NAME`."""
+"""Expand `world:` to its solids and printed tags, and replace `world.points.NAME` by
+coordinates."""
 
 from __future__ import annotations
 
@@ -81,7 +82,7 @@ _OF_TAGS = ("grid", "tag", "file")
 
 
 def world_of(node: Node | None, decoder: Decoder) -> World:
-    """The world of a mission without its wrong entries."""
+    """Return the world of a mission, without the entries that have errors."""
     body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
     obstacles, tags = (entries_of(body.get(key)).values() for key in ("obstacles", "tags"))
     made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
@@ -103,7 +104,7 @@ def _has_inside(box: Box) -> bool:
 
 
 def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
-    """The obstacle with its shape; None, and a finding, where something is wrong with it."""
+    """Return the obstacle with its shape, or None if it has errors, which are reported."""
     name, found = entry.key, decoder.found
     kind = _only_kind(entry, _SOLIDS, "KYB155", "obstacle `{}` is", "nothing solid", found)
     if kind is None:
@@ -121,7 +122,8 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
 def _only_kind(
     entry: MappingEntry, kinds: tuple[str, ...], code: str, what: str, nothing: str, found: Findings
 ) -> str | None:
-    """The one of `kinds` that an entry is; None, and a finding, where it is none or several."""
+    """Return the one of `kinds` that an entry has. If it has none or several, report `code` and
+    return None."""
     written = [k for k, e in entries_of(entry.value).items() if k in kinds and not is_null(e.value)]
     if len(written) == 1:
         return written[0]
@@ -132,8 +134,8 @@ def _only_kind(
 
 
 def _solid(solid: Any, found: Findings) -> tuple[Shape | None, tuple[File, ...]]:
-    """The shape of an obstacle and the files that it is made of; None, and a finding, where it is
-    none."""
+    """Return the shape of an obstacle and the files that it was made from. The shape is None if it
+    has errors, which are reported."""
     match solid:
         case BoxParams():
             box = Box(solid.low, solid.high)
@@ -197,8 +199,8 @@ _NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
 
 
 class Points:
-    """Puts coordinates in the place of `world.points.NAME`. A node without any stays the same
-    object, and an aliased one is replaced once."""
+    """Replaces `world.points.NAME` by coordinates. A node without such a name is returned
+    unchanged, and an aliased node is replaced once."""
 
     def __init__(self, points: MappingOf[str, Vec3], found: Findings) -> None:
         self._points = points
@@ -206,7 +208,7 @@ class Points:
         self._done: dict[int, tuple[Node, Node]] = {}
 
     def apply(self, node: Node) -> Node:
-        """Replace every value under `node` that names a point."""
+        """Return `node` with coordinates in place of every value that names a point."""
         if isinstance(node, Scalar):
             return self._scalar(node) if node.text.startswith(PREFIX) else node
         if id(node) not in self._done:
@@ -236,7 +238,8 @@ class Points:
 
 
 def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) -> Mapping:
-    """The mission with coordinates in the place of `world.points.NAME`, but for the world's own."""
+    """Return the mission with coordinates in place of `world.points.NAME`, except inside the world
+    itself."""
     place = Points(points, found).apply
     entries = {k: e._replace(value=place(e.value)) for k, e in root.entries.items() if k != "world"}
     return Mapping({**root.entries, **entries}, root.span)
@@ -245,7 +248,7 @@ def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) ->
 def with_coordinates(
     parameters: MappingOf[str, Parameter], points: MappingOf[str, Vec3]
 ) -> dict[str, Parameter]:
-    """The parameters, those that name a point with its coordinates."""
+    """Return the parameters, with coordinates as the value of those that name a point."""
     return {
         name: p if p.type != "position" or not isinstance(p.value, str)
         else p._replace(value=points.get(p.value.removeprefix(PREFIX), ZERO))
@@ -263,11 +266,12 @@ _FACING: dict[str, Quat] = {
     "west": multiply(from_heading(pi), _EASTWARD),
     "south": multiply(from_heading(-pi / 2), _EASTWARD),
 }
-"""The attitude of a tag with heading 0 whose printed side faces there."""
+"""The attitude of a tag with heading 0 whose printed side faces in the given direction."""
 
 
 def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
-    """An entry of `world.tags` with its tags; None, and a finding, where something is wrong."""
+    """Return an entry of `world.tags` with its tags, or None if it has errors, which are
+    reported."""
     name, found = entry.key, decoder.found
     if _only_kind(entry, _OF_TAGS, "KYB380", "tags `{}` are", "nothing", found) is None:
         return None
@@ -287,7 +291,8 @@ def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
 
 
 def _is_grid(grid: GridParams, found: Findings) -> bool:
-    """Whether `count` and `leave_out` fit the grid and its family."""
+    """Return whether `count` and `leave_out` are valid for the grid and its family; report it if
+    not."""
     if len(grid.count) != 2:
         message = f"`count` must be [columns, rows], but this is a list of {len(grid.count)}"
         found.report("KYB382", message, grid.span_of("count"), help="write it like `[10, 10]`")
@@ -320,7 +325,7 @@ def tag_of(tag: TagParams) -> Tag:
 
 
 def tags_of(grid: GridParams) -> Iterator[Tag]:
-    """Yield the tags of a grid whose `count` has two numbers, without those left out."""
+    """Yield the tags of a grid, without those left out. `count` must have two numbers."""
     (columns, rows), pitch = grid.count, grid.size + grid.spacing
     down = -pitch if grid.rows == "down" else pitch
     attitude, missing = _attitude(grid), frozenset(grid.leave_out)

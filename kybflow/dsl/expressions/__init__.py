@@ -1,5 +1,6 @@
 """Conditions and expectations: a small typed language without commas, brackets or braces, because
-YAML would cut them inside `{...}`. The door to it: the tree, `parse` and `describe`."""
+YAML would end a value at them inside `{...}`. This package exports the tree, `parse` and
+`describe`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An expression back to text, for graphs and reports."""
+"""Write an expression as text, for graphs and reports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _SMALL = {LENGTH: ("cm", 100.0), SPEED: ("cm/s", 100.0), DURATION: ("ms", 1000.0
 
 
 def describe(expression: tree.Expression) -> str:
-    """The expression as a person would write it; what it says can be parsed again."""
+    """Return the expression as an author would write it. The text can be parsed again."""
     match expression:
         case tree.Compare(operator, left, right):
             return f"{shown_value(left)} {operator} {shown_value(right)}"
@@ -41,7 +41,7 @@ def _expectation(expression: tree.Always | tree.Eventually | tree.Finally | tree
 
 
 def quantity(value: float, dimension: Dimension) -> str:
-    """`value` (SI) in a unit in which it is easily read: `5 cm`, not `0.05 m`."""
+    """Return `value` (SI) in an easily readable unit: `5 cm`, not `0.05 m`."""
     unit, factor = _SMALL.get(dimension, ("", 0.0))
     if unit and 0.0 < abs(value) < 1.0:
         return f"{value * factor:.4g} {unit}"
@@ -54,7 +54,7 @@ def _grouped(part: tree.Expression, loose: tuple[type, ...]) -> str:
 
 
 def shown_value(value: tree.Value | tree.Aggregate) -> str:
-    """A value of a comparison as a person would write it."""
+    """Return one side of a comparison as an author would write it."""
     match value:
         case tree.Quantity(number, dimension):
             return quantity(number, dimension)

@@ -1,5 +1,6 @@
-"""The parser of expressions: recursive descent, bounded in depth. What the names and quantities in
-it mean, and whether they fit, says `kybflow.dsl.expressions.semantics`.
+"""The parser of expressions: recursive descent with bounded depth.
+`kybflow.dsl.expressions.semantics` decides what names and quantities mean, and whether they fit
+together.
 
     expectation := 'finished' 'within' quantity | 'always' condition | 'finally' condition
                  | 'eventually' condition ['within' quantity] | statistic operator statistic
@@ -54,14 +55,14 @@ _NEXT = "`and`, `or` or the end"
 
 
 class Parsed(NamedTuple):
-    """The expression in a text, None when it has errors, and the findings."""
+    """The result of parsing a text. expression: None if there are errors. findings: the errors."""
 
     expression: tree.Expression | None
     findings: list[Diagnostic]
 
 
 def parse(text: Text, scope: Scope) -> Parsed:
-    """The expression in `text`, or None and the findings. Never raises."""
+    """Parse `text`. Return the expression, or None with the findings. Never raises."""
     parsed: Parsed | None = scope.read.get(text)
     if parsed is None:
         parsed = scope.read[text] = _parsed(text, scope)
@@ -77,13 +78,13 @@ def _parsed(text: Text, scope: Scope) -> Parsed:
     try:
         expression = _Parser(text, scope, found).whole()
     except Unreadable:
-        return Parsed(None, found.all[-1:])  # why it stopped
+        return Parsed(None, found.all[-1:])  # the reason why parsing stopped
     return Parsed(None if found.all else expression, found.all)
 
 
 class _Parser:
-    """The grammar of conditions and expectations. Only an expectation without `always`,
-    `eventually` or `finally` may have statistics."""
+    """Parses conditions and expectations. Statistics are allowed only in an expectation without
+    `always`, `eventually` or `finally`."""
 
     def __init__(self, text: Text, scope: Scope, found: Findings) -> None:
         self._text, self._scope, self._found = text, scope, found
@@ -123,7 +124,8 @@ class _Parser:
         return tree.Eventually(condition, self._limit() if self._tokens.skip("within") else None)
 
     def _limit(self) -> float:
-        """Seconds after the start, more than none."""
+        """Parse a time after the start and return it in seconds; report KYB215 if it is not
+        positive."""
         token, before = self._tokens.peek(), len(self._found.all)
         value = self._quantity(DURATION)
         if value <= 0.0 and len(self._found.all) == before:
@@ -222,12 +224,12 @@ class _Parser:
         return self._tokens.of_kind("name", what)
 
     def _quantity(self, dimension: Dimension) -> float:
-        """A quantity of `dimension`, in SI."""
+        """Parse a quantity of `dimension` and return it in SI."""
         token = self._tokens.of_kind("quantity", f"a {dimension.name}")
         return self._semantics.measured(token, dimension, "")
 
     def _operand(self) -> Operand:
-        """Parse one side of a comparison. The name of a function is one only before a bracket."""
+        """Parse one side of a comparison. A name is a function only if `(` follows it."""
         if self._tokens.peek().kind == "quantity":
             return Operand(self._tokens.take())
         token = self._name("a name or a quantity")
@@ -236,8 +238,8 @@ class _Parser:
         return Operand(token, *self._meaning(token))
 
     def _meaning(self, token: Token) -> tuple[tree.Value | None, Dimension | None]:
-        """The value that a dotted name reads, with its dimension; (None, None) for one that may be
-        a bare word."""
+        """Return the value that a dotted name reads, and its dimension; (None, None) for a name
+        that may be a bare word."""
         scope, text = self._scope, token.text
         if scope.kind == "health":
             name = HEALTH.get(text)
@@ -352,7 +354,8 @@ _MEASURED = (tree.Read, tree.Distance, tree.Separation)
 
 
 def _subject(node: object) -> str | None:
-    """The vehicle that a value is about: of a distance, the first that is named."""
+    """Return the vehicle that a value describes; for a distance, the first vehicle that it
+    names."""
     if isinstance(node, tree.Read):
         return node.vehicle
     if isinstance(node, tree.Distance):

@@ -1,9 +1,9 @@
-"""Proves facts about conditions, independent of any flight: whether one can hold, always holds, or
-implies another.
+"""Prove facts about conditions that hold in any flight: whether a condition can hold, always holds,
+or implies another.
 
-A condition is brought into disjunctive normal form, (a and b) or (c and d) or ... A group can't
-hold when its bounds on one value leave an empty interval, or name two things. Beyond `_MOST` groups
-nothing is proven.
+A condition is converted to disjunctive normal form, (a and b) or (c and d) or ... A group can't
+hold if its bounds on one value leave an empty interval, or if it requires two different names for
+one value. Nothing is proven about a condition with more than `_MOST` groups.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from kybflow.parts.observables import OBSERVABLES, Envelope, is_in
 from kybflow.world.shapes import Box
 
 Bounds = Callable[[object], tuple[float, float]]
-"""The range that a value never leaves (SI)."""
+"""A function that returns the range (SI) that a value never leaves."""
 _MOST = 64
 _OPPOSITE: dict[tree.ComparisonOperator, tree.ComparisonOperator] = {
     "<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==",
@@ -42,8 +42,8 @@ _OPPOSITE: dict[tree.ComparisonOperator, tree.ComparisonOperator] = {
 
 
 class _Fact(NamedTuple):
-    """One comparison: the operator and bound that it puts on a value. `is_plain` is false behind a
-    `not`, which also holds where the value is not known."""
+    """One comparison of a value with a bound. is_plain: whether it is not negated; a negated
+    comparison also holds if the value is unknown."""
 
     value: object
     operator: tree.ComparisonOperator
@@ -55,12 +55,12 @@ _Group = tuple[_Fact, ...]
 
 
 class _TooManyError(Exception):
-    """The form has more than `_MOST` groups."""
+    """The normal form has more than `_MOST` groups."""
 
 
 class Envelopes(NamedTuple):
-    """Where the vehicles are, by name, and the one that asks; an unknown vehicle may be
-    anywhere."""
+    """The regions in which the vehicles are. of: the envelope of each vehicle by name; a vehicle
+    without one may be anywhere. own: the vehicle whose condition is evaluated."""
 
     of: Mapping[str, Envelope]
     own: str | None = None
@@ -70,7 +70,7 @@ class Envelopes(NamedTuple):
         return None if name is None else self.of.get(name)
 
     def box(self, place: Location) -> Box:
-        """Where a place can be."""
+        """Return the box in which a location can be."""
         if place.point is not None:
             return Box(place.point, place.point)
         envelope = self.get(place.vehicle)
@@ -85,15 +85,20 @@ class Envelopes(NamedTuple):
 EVERYWHERE = Box((-inf, -inf, -inf), (inf, inf, inf))
 ANYWHERE = Envelopes({})
 _FALLS = (1.0, 1.0, 1.0)
-"""How far from its vehicle a payload is, or falls from it, metres."""
+"""How far from its vehicle a payload may be, on board or after it was released, along each axis,
+m."""
 
 
 def physical_bounds(
     longest: float, there: Envelopes = ANYWHERE, at_first: Bounds | None = None
 ) -> Bounds:
-    """The bounds of values in a run of `longest` seconds at most, whose vehicles keep to their
-    envelopes: no speed or distance is negative, no share above one, no time longer than the run.
-    at_first: bounds in the first tick, of which the extremes of the whole run know."""
+    """Return the bounds of values in a run of at most `longest` seconds whose vehicles stay in
+    their envelopes: no speed or distance is negative, no ratio is above one, no time is longer than
+    the run.
+
+    there: the envelopes of the vehicles. at_first: the bounds in the first tick; they also bound
+    the minimum and maximum over the whole run.
+    """
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
@@ -120,7 +125,8 @@ def physical_bounds(
 def _statistic(
     function: tree.Function, each: tuple[float, float], first: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """The range of a statistic of values in `each`; `first` is the range of the first of them."""
+    """Return the range of a statistic. each: the range of every value. first: the range of the
+    first value, or None."""
     low, high = each
     if function == "rms":
         return 0.0, max(abs(low), abs(high))
@@ -132,14 +138,14 @@ def _statistic(
 
 
 def _apart(a: Box, b: Box) -> tuple[float, float]:
-    """The least and the largest distance between points of two boxes."""
+    """Return the least and the largest distance between points of two boxes."""
     sides = list(zip(*a, *b, strict=True))
     near = hypot(*(max(0.0, r - q, p - s) for p, q, r, s in sides))
     return near, hypot(*(max(s - p, q - r) for p, q, r, s in sides))
 
 
 def never_holds(condition: Condition, bounds: Bounds) -> bool:
-    """Whether `condition` surely never holds."""
+    """Return whether `condition` is certain never to hold."""
     try:
         groups = _groups(condition, True)
     except _TooManyError:
@@ -148,12 +154,12 @@ def never_holds(condition: Condition, bounds: Bounds) -> bool:
 
 
 def always_holds(condition: Condition, bounds: Bounds) -> bool:
-    """Whether `condition` surely holds whenever its values are known."""
+    """Return whether `condition` is certain to hold whenever its values are known."""
     return never_holds(Not(condition), bounds)
 
 
 def implies(narrow: Condition, wide: Condition) -> bool:
-    """Whether `wide` surely holds when `narrow` does."""
+    """Return whether `wide` is certain to hold whenever `narrow` holds."""
     if narrow == wide:
         return True
     try:
@@ -165,8 +171,8 @@ def implies(narrow: Condition, wide: Condition) -> bool:
 
 
 def _groups(condition: Condition, truth: bool) -> list[_Group]:
-    """The groups of which one holds when `condition` is as `truth` says."""
-    match condition:  # comparisons first: nearly every condition is one
+    """Return the groups of facts of which one holds if `condition` has the value `truth`."""
+    match condition:  # comparisons first, since most conditions are comparisons
         case Compare(operator, Quantity(bound, _), value):
             return [(_fact(value, FLIPPED[operator], bound, truth),)]
         case Compare(operator, value, Quantity(bound, _) | Word(bound)):
@@ -184,7 +190,8 @@ def _groups(condition: Condition, truth: bool) -> list[_Group]:
 
 
 def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
-    """The groups that hold together, one of each part, or the groups of all parts."""
+    """Return the groups of several parts: combinations with one group of each part if the parts
+    hold together, otherwise the groups of all parts."""
     if not together:
         return [group for part in parts for group in part]
     groups: list[_Group] = [()]
@@ -202,7 +209,7 @@ def _fact(
 
 
 def _contradicts(group: _Group, bounds: Bounds) -> bool:
-    """Whether the facts leave no value to one of the things that they speak of."""
+    """Return whether the facts of a group exclude every value of something that they compare."""
     facts: dict[object, list[_Fact]] = {}
     for fact in group:
         facts.setdefault(fact.value, []).append(fact)

@@ -1,5 +1,5 @@
-"""What an expression means: names that must exist, quantities that must have a dimension, and the
-two sides of a comparison, which must fit together. What does not becomes a finding."""
+"""The meaning of an expression: names must exist, quantities must have a dimension, and the two
+sides of a comparison must fit together. Everything else is reported."""
 
 from __future__ import annotations
 
@@ -29,17 +29,20 @@ from kybflow.dsl.expressions.tree import (
 from kybflow.parts.observables import OBSERVABLES, chains_of
 
 _MOST = 6
-"""Names in a help line."""
+"""The most names in a hint."""
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
-"""What an estimator's health may read, and the observable it stands for."""
+"""The names that an estimator's health may read, and the observable that each stands for."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What an expression may name. `vehicles` maps each to its states (the built-in ones too);
-    `own` is the vehicle that asks, None in an expectation and in a flow; `estimators` each
-    vehicle's; `points` those of the world; `groups` maps each to its vehicles; `carriers` are the
-    vehicles with a payload; `inputs` maps each to its axes."""
+    """The names that an expression may use.
+
+    vehicles: the states of each vehicle, including the built-in ones. own: the vehicle whose
+    expression it is; None in an expectation and in a flow. estimators: those of each vehicle.
+    points: those of the world. groups: the vehicles of each group. carriers: the vehicles with a
+    payload. inputs: the axes of each input.
+    """
 
     kind: Literal["condition", "health", "expectation"]
     vehicles: Mapping[str, Collection[str]]
@@ -50,12 +53,13 @@ class Scope:
     carriers: Collection[str] = ()
     inputs: Mapping[str, Collection[str]] = field(default_factory=dict)
     read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What was parsed in this scope; several checks ask for the same."""
+    """A cache of what was parsed in this scope, since several checks need it."""
 
 
 class Operand(NamedTuple):
-    """One side of a comparison as written. `node` is None for a quantity and for a bare word, whose
-    meanings depend on the other side. A broken one has its finding already."""
+    """One side of a comparison as written. node: its value; None for a quantity or a bare word,
+    whose meaning depends on the other side. is_broken: whether an error in it is already
+    reported."""
 
     token: Token
     node: Value | Aggregate | None = None
@@ -68,12 +72,12 @@ class Operand(NamedTuple):
 
 
 STAND_IN = Quantity(0.0, NUMBER)
-"""Stands where a finding says why there is nothing."""
+"""Takes the place of a value whose error is already reported."""
 
 
 class Semantics:
-    """Judges the names, types and units of one expression. Unknown names and wrong units become
-    findings, with a stand-in for what they should be, so that the rest is judged too."""
+    """Checks the names, types and units of one expression. Unknown names and wrong units are
+    reported and replaced by a stand-in, so that the rest can be checked."""
 
     def __init__(self, text: Text, scope: Scope, found: Findings) -> None:
         self._text = text
@@ -85,7 +89,7 @@ class Semantics:
         self._found.report(code, message, span, label, help=help)
 
     def report_unknown(self, token: Token, message: str, known: Collection[str]) -> None:
-        """Report a name of which there is none; `known` are those that there are."""
+        """Report a name that doesn't exist. known: the names that exist."""
         name = token.text
         inside = [f"`{k}`" for k in known if k.startswith(f"{name}.") or k == PREFIX + name]
         if len(inside) > 1:
@@ -106,7 +110,7 @@ class Semantics:
         return name
 
     def point(self, token: Token) -> Vec3:
-        """The coordinates of `world.points.NAME`."""
+        """Return the coordinates of `world.points.NAME`, m; report an unknown point."""
         name, points = token.text.removeprefix(PREFIX), self._scope.points
         if name not in points:
             place = Token("name", name, token.end - len(name), token.end)
@@ -114,7 +118,7 @@ class Semantics:
         return points.get(name, ZERO)
 
     def payload(self, vehicle: str, token: Token) -> None:
-        """Report a vehicle whose payload is read and that has none."""
+        """Report a read of the payload of a vehicle that has none."""
         if vehicle in self._scope.vehicles and vehicle not in self._scope.carriers:
             hint = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
             self.report("KYB211", token, f"`{vehicle}` carries no payload", "unknown", hint)
@@ -133,7 +137,7 @@ class Semantics:
         return token.text
 
     def measured(self, token: Token, dimension: Dimension, label: str) -> float:
-        """The quantity `token`, in SI."""
+        """Return the quantity `token` in SI; report a text that is none."""
         try:
             return parse_quantity(token.text, dimension)
         except UnitError as error:
@@ -141,8 +145,8 @@ class Semantics:
             return 0.0
 
     def unknown_name(self, side: Operand, other: Operand | None = None) -> None:
-        """Report the unknown part of a dotted name: all of it, or what follows a vehicle. `other`
-        is the other side of the comparison."""
+        """Report the unknown part of a dotted name: all of it, or what follows the vehicle or
+        input. other: the other side of the comparison."""
         token, scope = side.token, self._scope
         first, _, rest = token.text.partition(".")
         inner = token._replace(text=rest, start=token.end - len(rest))
@@ -160,8 +164,8 @@ class Semantics:
             self.report_unknown(token, f"`{token.text}` is unknown", known)
 
     def compared(self, left: Operand, operator: ComparisonOperator, right: Operand) -> Condition:
-        """The comparison, its sides brought to one dimension; `behavior == CHAIN` asks whether the
-        vehicle is anywhere inside of the chain."""
+        """Return the comparison of two sides, and report them if they don't fit together. `behavior
+        == CHAIN` is true in every state of the chain."""
         a, b = left.node, right.node
         if left.is_broken or right.is_broken:
             return Compare(operator, STAND_IN, STAND_IN)
@@ -200,7 +204,8 @@ class Semantics:
         return Not(inside) if operator == "!=" else None
 
     def _beside(self, side: Operand, other: Operand) -> Value:
-        """The value of a quantity or a bare word beside `other`, which gives it its dimension."""
+        """Return the value of a quantity or a bare word, whose dimension is that of the other
+        side."""
         is_of = f"`{other.source}` is {type_name(other.dimension)}"
         if is_quantity(side) and other.dimension is not None:
             value = self.measured(side.token, other.dimension, is_of)
@@ -234,8 +239,8 @@ class Semantics:
 
 
 def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collection[str]:
-    """Those of `known` that are of `name` (`battery.remaining` of `battery`) and of the dimension
-    of `other`, where there are any; else all."""
+    """Return the names in `known` that continue `name` (such as `battery.remaining` for `battery`)
+    and have the dimension of the other side, if it is a quantity; all names if there are none."""
     members = [one for one in known if one.startswith(f"{name}.") and one in OBSERVABLES]
     if other is None or not is_quantity(other):
         return members or known

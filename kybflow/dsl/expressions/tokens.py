@@ -1,5 +1,5 @@
-"""Text to tokens: quantities with their unit, dotted names, operators, brackets; and the cursor
-that walks along them and says what can't be read."""
+"""Split a text into tokens: quantities with their unit, dotted names, operators, brackets. The
+cursor steps through the tokens and reports unexpected ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.reading.nodes import NAME_A_POINT, no_commas
 
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})
-"""Words of the language; no vehicle or state may be called so."""
+"""The words of the language, which can't be the name of a vehicle or state."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<quantity>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
@@ -50,7 +50,8 @@ class Token(NamedTuple):
 
 
 def tokens_of(text: str) -> list[Token]:
-    """The tokens of `text`, closed by one of the kind `end`; an unreadable one ends the list."""
+    """Return the tokens of `text`. The last has the kind `end`, or `unreadable` if the rest can't
+    be split."""
     found: list[Token] = []
     end = 0
     while match := _TOKEN.match(text, end):
@@ -65,16 +66,17 @@ def tokens_of(text: str) -> list[Token]:
 
 
 class Unreadable(Exception):
-    """Ends the parsing of a text; why has been reported."""
+    """Ends the parsing of a text; the reason is already reported."""
 
 
 class Cursor:
-    """Walks along the tokens of a text. Raises Unreadable where another token is needed."""
+    """Steps through the tokens of a text. Raises Unreadable if the next token is not the expected
+    one."""
 
     def __init__(self, text: Text, found: Findings) -> None:
         self._text, self._found = text, found
         tokens = tokens_of(text.text)
-        self._tokens = [*tokens, tokens[-1]]  # so that there is always one ahead
+        self._tokens = [*tokens, tokens[-1]]  # so that `peek(1)` always exists
         self._next = 0
 
     def peek(self, ahead: int = 0) -> Token:
@@ -95,11 +97,11 @@ class Cursor:
             raise self.unexpected(f"`{word}`")
 
     def behind(self) -> int:
-        """Where the last token that was taken ends."""
+        """Return the position after the last token that was taken."""
         return self._tokens[self._next - 1].end if self._next else 0
 
     def of_kind(self, kind: str, what: str) -> Token:
-        """Take a token of `kind`, which a report calls `what`."""
+        """Take and return a token of the given kind. what: how reports call the expected token."""
         token = self.peek()
         if token.kind != kind:
             raise self.unexpected(what)
@@ -107,7 +109,7 @@ class Cursor:
         return token
 
     def unexpected(self, expected: str) -> Unreadable:
-        """Report the next token, where `expected` should be."""
+        """Report the next token as not `expected`, and return the exception to raise."""
         token = self.peek()
         shown = f"`{token.text}`" if token.text else "the end"
         message, hint = (
@@ -117,7 +119,7 @@ class Cursor:
         return self.stopped("KYB210", message, f"expected {expected}", hint)
 
     def stopped(self, code: str, message: str, label: str, help: str = "") -> Unreadable:
-        """Report at the next token why the text can't be read from there on."""
+        """Report at the next token why parsing stops, and return the exception to raise."""
         token = self.peek()
         self._found.report(code, message, self._text.part(token.start, token.end), label, help=help)
         return Unreadable()

@@ -1,6 +1,6 @@
 """The tree of a condition, an estimator's health or an expectation: frozen, in SI, with names that
-are known to exist. `kybflow.dsl.expressions.parse` makes it, `kybflow.runtime.conditions` binds it.
-"""
+exist. `kybflow.dsl.expressions.parse` builds it, and `kybflow.runtime.conditions` makes functions
+of it that the runtime evaluates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Function = Literal["mean", "max", "min", "rms"]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity in SI; `dimension` is that of what it is compared with."""
+    """A quantity in SI. dimension: the dimension of the value with which it is compared."""
 
     value: float
     dimension: Dimension
@@ -26,14 +26,15 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A bare name that another name is compared with: `b.behavior == hover`."""
+    """A bare name with which another name is compared: `b.behavior == hover`."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """One of kybflow.parts.observables.OBSERVABLES, of `vehicle`; None is the vehicle that asks."""
+    """An observable of a vehicle. vehicle: its name; None for the vehicle whose condition this is.
+    name: a key of `kybflow.parts.observables.OBSERVABLES`."""
 
     vehicle: str | None
     name: str
@@ -54,9 +55,12 @@ class MissionTime:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A point: where `vehicle` is, or its start pose, or its payload, or `point` (metres, world).
+    """A point in the world: the position of a vehicle, of its start or of its payload, or fixed
+    coordinates.
 
-    Without a point, `vehicle` None is the vehicle that asks.
+    vehicle: its name; None for the vehicle whose condition this is. start: whether the vehicle's
+    start is meant. payload: whether the vehicle's payload is meant. point: the fixed coordinates,
+    metres; None if a vehicle is meant.
     """
 
     vehicle: str | None
@@ -67,7 +71,7 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Distance:
-    """Metres between two places."""
+    """The distance between two locations, metres."""
 
     a: Location
     b: Location
@@ -91,7 +95,7 @@ class InState:
 
 @dataclass(frozen=True, slots=True)
 class GroupInState:
-    """Whether all or any of `vehicles`, which are `group`, are in `state`."""
+    """Whether all or any of the vehicles of a group are in a state."""
 
     quantifier: Quantifier
     group: str
@@ -111,7 +115,8 @@ class Aggregate:
 
 @dataclass(frozen=True, slots=True)
 class Compare:
-    """In an expectation the left side is an aggregate, the right one an aggregate or a number."""
+    """A comparison. In an expectation without `always`, `eventually` or `finally`, the left side is
+    an aggregate and the right side an aggregate or a number."""
 
     operator: ComparisonOperator
     left: Value | Aggregate
@@ -143,7 +148,7 @@ class Always:
 
 @dataclass(frozen=True, slots=True)
 class Eventually:
-    """Holds when the condition held once, at the latest `within` seconds after the start."""
+    """Holds if the condition held at least once, at most `within` seconds after the start."""
 
     condition: Condition
     within: float | None = None
@@ -151,20 +156,20 @@ class Eventually:
 
 @dataclass(frozen=True, slots=True)
 class Finally:
-    """Holds when the condition holds in the last tick."""
+    """Holds if the condition holds in the last tick."""
 
     condition: Condition
 
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """Holds when the run ended by itself within so many seconds."""
+    """Holds if the run ended by itself within this many seconds."""
 
     within: float
 
 
 class Unparsed(NamedTuple):
-    """A condition as written: names are not known yet, so it is not parsed."""
+    """A condition as written, which is parsed when its names are known."""
 
     text: Text
 

@@ -1,7 +1,7 @@
-"""The boxes and edges that are drawn of the state machines of vehicles and flows, before layout.
+"""The boxes and edges that are drawn for the state machines of vehicles and flows, before layout.
 
-Transitions that are taken when all goes well or as the mission says are drawn; the failure
-transitions that the language adds are not. Vehicles with the same machine share a drawing.
+The mission's own transitions are drawn, and those that the language adds for the normal course; the
+failure transitions that the language adds are not. Vehicles with the same machine share a drawing.
 """
 
 from __future__ import annotations
@@ -25,8 +25,12 @@ from kybflow.dsl.plan import (
 
 
 class StateBox(NamedTuple):
-    """A state: its name, its part, its flight type in words. A phase has none, and for a part what
-    it asks. An asker is no state: a flow or a callback that may ask for states."""
+    """One box of a drawing: a state, a phase, or a flow or callback that may request states.
+
+    name: its name. part: the behavior of a state, or what a phase requests. flight: where a state
+    begins and ends (ground or air), in words; empty for others. is_asker: whether the box is a flow
+    or callback.
+    """
 
     name: str
     part: str
@@ -36,8 +40,9 @@ class StateBox(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """What one arrow of the drawing stands for: all transitions from `source` to `target`, a label
-    each; or, with `is_request`, that the flow or callback `source` may ask for the state."""
+    """One arrow of a drawing. It stands for all transitions from `source` to `target`. labels: one
+    for each transition. is_implied: whether the language adds them all. is_request: whether the
+    arrow instead means that the flow or callback `source` may request the state `target`."""
 
     source: str
     target: str
@@ -47,7 +52,8 @@ class Edge(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """One machine; `title` names the vehicles that have it, or its flow."""
+    """The drawing of one machine. title: the names of the vehicles that have this machine, or of
+    its flow."""
 
     title: str
     begin: str
@@ -56,11 +62,12 @@ class Drawing(NamedTuple):
 
 
 Requests = Mapping[str, tuple[str, ...]]
-"""The requested states by the flow or callback that requests them."""
+"""The requested states, by the flow or callback that requests them."""
 
 
 def requests_to(plan: Plan, vehicle: str) -> Requests:
-    """The states of `vehicle` that each flow and callback may request, each state once."""
+    """Return the states of `vehicle` that each flow and callback may request, without
+    repetition."""
     found: dict[str, dict[str, None]] = {}
     for flow in plan.flows:
         for phase in flow.phases.values():
@@ -78,7 +85,7 @@ Groups = Mapping[str, tuple[str, ...]]
 
 
 def drawings(plan: Plan) -> list[Drawing]:
-    """One drawing for each machine, with the vehicles that have it."""
+    """Return one drawing for each machine; its title names the vehicles that have the machine."""
     same: dict[Drawing, list[str]] = {}
     for vehicle in plan.vehicles:
         same.setdefault(_machine(vehicle, requests_to(plan, vehicle.name)), []).append(vehicle.name)
@@ -87,7 +94,7 @@ def drawings(plan: Plan) -> list[Drawing]:
 
 
 def _machine(vehicle: VehiclePlan, askers: Requests) -> Drawing:
-    """The drawing of a vehicle, without a title."""
+    """Return the drawing of a vehicle's machine, without a title."""
     drawn = _reached(vehicle, askers)
     boxes = tuple(
         StateBox(
@@ -118,7 +125,8 @@ def _machine(vehicle: VehiclePlan, askers: Requests) -> Drawing:
 
 
 def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
-    """The mission's own states, and the built-in ones that a drawn transition leads to."""
+    """Return the mission's own states, the requested ones, and the built-in ones to which a drawn
+    transition leads."""
     own = (name for name, state in vehicle.states.items() if not state.built_in)
     waiting = [*own, vehicle.begin, *(state for states in askers.values() for state in states)]
     reached = set(waiting)
@@ -131,8 +139,8 @@ def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
 
 
 def _drawn(state: StatePlan) -> list[TransitionPlan]:
-    """The transitions to draw: of those that the language adds, neither failures nor the end of a
-    behavior that never ends."""
+    """Return the transitions to draw: the mission's own, and the implied ones other than failures
+    and the ends of behaviors that never end."""
     footprint = state.behavior.cls.footprint(state.behavior.params, None)
     is_endless = footprint is not None and footprint.is_endless
     return [
@@ -144,7 +152,7 @@ def _drawn(state: StatePlan) -> list[TransitionPlan]:
 
 
 def cause_of(transition: TransitionPlan) -> str:
-    """When a transition is taken, in words."""
+    """Return in words when a transition is taken."""
     if transition.cause == "then":
         return "done"
     if transition.cause == "failed":
@@ -166,7 +174,7 @@ def cause_of(transition: TransitionPlan) -> str:
 
 
 def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
-    """The machine of a flow: its phases, and `end` where something leads there."""
+    """Return the drawing of a flow: its phases, and `end` if a transition leads there."""
     labels: dict[tuple[str, str], list[str]] = {}
     for phase in flow.phases.values():
         for transition in phase.transitions:
@@ -181,7 +189,7 @@ def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
 
 
 def _phase_text(phase: PhasePlan, groups: Groups) -> str:
-    """What a phase requests, as the second line of its box."""
+    """Return what a phase requests, as the second line of its box."""
     asked = {name: request.chain or request.state for name, request in phase.run.items()}
     texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
     texts += [f"arrive {phase.arrive}"] if phase.arrive else []
@@ -190,8 +198,8 @@ def _phase_text(phase: PhasePlan, groups: Groups) -> str:
 
 
 def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
-    """(names, goal) for each goal: the vehicles that share it, by their group's name where there
-    is one."""
+    """Yield for each goal the names of the vehicles that share it, or the name of their group, and
+    the goal."""
     for goal in dict.fromkeys(requests_to.values()):
         names = tuple(name for name, own in requests_to.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)

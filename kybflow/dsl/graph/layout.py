@@ -1,9 +1,10 @@
 """Layered layout of a directed graph, after Sugiyama, Tagawa and Toda (1981).
 
-Layers by longest path over the arrows that do not close a cycle; each arrow is a chain with a
-vertex in every layer that it passes, the first of which carries its label, so that neither boxes
-nor labels can overlap; order by barycentres; positions by the nearest feasible ones to the mean of
-the neighbours (isotonic regression), swept down and up.
+A box's layer follows from the longest path to it over the arrows that do not close a cycle. Each
+arrow becomes a chain with one vertex in every layer that it passes; the first of them carries its
+label, so neither boxes nor labels can overlap. Barycentres determine the order within a layer.
+Positions are the feasible ones nearest to the mean of the neighbours (isotonic regression), in
+sweeps down and up.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ _SWEEPS = 12
 
 
 class Size(NamedTuple):
-    """How far a vertex reaches from the line through it: left, right, and its height."""
+    """The extent of a vertex to the left and right of the vertical line through it, and its
+    height."""
 
     left: float
     right: float
@@ -26,8 +28,8 @@ class Size(NamedTuple):
 
 
 class EdgePath(NamedTuple):
-    """An arrow laid out: its vertices from the upper end to the lower; `is_reversed` when it points
-    up."""
+    """The course of one arrow. vertices: its vertices from the upper end to the lower. is_reversed:
+    whether the arrow points up."""
 
     vertices: tuple[int, ...]
     is_reversed: bool
@@ -35,8 +37,9 @@ class EdgePath(NamedTuple):
 
 @dataclass(slots=True)
 class Layout:
-    """Where everything is: `x` and the middle `y` of every vertex, boxes first, then those of the
-    chains."""
+    """The positions of all vertices: first the boxes, then the vertices of the chains. layers: the
+    vertices of each layer in order. chains: the course of each arrow. x: the vertical line through
+    each vertex. y: the middle of its height."""
 
     sizes: list[Size]
     layers: list[list[int]] = field(default_factory=list)
@@ -48,7 +51,8 @@ class Layout:
 def arranged(
     boxes: Sequence[Size], edges: Sequence[tuple[int, int]], labels: Sequence[Size], first: int
 ) -> Layout:
-    """The layout of `boxes` joined by `edges` (no loops), each with a label; `first` is on top."""
+    """Return the layout of boxes joined by edges. edges: (source, target), without loops. labels:
+    the size of each edge's label. first: the box from which the layout begins at the top."""
     back = _closing(len(boxes), edges, first)
     down = [(b, a) if i in back else (a, b) for i, (a, b) in enumerate(edges)]
     ranks = _ranks(len(boxes), down)
@@ -70,7 +74,7 @@ def arranged(
 
 
 def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[int]:
-    """The edges that close a cycle in a depth-first walk from `first`."""
+    """Return the edges that close a cycle in a depth-first search from `first`."""
     leaving: list[list[int]] = [[] for _ in range(count)]
     for number, (source, _) in enumerate(edges):
         leaving[source].append(number)
@@ -97,7 +101,7 @@ def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[in
 
 
 def _ranks(count: int, down: Sequence[tuple[int, int]]) -> list[int]:
-    """The longest path to each vertex; `down` has no cycles."""
+    """Return the length of the longest path to each vertex; `down` has no cycles."""
     ranks = [0] * count
     for _ in range(count):
         for source, target in down:
@@ -119,7 +123,7 @@ def _neighbours(layout: Layout) -> tuple[Neighbours, Neighbours]:
 
 
 def _order(layout: Layout, above: Neighbours, below: Neighbours) -> None:
-    """Sort every layer by the mean place of its neighbours, down and up in turn."""
+    """Sort every layer by the mean position of each vertex's neighbours, in sweeps down and up."""
     place = {v: float(i) for layer in layout.layers for i, v in enumerate(layer)}
     for sweep in range(_SWEEPS):
         neighbours = below if sweep % 2 else above
@@ -150,8 +154,8 @@ def _place(layout: Layout, above: Neighbours, below: Neighbours) -> None:
 
 
 def _apart(layout: Layout, layer: Sequence[int], wanted: Sequence[float]) -> list[float]:
-    """The positions nearest to the wanted ones (least squares) that keep the order and the gaps:
-    isotonic regression of what is left when the gaps are taken out."""
+    """Return the positions nearest to the wanted ones (least squares) that keep the order and the
+    gaps: isotonic regression of the positions after the gaps are subtracted."""
     offsets = [0.0]
     for a, b in pairwise(layer):
         offsets.append(offsets[-1] + layout.sizes[a].right + GAP + layout.sizes[b].left)

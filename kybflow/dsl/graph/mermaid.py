@@ -1,4 +1,4 @@
-"""The drawing of state machines as text for Mermaid."""
+"""Write the drawings of state machines as text for Mermaid."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from kybflow.dsl.plan import Plan
 
 
 def mermaid(plan: Plan) -> str:
-    """The state machines as one `stateDiagram-v2`, each in its own box."""
+    """Return the state machines as one `stateDiagram-v2`, each in its own box."""
     lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
     for number, drawing in enumerate(drawings(plan), start=1):
         lines += _box(f"m{number}", drawing)
@@ -40,6 +40,6 @@ def _box(prefix: str, drawing: Drawing) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Text as Mermaid takes it in a label; only our line breaks stay markup."""
+    """Return text for a label of Mermaid, in which only our line breaks remain markup."""
     escapes = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", ":": "#58;", ";": "#59;"}
     return "<br>".join("".join(escapes.get(c, c) for c in line) for line in text.split("<br>"))

@@ -1,4 +1,4 @@
-"""The drawing of a state machine as SVG: self-contained, no script, no font, no link."""
+"""Write the drawings of state machines as SVG without scripts, fonts or links."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _FOOTNOTE = (
 
 
 def svg(plan: Plan) -> str:
-    """The state machines as a self-contained SVG, in rows under the mission's name."""
+    """Return the state machines as a self-contained SVG, in rows under the mission's name."""
     title, summary = plan.mission, plan.summary
     drawn = [_drawing(drawing) for drawing in drawings(plan)]
     places, right, bottom = _in_rows([(width, height) for _, width, height in drawn])
@@ -72,8 +72,8 @@ def svg(plan: Plan) -> str:
 
 
 def _in_rows(sizes: Sequence[Point]) -> tuple[list[Point], float, float]:
-    """(where each drawing goes, the right end of all, their bottom); a row is no wider than _WIDE
-    unless one drawing is."""
+    """Return the position of each drawing, the right end of all, and their bottom. A row is at most
+    `_WIDE` wide unless it holds a single wider drawing."""
     places: list[Point] = []
     x, y, right, bottom = _MARGIN, float(_TOP), 0.0, float(_TOP)
     for width, height in sizes:
@@ -86,7 +86,7 @@ def _in_rows(sizes: Sequence[Point]) -> tuple[list[Point], float, float]:
 
 
 def _drawing(drawing: Drawing) -> tuple[str, float, float]:
-    """(the SVG of one machine, its width, its height)."""
+    """Return the SVG of one machine, its width and its height."""
     index = {box.name: i for i, box in enumerate(drawing.boxes)}
     loops = {e.source: e for e in drawing.edges if e.source == e.target}
     edges = [e for e in drawing.edges if e.source != e.target]
@@ -138,7 +138,8 @@ Ports = Mapping[tuple[int, int], float]
 
 
 def _ports(layout: Layout) -> Ports:
-    """Where each chain meets its boxes: (chain, 0 for its upper end and 1 for its lower) to x."""
+    """Return the x at which each chain meets its boxes, by (chain, end); the end is 0 for the upper
+    and 1 for the lower."""
     sides: dict[tuple[int, int], list[tuple[float, int]]] = {}
     for number, chain in enumerate(layout.chains):
         upper, lower = chain.vertices[0], chain.vertices[-1]
@@ -175,7 +176,7 @@ _MARKED = 'marker-end="url(#arrow)"'
 
 
 def _curve(points: Sequence[Point]) -> str:
-    """A path through the points that is vertical in each of them."""
+    """Return a path through the points that is vertical at each of them."""
     path = [f"M{points[0][0]:.1f} {points[0][1]:.1f}"]
     for (ax, ay), (bx, by) in pairwise(points):
         if abs(ax - bx) < 0.5:
@@ -187,7 +188,7 @@ def _curve(points: Sequence[Point]) -> str:
 
 
 def _begin(box: StateBox, x: float, y: float) -> str:
-    """The dot from which the machine begins, in the room that is kept left of its box."""
+    """Return the dot from which the machine begins, in the space left of its box."""
     left = x - _box_width(box) / 2
     return (
         f'<circle cx="{left - _BEGIN + 6:.1f}" cy="{y:.1f}" r="5" fill="#33414e"/>'

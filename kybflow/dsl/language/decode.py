@@ -1,5 +1,5 @@
-"""Decode nodes to records. `kybflow.dsl.language.shape` has checked their shape before, and
-imports, `like` and parameters are resolved."""
+"""Decode nodes to records. `kybflow.dsl.language.shape` has already checked the shape of the file,
+and imports, `like` and parameters are resolved."""
 
 from __future__ import annotations
 
@@ -68,8 +68,10 @@ _SURE = 0.75
 
 
 class Decoder:
-    """Decodes the nodes of one mission, each shared part once. `chains` are the chains that a
-    behavior's name could mean."""
+    """Decodes the nodes of one mission; a part that several vehicles share is decoded once.
+
+    chains: the names of the chains, which a behavior's name could have been meant for.
+    """
 
     def __init__(self, catalog: Catalog, found: Findings, chains: Iterable[str] = ()) -> None:
         self.catalog = catalog
@@ -80,15 +82,19 @@ class Decoder:
     def record(
         self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
     ) -> Any:
-        """The record at `node`; None where it has errors. `span` is its place in reports, `given`
-        are fields that are already known."""
+        """Return the record at `node`, or None if it has errors, which are reported.
+
+        cls: the class of the record. span: its source location for reports. inherited: whether it
+        came through `like`. given: fields that are already known.
+        """
         values = self.values(cls, node, span, inherited, **given)
         return None if values is None else cls(**values)
 
     def values(
         self, cls: Any, node: Node, span: Span, inherited: bool = False, **given: Any
     ) -> dict[str, Any] | None:
-        """The fields of the record at `node`; None where it has errors."""
+        """Return the fields of the record at `node` by name, or None if it has errors. The
+        arguments are those of `record`."""
         layout, before = layout_of(cls), len(self.found.all)
         like_a_part = cls.missing == "KYB108"  # a `null` is judged as its parameters' are
         body = node if isinstance(node, Mapping) else Mapping({}, node.span)
@@ -128,8 +134,12 @@ class Decoder:
         head: Span,
         beside: Collection[str] = (),
     ) -> Any:
-        """The parameters of `part` as `cls`; None where they have errors. Missing ones are reported
-        at `head`; `beside` are other keys that an unknown one could mean."""
+        """Return the parameters of `part` in `body` as `cls`, or None if they have errors, which
+        are reported.
+
+        head: the location at which missing parameters are reported. beside: other valid keys, which
+        an unknown key could have been meant for.
+        """
         layout, values, before = layout_of(cls), dict[str, Any](), len(self.found.all)
         keys = layout.own
         for key, entry in body.entries.items():
@@ -148,17 +158,18 @@ class Decoder:
     def _missing(
         self, code: str, owner: str, field: Field, body: Mapping, known: Container[str], span: Span
     ) -> None:
-        """KYB102 for a key that a record lacks, KYB108 for a parameter."""
+        """Report KYB102 for a missing key of a record, or KYB108 for a missing parameter."""
         if code == "KYB102":
             self.found.report(code, f"a {owner} needs `{field.key}`", head_of(body))
         elif not nearest(field.key, [key for key in body.entries if key not in known]):
-            # else the misspelt key is reported already
+            # otherwise the misspelt key is already reported
             message = f"`{owner}` needs `{field.key}`"
             self.found.report(code, message, span, help=how_to_write(field))
 
     def part(self, kind: PartOf | str, node: Node, beside: Collection[str] = ()) -> PartPlan | None:
-        """The part of a kind that `node` names, alone or with its parameters. `beside` are keys
-        that are no parameters. A node that vehicles share is decoded once."""
+        """Return the part of a kind that `node` names, alone or with its parameters, or None if it
+        has errors. beside: the keys in `node` that are not parameters. A node that vehicles share
+        is decoded once."""
         kind = part_of(kind) if isinstance(kind, str) else kind
         key = (kind.kind, id(node))
         if key not in self._parts:
@@ -188,7 +199,8 @@ class Decoder:
     def named_part(
         self, kind: str, name: Scalar, body: Mapping, label: str, beside: Collection[str] = ()
     ) -> PartPlan | None:
-        """The part called `name` with its parameters in `body`; None where something is wrong."""
+        """Return the part called `name` with its parameters in `body`, or None if either has
+        errors."""
         spec = self._spec(kind, name)
         params = spec and self.parameters(spec.params, body, spec.name, name.span, beside)
         if spec is None or params is None:
@@ -215,16 +227,16 @@ class Decoder:
             return None
 
     def misplaced(self, node: Node, key: str) -> bool:
-        """Report a point where a name is needed as KYB103, and return whether there is one: a
-        parameter or a point of the world can bring one after the check of the shape."""
+        """Report KYB103 and return True if `node` is a point where a name is needed. A parameter or
+        a point of the world can put one there after the shape was checked."""
         if isinstance(node, Sequence):
             message = f"`{key}` must be a name, but this is a point"
             self.found.report("KYB103", message, node.span)
         return isinstance(node, Sequence)
 
     def request(self, entry: MappingEntry) -> Request | None:
-        """The state that a vehicle is asked to enter, with its values as the source; None, and a
-        finding, for anything else."""
+        """Return the state that a vehicle is requested to enter, with its values as the source.
+        Report KYB244 and return None if the entry is anything else."""
         node, name = entry.value, entry.key.text
         if isinstance(node, Scalar):
             return Request(node.text, source=Source(node.as_text.span))
@@ -273,7 +285,7 @@ class Decoder:
         return values if kind.as_dict else tuple(values.values())
 
     def _nested(self, entry: MappingEntry, field: Field) -> Any:
-        """A record under a key, which is its place for reports."""
+        """Return a nested record, whose key is its source location for reports."""
         kind: Any = field.type
         if issubclass(kind.cls, Record):
             own = {"name": field.key} if "name" in layout_of(kind.cls).computed else {}
@@ -282,7 +294,7 @@ class Decoder:
         return self.parameters(kind.cls, entry.value, kind.cls.title, entry.key.span)
 
     def _list(self, entry: MappingEntry, field: Field) -> Any:
-        """A list; a record with errors is left out."""
+        """Return a list without the records that have errors."""
         kind: Any = field.type
         if not isinstance(kind.item, RecordOf):
             return self._plain(entry, field)
@@ -291,7 +303,7 @@ class Decoder:
         return tuple(one for one in records if one is not None)
 
     def _uses(self, entry: MappingEntry, field: Field) -> Any:
-        """A list of parts, or of records of parts, with different names."""
+        """Return a list of parts, or of records of parts, and report a name that occurs twice."""
         kind: Any = field.type
         uses: list[Any] = []
         parts: dict[str, PartPlan] = {}
@@ -311,8 +323,8 @@ class Decoder:
         return tuple(uses)
 
     def _twice(self, first: PartPlan, second: PartPlan, written: Span) -> None:
-        """KYB142 for two parts of the list `written`; at the one of the list where the other is
-        from a stack."""
+        """Report KYB142 for two parts of the same name in the list `written`. If exactly one of
+        them is written in that list and the other comes from a stack, report at the former."""
         is_first, is_second = (use.span.is_in(written) for use in (first, second))
         own, other = (first, second) if is_first and not is_second else (second, first)
         note, hint = f"the stack has it at {other.span.at}", "leave out yours: the stack has it"
@@ -340,14 +352,14 @@ _READERS: dict[type[ValueType], _Reader] = {
     PartOf: lambda decoder, entry, field: decoder.part(cast(PartOf, field.type), entry.value),
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
-"""What reads a value, by its type; `decode_value` reads all others."""
+"""The function that decodes a value of each type; `decode_value` decodes all others."""
 
 
 def meant(
     part: str, key: str, node: Mapping, known: dict[str, Field], beside: Collection[str]
 ) -> str:
-    """The help line for an unknown key: a similar parameter or other key, the one parameter that
-    fits the value, else every parameter."""
+    """Return the hint for an unknown key: a similar parameter or other key, or else the one
+    parameter that fits the value, or else all parameters."""
     if not known:
         return f"`{part}` has no parameters"
     if key.lower() in known and key.lower() in node.entries:
@@ -366,7 +378,8 @@ def meant(
 
 
 def _fitting(value: Node, known: Iterable[Field]) -> Iterator[str]:
-    """The parameters that can have a value: lists of the same depth, quantities with its unit."""
+    """Yield the parameters that could have a value: lists of the same depth, or quantities in its
+    unit."""
     for field in known:
         kind = field.type
         depth = len(kind.size) if isinstance(kind, Numbers) else int(isinstance(kind, ListOf))
@@ -381,7 +394,7 @@ def _fitting(value: Node, known: Iterable[Field]) -> Iterator[str]:
 
 
 def how_to_write(field: Field) -> str:
-    """A parameter as an author writes it, and what it is."""
+    """Return the hint that shows how to write a parameter, and what it is."""
     about = field.help.split(". ")[0].rstrip(".")
     example = example_of(field.type) if isinstance(field.type, Numbers) else "..."
     how = f"write `{field.key}: {example}`"

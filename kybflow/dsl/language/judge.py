@@ -1,5 +1,5 @@
-"""Check the shape of a file before anything is resolved. `shape` decides whether it is right;
-`jsonschema` finds what is wrong, and each of its errors becomes a finding in our words."""
+"""Check the shape of a file before anything is resolved. `shape` decides whether it is valid; if it
+isn't, `jsonschema` finds the errors, and each becomes a finding in the words of the language."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
 
 
 class SchemaViolation(NamedTuple):
-    """One error of `jsonschema`: the keyword that failed, what it wanted, the value and the schema;
-    the node that it is about, and the name by which a person would call that."""
+    """One error of `jsonschema`. keyword, wanted: the keyword that failed and its value. instance:
+    the invalid value. schema: the schema that contains the keyword. node: the node at which the
+    error occurred. name: what an author calls that node."""
 
     keyword: str
     wanted: Any
@@ -46,7 +47,8 @@ class SchemaViolation(NamedTuple):
 
 
 def judge_mission(root: Node, found: Findings) -> Mapping:
-    """The top level of a mission; its shape is checked."""
+    """Check the shape of a mission and return its top level; report what is wrong. Returns an empty
+    mapping if the file is not a mission."""
     if isinstance(root, Mapping) and "mission" in root.entries:
         found.add(judge_file(root, Plan))
         return root
@@ -57,12 +59,12 @@ def judge_mission(root: Node, found: Findings) -> Mapping:
 
 
 def is_library(root: Node) -> bool:
-    """Whether the file offers things to missions instead of being one."""
+    """Return whether the file is a library, not a mission."""
     return isinstance(root, Mapping) and "library" in root.entries and "mission" not in root.entries
 
 
 def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
-    """The findings in the shape of a whole file, a `Plan` or a `Library`."""
+    """Return the findings about the shape of a whole file. kind: `Plan` or `Library`."""
     if has_shape(root, kind):
         return []
     found: list[Diagnostic] = []
@@ -77,13 +79,13 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
 
 @functools.cache
 def _validator(kind: Any) -> Validator:
-    from jsonschema import Draft202012Validator  # takes longer to import than all else in `dsl`
+    from jsonschema import Draft202012Validator  # slower to import than the rest of `dsl`
 
     return Draft202012Validator(record_schema(kind))
 
 
 def _locate(root: Node, path: Any) -> tuple[Node, str]:
-    """The node at `path` and the name by which a person would call it."""
+    """Return the node at `path`, and what an author calls it."""
     node, name = root, ""
     for step in path:
         if isinstance(node, Mapping):
@@ -138,7 +140,8 @@ def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
 
 
 def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
-    """A name of a mapping, or the title of a file; any other text is a value."""
+    """Explain an invalid name in a mapping, or an invalid title of a file; explain any other text
+    as a value."""
     most, name = fault.schema.get("maxLength"), str(fault.instance)
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
@@ -153,7 +156,7 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
 
 
 def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
-    """A wrong type, pattern, bound or choice, in the words of the decoder where it has some."""
+    """Explain a wrong type, pattern, bound or choice, with the decoder's message if it has one."""
     node, name = fault.node, fault.name
     schema = fault.schema
     field = _field(name, schema)
@@ -179,7 +182,8 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
 
 
 def _way_out(fault: SchemaViolation, types: list[str]) -> str:
-    """How to write a value of one of `types`; empty where that is unknown."""
+    """Return the hint how to write a value of one of `types`, or an empty string if none is
+    known."""
     node, name, schema = fault.node, fault.name, fault.schema
     if name in CONDITIONS:
         return "write a condition, like `state.altitude > 1 m`"
@@ -201,7 +205,8 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
 
 
 def _reshaped(node: Node, types: list[str], name: str) -> str:
-    """How a list, or a mapping, is written that is the other one or a bare text."""
+    """Return the hint how to write a mapping where a list is written, or a list where a mapping or
+    a text is written; empty if neither applies."""
     if types == ["object"] and isinstance(node, Sequence):
         return f"write it in braces: `{name}: {{...}}`" if name else ""
     if types == ["array"] and isinstance(node, Mapping):
@@ -212,7 +217,8 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
 
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:
-    """The field of a schema, with what the decoder needs of it; None where there is none."""
+    """Return a field for the schema with what the decoder needs of it, or None if the decoder can't
+    decode such a value."""
     bounds: Any = {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
     dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
     if dimension is not None:
@@ -227,7 +233,7 @@ def _field(name: str, schema: dict[str, Any]) -> Field | None:
 
 
 def _flow(value: Any) -> str:
-    """An example as YAML in one line."""
+    """Return an example as YAML in one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
     return "[" + ", ".join(map(_flow, value)) + "]" if isinstance(value, list) else str(value)

@@ -1,9 +1,9 @@
-"""The published schema, from which editors complete: every record of the language, and every part's
-parameters where a part is named.
+"""The published schema, which editors use for completion: every record of the language, and a
+part's parameters after the part's name.
 
 A language server offers `null` wherever a `type` allows it, and inserts a list wherever it finds
-`items`. The constraints of a value are therefore behind an `if`, which the server uses to validate
-but not to complete. Null is valid there: it removes what `like` brought.
+`items`. The constraints of a value are therefore inside an `if`, which the server uses to validate
+but not to complete. `null` is valid there: it removes what `like` brought.
 """
 
 from __future__ import annotations
@@ -35,12 +35,13 @@ _ANY_NAME: Schema = {"defaultSnippets": [{"label": "NAME", "body": "\n  ${1:name
 
 
 def schema_text(catalog: Catalog) -> str:
-    """The published schema as it is committed."""
+    """Return the published schema as it is committed, in JSON."""
     return json.dumps(mission_schema(catalog), indent=1, ensure_ascii=False) + "\n"
 
 
 def mission_schema(catalog: Catalog) -> Schema:
-    """The schema that editors complete from; a part's parameters follow from its name."""
+    """Return the schema that editors use for completion. The parameters of a part depend on its
+    name."""
     editor = Editor(catalog)
     root = editor.schemas.record(Plan)
     draft = "https://json-schema.org/draft/2020-12/schema"
@@ -48,8 +49,8 @@ def mission_schema(catalog: Catalog) -> Schema:
 
 
 class Editor:
-    """Finishes the schemas of records and values for editors. `shared` are the parts of each kind
-    and the quantities of each dimension, to which the schemas refer."""
+    """Completes the schemas of records and values for editors. shared: the schemas of each kind of
+    part and of each dimension, to which the other schemas refer."""
 
     def __init__(self, catalog: Catalog) -> None:
         self.schemas = Schemas(self._finished)
@@ -79,7 +80,8 @@ class Editor:
         """Values that every mission may have, for keys of records and of their `next`."""
 
     def _finished(self, schema: Schema, field: Field, may_lack: bool) -> Schema:
-        """The schema as editors read it, with a part's parameters and values to insert."""
+        """Return the schema as editors need it, with the parameters of parts and with values to
+        insert."""
         kind = field.type
         cls = kind.cls if isinstance(kind, RecordOf) else None
         part = kind if isinstance(kind, PartOf) else layout_of(cls).part if cls else None
@@ -101,7 +103,8 @@ class Editor:
         return {"description": about, "$ref": f"#/$defs/{part.kind}"}
 
     def _apart(self, schema: Schema, field: Field, may_lack: bool) -> Schema:
-        """Separate the constraints of a value from what an editor shows and inserts."""
+        """Return the schema with the constraints of a value separated from what an editor shows and
+        inserts."""
         kind, types = field.type, schema["type"]
         types = [types] if isinstance(types, str) else types
         needed = " or ".join(KINDS[one] for one in types).capitalize() + " is needed."
@@ -122,7 +125,7 @@ class Editor:
         return {**shown, "if": _NOTHING, "else": right} if may_lack else {**shown, **right}
 
     def _shared(self, numbers: Schema) -> Schema:
-        """The schema of numbers, which refers to the shared one of their dimension."""
+        """Return the schema of numbers with a reference to the shared schema of their dimension."""
         if "items" in numbers:
             return {**numbers, "items": self._shared(numbers["items"])}
         dimension = DIMENSIONS[numbers["x-dimension"]]
@@ -132,7 +135,7 @@ class Editor:
         return {"$ref": f"#/$defs/{name}", **bounds}
 
     def _chosen(self, part: PartOf, schema: Schema) -> Schema:
-        """What a part's name may be, and its parameters once the name is written."""
+        """Return the schema of a part: the valid names, and for each name its parameters."""
         word, own = part.word, schema["properties"]
         specs = {
             name: self._catalog.get(part.kind, name) for name in self._catalog.names(part.kind)
@@ -150,8 +153,9 @@ class Editor:
         return {**whole, **bare} if "string" in schema["type"] else whole
 
     def _case(self, word: str, name: str, spec: PartSpec, own: Schema) -> Schema:
-        """A part's parameters, for its exact name. While it completes, a server takes the beginning
-        of a constant for the whole, `follow` for `follow_path`, but matches a pattern exactly."""
+        """Return the schema of a part's parameters for its exact name. A language server that
+        completes accepts the beginning of a constant in place of the whole, such as `follow` for
+        `follow_path`, but matches a pattern exactly."""
         written = {"properties": {word: {"const": name, "pattern": f"^{name}$"}}}
         properties = {**dict.fromkeys(own, True), **self.schemas.properties(spec.fields)}
         then = {
@@ -162,7 +166,7 @@ class Editor:
         return {"if": {**written, "required": [word]}, "then": then}
 
     def _with_packages(self, action: Schema) -> Schema:
-        """The schema of one action, including those of packages."""
+        """Return the schema of one action, including the actions of packages."""
         properties = action["properties"]
         for name in self._catalog.names("actions"):
             spec = self._catalog.get("actions", name)
@@ -172,7 +176,7 @@ class Editor:
 
 
 def _offer(properties: Schema, texts: dict[str, list[str]]) -> None:
-    """Offer values for the keys of a mapping and of its `next`."""
+    """Add values to insert to the keys of a mapping and of its `next`."""
     for key, value in properties.items():
         if key == "next":
             _offer(value["items"]["properties"], texts)

@@ -1,4 +1,4 @@
-"""Make the JSON Schema of every record of the language and of a part's parameters.
+"""Generate the JSON Schema of the records of the language and of a part's parameters.
 
 `x-dimension` names the dimension of a quantity, for findings. `errorMessage` and `defaultSnippets`
 are keywords of the language servers of editors; other validators ignore them.
@@ -41,14 +41,15 @@ from kybflow.dsl.reading.values import bounds_of, diagonal, shown_value
 
 Schema = dict[str, Any]
 Finish = Callable[[Schema, Field, bool], Schema]
-"""Completes the schema of a field's value, given whether the key may be missing."""
+"""A function that completes the schema of a field's value. Its last argument is whether the key may
+be missing."""
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 _PARAMETER = r"\$[A-Za-z_]\w*"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
 PARAMETER, PLACE = re.compile(rf"^{_PARAMETER}$"), re.compile(_PLACE)
-"""Match a text in place of a value until parameters and points of the world are resolved."""
+"""Match a text that stands for a value until parameters and points of the world are resolved."""
 NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"
-"""Python's `$` alone would let a line break end the name."""
+"""The pattern of a name. With `$` alone, Python would accept a line break after the name."""
 DOTTED = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*(?!\n)$"
 NAMES = {"name": re.compile(NAME), "dotted": re.compile(DOTTED), "any": re.compile("")}
 TITLE_LENGTH = 60
@@ -58,7 +59,7 @@ BOUNDS = {
     "exclusiveMaximum": "below",
     "maximum": "at_most",
 }
-"""The bounds of a schema, and what a field calls them."""
+"""The name of each JSON Schema bound in `Field`."""
 KINDS = {
     "object": "a mapping",
     "array": "a list",
@@ -68,14 +69,14 @@ KINDS = {
     "integer": "a whole number",
     "null": "nothing",
 }
-"""The types of JSON in words."""
+"""The JSON types in words."""
 _NAMED = "A name has letters, digits and `_`, and begins with no digit."
 _PLAIN = ("integer", "boolean", "text", "file", "file path", "integers", "names")
 
 
 def with_null(schema: Schema, _: Field, may_lack: bool) -> Schema:
-    """The schema with `null` allowed where the key may be left out: it is the same as not
-    written."""
+    """Return the schema with `null` allowed if the key may be left out; `null` means that the key
+    is not written."""
     if not may_lack or "type" not in schema:
         return schema
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
@@ -84,27 +85,29 @@ def with_null(schema: Schema, _: Field, may_lack: bool) -> Schema:
 
 
 def record_schema(cls: Any) -> Schema:
-    """The schema with which `jsonschema` checks the mapping of a record."""
+    """Return the schema with which `jsonschema` checks the mapping of a record."""
     return Schemas().record(cls)
 
 
 class Schemas:
-    """Makes the schemas of records and values. `finish` completes each value's."""
+    """Generates the schemas of records and values. finish: completes the schema of each value."""
 
     def __init__(self, finish: Finish = with_null) -> None:
         self._finish = finish
 
     def record(self, cls: Any, help: str = "") -> Schema:
-        """The schema of a record's mapping; `help` describes it at this place."""
+        """Return the schema of a record's mapping. help: describes it, in place of its
+        docstring."""
         about = help or " ".join(cls.__doc__.partition("\n\n")[0].split())
         return self.mapping(layout_of(cls), cls.title, about)
 
     def properties(self, fields: Iterable[Field], needed: Container[str] = ()) -> Schema:
-        """The schemas of the values of several keys; the others may be left out."""
+        """Return the schemas of the values of several keys. needed: the keys that may not be left
+        out."""
         return {field.key: self.value(field, field.key not in needed) for field in fields}
 
     def value(self, field: Field, may_lack: bool = False) -> Schema:
-        """The schema of the value of one key."""
+        """Return the schema of the value of one key."""
         make = _ALONE.get(field.type) or _MAKERS.get(type(field.type))
         text: Schema = {"description": _help(field), "type": "string"}
         whole = make(self, field.type, field) if make else text
@@ -113,7 +116,7 @@ class Schemas:
         return self._finish(whole, field, may_lack)
 
     def mapping(self, layout: RecordLayout, title: str, about: str) -> Schema:
-        """The schema of a mapping with the keys of a layout."""
+        """Return the schema of a mapping with the keys of a layout."""
         has_like = "like" in layout.keys
         needed = () if has_like else layout.needed
         is_use = layout.part is not None and layout.part.word == "use"
@@ -140,7 +143,7 @@ class Schemas:
         return whole
 
     def _scalar(self, kind: Any, field: Field) -> Schema:
-        """A whole number, or a boolean."""
+        """Return the schema of an integer or a boolean."""
         either = {"type": [kind.shape, "string"], "pattern": f"^{_PARAMETER}$"}
         words = ("true", "false") if kind is BOOLEAN else (_example(field),)
         return {
@@ -161,8 +164,8 @@ class Schemas:
         }
 
     def _numbers(self, kind: Any, field: Field) -> Schema:
-        """A number with a unit, a bare number where the dimension allows it, or `$name`; lists of
-        them."""
+        """Return the schema of numbers: each with a unit, without one if the dimension allows that,
+        or `$name`."""
         return {
             "description": _help(field),
             "defaultSnippets": snippets((_example(field),)),
@@ -179,7 +182,7 @@ class Schemas:
         return {**whole, "minItems": field.least} if field.least else whole
 
     def _uses(self, kind: Any, field: Field) -> Schema:
-        """A list of parts, of records of parts, or of stacks."""
+        """Return the schema of a list of parts, of records of parts, or of stacks."""
         stack = Field("A stack: its parts for this list stand here.", key="stack")
         if isinstance(kind.item, PartOf):
             layout, title, about = part_layout(kind.item), kind.item.kind[:-1], "One of them."
@@ -212,7 +215,8 @@ class Schemas:
         return {**whole, "minProperties": field.least} if field.least else whole
 
     def _use(self, kind: Any, field: Field) -> Schema:
-        """A part by its bare name, or a mapping with `use` and its parameters."""
+        """Return the schema of a part: its name alone, or a mapping with `use` and its
+        parameters."""
         return self.mapping(part_layout(kind), kind.kind[:-1], field.help)
 
     def _request(self, _: Any, field: Field) -> Schema:
@@ -222,7 +226,7 @@ class Schemas:
         return self._either(about, inside)
 
     def _either(self, about: str, inside: Field) -> Schema:
-        """A name, or a mapping with one."""
+        """Return the schema of a name, or of a mapping whose values are described by `inside`."""
         return {"description": about, "type": ["string", "object"], "minProperties": 1,
                 "additionalProperties": self.value(inside, may_lack=True)}  # fmt: skip
 
@@ -253,11 +257,12 @@ _MAKERS: dict[type[ValueType], _Maker] = {
         "type": list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0],
     },
 }  # fmt: skip
-"""What makes the schema of a value, by its type; any other is a text."""
+"""The method that makes the schema of each type of value; any other type is a text."""
 
 
 def numbers_schema(dimension: Dimension, size: tuple[int | None, ...], field: Field) -> Schema:
-    """The schema of numbers of a `size`, within the bounds of a field."""
+    """Return the schema of numbers of the given size (as in `Numbers`), within the bounds of the
+    field."""
     one = f"{article(dimension.name)}, like `{dimension.example}`"
     if not size:
         units = "|".join(unit.replace("^", r"\^") for unit in dimension.units)
@@ -289,7 +294,7 @@ def numbers_schema(dimension: Dimension, size: tuple[int | None, ...], field: Fi
 
 
 def snippets(texts: Iterable[str]) -> list[dict[str, str]]:
-    """What an editor offers to insert."""
+    """Return texts in the form in which an editor inserts them."""
     return [{"label": text, "body": text} for text in texts]
 
 
@@ -303,8 +308,8 @@ def _bounds(field: Field) -> dict[str, float]:
 
 
 def _help(field: Field) -> str:
-    """The description that an editor shows of a key: its help, default and bounds, and how a
-    quantity is written."""
+    """Return the description that an editor shows for a key: its help, default and bounds, and how
+    to write a quantity."""
     kind = field.type
     is_plain = isinstance(kind, Numbers | Choice) or kind.shape in _PLAIN
     has_default = is_plain and not field.required and field.default not in (None, (), "")
@@ -320,7 +325,8 @@ def _help(field: Field) -> str:
 
 
 def _example(field: Field) -> str:
-    """Numbers, or whole ones, to begin with: the default, else some inside of the bounds."""
+    """Return an initial value for numbers or integers: the default, or else a value within the
+    bounds."""
     kind = field.type
     if field.default not in (None, ()):
         return shown_value(field.default, field)

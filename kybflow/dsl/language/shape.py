@@ -1,6 +1,6 @@
-"""Whether a file has the shape that the records declare, before `$name` and `like` are resolved and
-parts are looked up. `jsonschema` explains what is wrong, by the schema of the same records
-(ADR 22)."""
+"""Check whether a file has the shape that the records declare, before `$name` and `like` are
+resolved and parts are looked up. If it hasn't, `jsonschema` explains the errors with the schema of
+the same records (ADR 22)."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ _JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(No
 
 
 def has_shape(node: Node, cls: Any) -> bool:
-    """Whether a tree is the mapping of a record."""
+    """Return whether a tree has the shape of a record."""
     return _is_laid_out(node, layout_of(cls))
 
 
 def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
-    """Whether a tree has the keys of a layout, with fitting values."""
+    """Return whether a tree has the keys of a layout, with values of the right types."""
     if not isinstance(node, Mapping):
         return layout.part is not None and layout.part.word == "use" and _is_text(node)
     entries, keys = node.entries, layout.keys
@@ -75,7 +75,7 @@ def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
 
 
 def _fits(node: Node, kind: ValueType, field: Field) -> bool:
-    """Whether a value may be of a type, where `field` has its bounds."""
+    """Return whether a value has the type `kind`. field: has the bounds of the value."""
     judge = _ALONE.get(kind) or _JUDGES[type(kind)]
     return judge(node, kind, field)
 
@@ -128,7 +128,7 @@ def _is_sensors(node: Node, kind: Any, field: Field) -> bool:
 
 
 def _are_uses(node: Node, kind: Any, field: Field) -> bool:
-    """Whether each item is a use of a part, or a stack alone."""
+    """Return whether each item is a use of a part, or only a stack."""
     if not isinstance(node, Sequence):
         return False
     for item in node.items:
@@ -155,7 +155,8 @@ def _are_sized(node: Node, kind: Numbers, size: tuple[int | None, ...], field: F
 
 
 def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
-    """Whether it is a quantity; only a bare number is held against its bounds here."""
+    """Return whether the node is a quantity. The bounds are checked only for a number without a
+    unit."""
     if is_null(node) or isinstance(value := to_json(node), bool):
         return False
     try:
@@ -191,4 +192,4 @@ _JUDGES: dict[type[ValueType], _Judge] = {
     PartOf: lambda node, kind, _: _is_laid_out(node, part_layout(kind)),
     UsesOf: _are_uses, AnyOf: _is_any_of,
 }  # fmt: skip
-"""The check of a value, by its type."""
+"""The function that checks a value of each type."""

@@ -1,4 +1,4 @@
-"""The place of a record in the text, kept beside its values."""
+"""Records, which keep their source locations beside their values."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from kybflow.dsl.reading.nodes import (
 )
 
 NO_PLACE = Span("", 1, 1, 1, 1)
-"""The place of values that no file has."""
+"""The span of values that are in no file."""
 
 
 class Source(NamedTuple):
-    """What a record was decoded from: the place to report, its mapping, and whether it came through
-    `like`."""
+    """The source of a record. span: its location for reports. node: the mapping from which it was
+    decoded. inherited: whether it came through `like`."""
 
     span: Span = NO_PLACE
     node: Mapping = Mapping({}, NO_PLACE)
@@ -36,7 +36,7 @@ NOWHERE = Source()
 
 @functools.cache
 def _worked_out(cls: Any) -> tuple[str, ...]:
-    """The cached properties of a class."""
+    """Return the names of the cached properties of a class."""
     return tuple(
         name
         for base in cls.__mro__
@@ -49,12 +49,13 @@ def _worked_out(cls: Any) -> tuple[str, ...]:
 class Record:
     """A decoded mapping of the language.
 
-    title: its name in reports. like: the help of its key `like`, where it may start from another.
-    others: the type of values under any other key, where such keys are allowed. is_whole: a file
-    must have its keys without a default, unless it has `like`. missing: the code for a key that is
-    still missing; with KYB108 it is treated as a part's parameters and left out where one is wrong.
-    least: the least number of keys. terse: its text leaves out defaults. block: its text has a line
-    for each key.
+    title: its name in reports. like: the help of its key `like`, or empty if the record can't start
+    from another one. others: the type of the values under any other key, None if other keys are not
+    allowed. is_whole: whether a file must have the keys without a default, unless it has `like`.
+    missing: the code of the finding for a missing key; a record with KYB108 is treated like a
+    part's parameters and left out if one of them is wrong. least: the least number of keys. terse:
+    whether its text omits defaults. block: whether its text has a line for each key. leading: the
+    keys that come first.
     """
 
     title: ClassVar[str] = ""
@@ -70,7 +71,7 @@ class Record:
     source: Source = field(default=NOWHERE, kw_only=True, compare=False, repr=False)
 
     def but(self, **changes: Any) -> Self:
-        """A copy with other values and without cached properties."""
+        """Return a copy with other values and without the cached properties."""
         copy: Self = object.__new__(self.__class__)
         values = copy.__dict__
         values.update(self.__dict__)
@@ -82,16 +83,16 @@ class Record:
 
     @property
     def span(self) -> Span:
-        """The place to report."""
+        """The source location for reports."""
         return self.source.span
 
     @property
     def inherited(self) -> bool:
-        """Whether it came through `like`."""
+        """Whether the record came through `like`."""
         return self.source.inherited
 
     def entry(self, key: str) -> MappingEntry | None:
-        """A key as it is written; None for one that is not, or is null."""
+        """Return a key with its value as written; None if the key is not written or null."""
         found = self.source.node.entries.get(key)
         return None if found is None or is_null(found.value) else found
 
@@ -99,8 +100,9 @@ class Record:
         return key in self.source.node.entries
 
     def span_of(self, *keys: str) -> Span:
-        """The place of a key's value, `span_of("start", "at")` inside of it; the record's where it
-        is not written."""
+        """Return the location of a key's value. Several keys lead to a nested value:
+        `span_of("start", "at")`. For a key that is not written, return the location of the
+        innermost value that is."""
         node: Node = self.source.node
         span = self.source.span
         for key in keys:
@@ -112,25 +114,25 @@ class Record:
         return span
 
     def key_span(self, key: str) -> Span:
-        """The place of a key; the record's where it is not written."""
+        """Return the location of a key, or of the record if the key is not written."""
         found = self.source.node.entries.get(key)
         return self.source.span if found is None else found.key.span
 
     def text_of(self, key: str) -> Text | None:
-        """The text of a key's value with its place; None where there is none."""
+        """Return the text of a key's value with its location, or None if there is none."""
         found = self.source.node.entries.get(key)
         if found is None or not isinstance(value := found.value, Scalar) or value.is_null:
             return None
         return value.as_text
 
     def pairs(self, key: str) -> Iterator[tuple[Text, Node]]:
-        """(name, value) of each entry of a mapping, with their places."""
+        """Yield the key and the value of each entry of a mapping, with their locations."""
         written = self.entry(key)
         for entry in entries_of(None if written is None else written.value).values():
             yield entry.key.as_text, entry.value
 
     def texts_of(self, key: str) -> tuple[Text, ...]:
-        """The texts of a list, each with its place."""
+        """Return the texts of a list, each with its location."""
         found = self.entry(key)
         items = () if found is None else items_of(found.value)
         return tuple(item.as_text for item in items if isinstance(item, Scalar))

@@ -1,7 +1,8 @@
 """The tables of keys in `docs/mission-language.md`, one for each record, and the check that none is
 missing.
 
-A table is between `<!-- keys: TITLE -->` and `<!-- end -->`, where TITLE is the record's title.
+A table is between `<!-- keys: TITLE -->` and `<!-- end -->`, where TITLE is the title of the
+record.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _HEAD = "| key | what it is | value | default |\n|---|---|---|---|"
 
 
 def records() -> dict[str, Any]:
-    """Every record of the language, by its title, from the file down."""
+    """Return every record of the language by its title, outer records first."""
     found: dict[str, Any] = {}
     waiting: list[Any] = [Plan, Library]
     while waiting:
@@ -52,7 +53,7 @@ def _innermost(kind: ValueType) -> ValueType:
 
 
 def with_tables(page: Path) -> str:
-    """The text of a page with the tables of its records. Raises KeyError for an unknown title."""
+    """Return the text of a page with its tables filled in. Raises KeyError for an unknown title."""
     known = records()
 
     def table(match: re.Match[str]) -> str:
@@ -62,7 +63,7 @@ def with_tables(page: Path) -> str:
 
 
 def missing_tables(page: str) -> list[str]:
-    """The titles of the records that a page has no table of."""
+    """Return the titles of the records for which a page has no table."""
     there = {match[2] for match in _PLACE.finditer(page)}
     return [title for title, cls in records().items() if title not in there and fields_of(cls)]
 
@@ -87,7 +88,8 @@ def _rows(cls: Any) -> Iterator[str]:
 
 
 def _is_needed(cls: Any, field: Field) -> bool:
-    """Whether a key must be written, in the file itself or in what it is `like`."""
+    """Return whether a key must be written, in the file itself or in the record that it starts from
+    with `like`."""
     return is_needed(cls, field) or (field.required and field.needed is None)
 
 
@@ -96,7 +98,7 @@ def _row(*cells: str) -> str:
 
 
 def _words(kind: ValueType, field: Field) -> str:
-    """The type of a value, in words."""
+    """Return the type of a value in words."""
     if isinstance(kind, Numbers | Choice):
         return type_of(replace(field, type=kind))
     if isinstance(kind, PartOf):
@@ -112,7 +114,7 @@ def _words(kind: ValueType, field: Field) -> str:
 
 
 def _several(kind: ValueType, field: Field) -> str:
-    """The type of several values, in words."""
+    """Return the type of several values in words."""
     if isinstance(kind, PartOf):
         return f"{kind.kind} with their parameters"
     if isinstance(kind, RecordOf):

@@ -1,5 +1,6 @@
-"""Records to YAML that reads back as the same, exact to the last digit: no import, no `like`, no
-parameter, every default written, and where each line came from."""
+"""Write records as YAML that is read back as the same records, exact to the last digit. The text
+has no import, `like` or parameter; every default is written, and each line has its origin as a
+comment."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.dsl.world import World
 
 YamlLine = tuple[str, str]
-"""A line of YAML, and where it came from; empty for a default."""
+"""A line of YAML and its origin, which is empty for a default."""
 _WRITTEN = {ANGLE: (DEG, "deg"), ANGULAR_RATE: (DEG, "deg/s"), RATIO: (0.01, "%")}
 _PLAIN_FIRST = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ")
 _RESERVED = frozenset({"true", "false", "null", "True", "False", "Null", "yes", "no", "on", "off"})
@@ -35,7 +36,8 @@ _NOTHING: tuple[Any, ...] = (None, (), {}, "", World())
 
 
 def to_yaml(plan: Plan) -> str:
-    """The text of a plan with unresolved names, each line with its origin as a comment."""
+    """Return the text of a plan whose names are not resolved yet, each line with its origin as a
+    comment."""
     lines = [*_lines(plan, "", {"airframes": (), "control": float(plan.control_rate)})]
     lines += _target(plan)
     width = min(max(len(line) for line, _ in lines), 76)
@@ -45,7 +47,8 @@ def to_yaml(plan: Plan) -> str:
 
 
 def _lines(record: Record, indent: str, instead: dict[str, Any]) -> Iterator[YamlLine]:
-    """A record, a line for each key; `instead` replaces some values."""
+    """Yield the lines of a record, one for each key. instead: values that replace those of some
+    fields."""
     own: Any = record.__class__
     for field in fields_of(own):
         value = instead.get(field.name, getattr(record, field.name))
@@ -85,7 +88,7 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
 
 
 def _named(record: Record, field: Field, name: str, item: Any, indent: str) -> Iterator[YamlLine]:
-    """An entry of a mapping of names."""
+    """Yield the lines of one entry of a mapping of names."""
     assert isinstance(field.type, MappingOf)
     if isinstance(item, Record):
         if item.block:
@@ -99,13 +102,14 @@ def _named(record: Record, field: Field, name: str, item: Any, indent: str) -> I
     own_key = entries_of(entry.value)[name].key if entry is not None else None
     came_from = "" if own_key is None else own_key.span.at
     if isinstance(record, World):
-        # wherever the point was named stand its coordinates now: the name is kept, as its use
+        # uses of the point are coordinates now, so the comment keeps the name of the point
         came_from = f"{came_from}, {PREFIX}{name}"
     yield f"{indent}{name}: {_text(item, field.type.item, field)}", came_from
 
 
 def _target(plan: Plan) -> Iterator[YamlLine]:
-    """The chosen target, with the driver, tracker and sensors of each vehicle on it."""
+    """Yield the lines of the chosen target, with the driver, tracker and sensors of each
+    vehicle."""
     assert plan.target_text is not None
     name, is_written = plan.target_text, plan.target_text.span != plan.key_span("mission")
     yield "targets:", _place(plan, "targets")
@@ -137,7 +141,7 @@ def _target(plan: Plan) -> Iterator[YamlLine]:
 
 
 def _sensors(uses: list[SensorPlan]) -> Iterator[YamlLine]:
-    """The sensors of one estimator, as a list where there are several."""
+    """Yield the lines of the sensors of one estimator, as a list if there are several."""
     name = uses[0].estimators[0]
     if len(uses) == 1:
         yield f"        {name}: {_part(uses[0].part)}", _origin(uses[0].part)
@@ -148,14 +152,13 @@ def _sensors(uses: list[SensorPlan]) -> Iterator[YamlLine]:
 
 
 def _place(record: Record, key: str) -> str:
-    """The place of a key, and of the value that took the place of a `$name` there."""
+    """Return the location of a key, and of the value that replaced a `$name` there."""
     entry = record.entry(key)
     return "" if entry is None else entry.key.span.at + _given("", entry.value.span)
 
 
 def _origin(record: Record) -> str:
-    """The places that a record and its values came from; each value that took the place of a
-    `$name` is named."""
+    """Return the location of a record, and of each value that replaced a `$name` in it."""
     own = record if isinstance(record, PartPlan) else getattr(record, "part", record)
     return str(own.span.at) + _notes(record)
 
@@ -167,7 +170,8 @@ def _notes(record: Record) -> str:
 
 
 def _given(name: str, span: Span) -> str:
-    """Where the value of a `$name` is from; empty without one."""
+    """Return where the value of a `$name` was written, with the key `name`; empty if there is no
+    such value."""
     if span.given is None:
         return ""
     return f", {name} from {span.given.at}" if name else f", from {span.given.at}"
@@ -178,7 +182,7 @@ def _part(use: PartPlan, word: str = "use") -> str:
 
 
 def _part_pairs(use: PartPlan, word: str) -> Iterator[str]:
-    """A part in its place, every parameter written."""
+    """Yield the name of a part and every parameter as `key: value`."""
     yield f"{word}: {use.name}"
     if word == "use" and use.alias != use.name:
         yield f"as: {use.alias}"
@@ -186,8 +190,8 @@ def _part_pairs(use: PartPlan, word: str) -> Iterator[str]:
 
 
 def _pairs(record: Any, is_terse: bool = False) -> Iterator[str]:
-    """Every key that has a value, as `key: value`. An empty path is left out: it is a default that
-    no mission can write."""
+    """Yield every key that has a value as `key: value`. An empty path is omitted: it is a default
+    that no mission can write."""
     for field in fields_of(record.__class__):
         value, kind = getattr(record, field.name), field.type
         if isinstance(kind, PartOf) and kind.word == field.key:
@@ -203,7 +207,7 @@ def _pairs(record: Any, is_terse: bool = False) -> Iterator[str]:
 
 
 def _flow(record: Any) -> str:
-    """A record in one line."""
+    """Return a record in one line."""
     if isinstance(record, ActionKeys):
         return _action(record)
     is_terse = getattr(record, "terse", False)
@@ -222,13 +226,13 @@ def _action(action: ActionKeys) -> str:
 
 
 def _request(request: Request) -> str:
-    """A state, with the values that it is entered with."""
+    """Return a state, with the values with which it is entered."""
     name, values = quoted(request.state), request.source.node
     return f"{{{name}: {as_written(values)}}}" if entries_of(values) else name
 
 
 def as_written(node: Node) -> str:
-    """A value as it was written."""
+    """Return a value as it was written, in one line."""
     if isinstance(node, Mapping):
         inside = (f"{key}: {as_written(entry.value)}" for key, entry in node.entries.items())
         return "{" + ", ".join(inside) + "}"
@@ -238,7 +242,7 @@ def as_written(node: Node) -> str:
 
 
 def _text(value: Any, kind: ValueType, field: Field) -> str:
-    """The value of a key in one line."""
+    """Return the value of a key in one line."""
     if isinstance(kind, Numbers):
         return _numbers(value, kind.dimension)
     if isinstance(kind, ListOf):
@@ -269,8 +273,8 @@ _WRITERS: dict[type, Callable[[Any], str]] = {
 
 
 def quantity(value: float, dimension: Dimension) -> str:
-    """The exact value with its unit: in SI, or as an author writes it where that is as exact and
-    SI would need more digits: `18 mm`."""
+    """Return the exact value with its unit: angles in degrees and ratios in percent if that is
+    exact, otherwise in SI, or in a unit that needs fewer digits, such as `18 mm`."""
     factor, unit = _WRITTEN.get(dimension, (1.0, ""))
     text = f"{value / factor:g} {unit}"
     if unit and parse_quantity(text, dimension) == value:
@@ -284,7 +288,7 @@ def quantity(value: float, dimension: Dimension) -> str:
 
 
 def quoted(text: str) -> str:
-    """Text that YAML reads as itself, everywhere."""
+    """Return a text so that YAML reads it unchanged, in quotes if necessary."""
     if text[:1] in _PLAIN_FIRST and text.replace("_", "").isalnum() and text not in _RESERVED:
         return text
     return "'" + text.replace("'", "''").replace("\n", " ") + "'"

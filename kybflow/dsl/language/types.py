@@ -1,6 +1,6 @@
 """The types of values of the language other than quantities, texts and lists: a part with its
-parameters, a condition, the name of an event, a state with values. Also the keys that a record may
-have (`RecordLayout`)."""
+parameters, a condition, the name of an event, a state with values. `RecordLayout` describes the
+keys of a record."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from kybflow.parts.events import AWAITED_EVENTS
 
 @dataclass(frozen=True, eq=False)
 class PartOf(ValueType):
-    """A part of a kind, with its parameters as further keys. `word` is the key with its name:
-    `use`, which may be a text alone and allows `as`, `do` or `inject`."""
+    """The type of a part with its parameters. kind: the kind of the part. word: the key with its
+    name. It is `do`, `inject` or `use`; with `use`, the name may also stand alone, and the key `as`
+    is allowed. is_needed: whether that key is needed."""
 
     kind: str = ""
     word: str = "use"
@@ -24,35 +25,36 @@ class PartOf(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class AnyOf(ValueType):
-    """A value that is kept as written, of one of these JSON types."""
+    """The type of a value that is kept as written. kinds: the JSON types that it may have."""
 
     kinds: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class UsesOf(ListOf):
-    """A list of parts, or of records of parts; `{stack: NAME}` stands for several."""
+    """The type of a list of parts, or of records of parts, in which `{stack: NAME}` stands for
+    several."""
 
 
 CONDITION = ValueType("condition")
-"""An expression; `Unparsed` until its names are known."""
+"""The type of an expression, which is `Unparsed` until its names are known."""
 EVENT = ValueType("event")
 STATE = ValueType("state")
-"""The name of a state or a phase."""
+"""The type of the name of a state or a phase."""
 TITLE = ValueType("title")
-"""The name of a file's content; a run's folder is called by it."""
+"""The type of the name of a file's content, which also names the folder of a run."""
 VERSION = ValueType("version")
 REQUEST = ValueType("request")
-"""A state, or `{STATE: {PARAMETER: VALUE}}`."""
+"""The type of a requested state: `STATE`, or `{STATE: {PARAMETER: VALUE}}`."""
 PHASE = ValueType("phase")
-"""A phase, or `{FLOW: PHASE}`."""
+"""The type of a phase: `PHASE`, or `{FLOW: PHASE}`."""
 SENSORS = ListOf("sensors", False, PartOf("part", False, "sensors"))
-"""One sensor, or a list of them."""
+"""The type of one sensor, or a list of sensors."""
 SCALARS = ("string", "number", "boolean")
 OPTION_VALUE = AnyOf("value", kinds=(*SCALARS, "array"))
-"""The value of an option, which only the option can decode."""
+"""The type of an option's value, which is decoded by the declaration of the option."""
 EVENT_FIELD = AnyOf("field", kinds=SCALARS)
-"""What the field of an event must be; the key is the field's name."""
+"""The type of the value that a field of an event must have; the key is the field's name."""
 
 
 def part_of(kind: str, word: str = "use", is_needed: bool = True) -> PartOf:
@@ -68,11 +70,12 @@ def record_of(cls: Any) -> RecordOf:
 class RecordLayout(NamedTuple):
     """The keys of a record.
 
-    keys: every key that may be written, including those of a flat record and, as texts, `like`,
-    `as` and the name of its part. own: the keys with a field. computed: the fields without a key.
-    needed: the keys that a file must have unless it has `like`. required: the fields without a
-    default. part: the part that it names, in the field `part_name`. others: the type of values
-    under any other key, if allowed. least: the least number of keys.
+    keys: every key that may be written, including those of a flat record, `like`, `as` and the name
+    of its part. own: the keys that belong to a field. computed: the fields without a key. needed:
+    the keys that a file must have unless it has `like`. required: the fields without a default.
+    part, part_name: the part that the record names, and the field for that part. flat: the field
+    with the flat record. others: the type of the values under any other key, None if other keys are
+    not allowed. least: the least number of keys.
     """
 
     keys: dict[str, Field]
@@ -127,7 +130,8 @@ def layout_of(cls: Any) -> RecordLayout:
 
 @functools.cache
 def part_layout(kind: PartOf, help: str = "Name of the part.") -> RecordLayout:
-    """Return the layout of a part with its parameters as other keys."""
+    """Return the layout of a part's mapping: the fixed keys, and the part's parameters as further
+    keys."""
     keys = {kind.word: Field(help, key=kind.word)}
     if kind.word == "use":
         keys["as"] = _ALIAS

@@ -1,1 +1,1 @@
-"""Names that a mission may use: built-in states, options, and what its expressions may name."""
+"""The names that a mission may use: built-in states, options, and the names in its expressions."""

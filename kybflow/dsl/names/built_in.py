@@ -15,19 +15,20 @@ BUILT_IN = {
     "land_blind": "land_blind",
     "fault": "wait_on_ground",
 }
-"""Each built-in state with its behavior. `brake` goes to `hover`, that after `hover_limit` to
-`auto_land`, as does `auto_home`, and that to `landed`; `land_blind` goes to `fault`, which only a
-reset leaves."""
+"""The behavior of each built-in state. `brake` is followed by `hover`, `hover` after `hover_limit`
+by `auto_land`, `auto_home` by `auto_land`, `auto_land` by `landed`, and `land_blind` by `fault`,
+which only a reset leaves."""
 
 
 def end_of(legs: Iterable[Leg]) -> str:
-    """Where a behavior without `then` goes when it is done."""
+    """Return the state that follows a behavior without `then` when it is done."""
     return "brake" if any(leg.end is AIR for leg in legs) else "landed"
 
 
 def failure_of(legs: Iterable[Leg]) -> str:
-    """Where a behavior without `failed` goes when it fails: a take-off or a landing, which may have
-    its feet on the ground, lands; what flies brakes."""
+    """Return the state that follows a behavior without `failed` when it fails: `landed` if it stays
+    on the ground, `brake` if it can begin and end in the air, `auto_land` for a take-off or a
+    landing, during which the vehicle may be on the ground."""
     every = tuple(legs)
     if all(leg == (GROUND, GROUND) for leg in every):
         return "landed"

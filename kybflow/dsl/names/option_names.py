@@ -1,5 +1,5 @@
-"""Names of options, `a.processors.limit_speed.speed`, and of vehicles and groups before a dot, in
-what a mission asks for: who is meant, and which parameter."""
+"""Resolve the names of options, `a.processors.limit_speed.speed`, and of the vehicles and groups
+before the first dot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 
 class Option(NamedTuple):
-    """One parameter of a vehicle's part; `declared` is its value (SI) in the mission."""
+    """One parameter of a part of a vehicle. name: the option's name. declared: its value (SI) in
+    the mission."""
 
     name: str
     field: Field
@@ -30,7 +31,8 @@ class Option(NamedTuple):
 def unknown_vehicle(
     code: str, name: Text, plan: Plan, start: int = 0, end: int | None = None
 ) -> Diagnostic:
-    """The finding for the part of `name` that is no vehicle or group."""
+    """Return the finding about the characters `start` to `end` of `name`, which are not a vehicle
+    or group."""
     stop = len(name.text) if end is None else end
     word = name.text[start:stop]
     return Diagnostic(
@@ -43,7 +45,7 @@ def unknown_vehicle(
 
 
 def no_vehicle(code: str, name: str, span: Span, plan: Plan) -> Diagnostic:
-    """The finding for the name of a vehicle that isn't there, where no group may stand."""
+    """Return the finding about the name of a missing vehicle where a group is not allowed."""
     hint = did_you_mean(name, plan.fleet)
     if name in plan.obstacles:
         hint = "it stands in the world, and what stands there counts as an obstacle anyway"
@@ -51,7 +53,7 @@ def no_vehicle(code: str, name: str, span: Span, plan: Plan) -> Diagnostic:
 
 
 def no_vehicles(code: str, use: PartPlan, plan: Plan) -> Iterator[Diagnostic]:
-    """The finding for each vehicle that a part names and that isn't there."""
+    """Yield the finding for each missing vehicle that a part names."""
     for parameter, name in names_in(use.params, "vehicle"):
         if name not in plan.fleet:
             yield no_vehicle(code, name, use.span_of(parameter), plan)
@@ -60,8 +62,8 @@ def no_vehicles(code: str, use: PartPlan, plan: Plan) -> Iterator[Diagnostic]:
 def option_values(
     name: Text, value: Node, plan: Plan, catalog: Catalog, found: Findings
 ) -> tuple[tuple[Option, Any], ...]:
-    """The options that `{OPTION: VALUE}` sets, each with its value (SI); empty where it has
-    errors."""
+    """Return the options that `{OPTION: VALUE}` sets, each with its value (SI); empty if there are
+    errors, which are reported."""
     own = Findings()
     options = options_named(name, plan, catalog, own)
     values = [decode_value(value, option.field, own) for option in options]
@@ -74,8 +76,8 @@ def option_values(
 
 
 def options_named(name: Text, plan: Plan, catalog: Catalog, found: Findings) -> tuple[Option, ...]:
-    """The options that `name` means, of a vehicle or of each of a group; empty where it has
-    errors."""
+    """Return the options that `name` stands for, of one vehicle or of each in a group; empty if
+    there are errors, which are reported."""
     first, _, rest = name.text.partition(".")
     vehicles = plan.members(first)
     if not vehicles:
@@ -112,7 +114,8 @@ def _option(
 
 
 def _parts(vehicle: VehiclePlan, catalog: Catalog) -> dict[str, tuple[tuple[Field, ...], Any]]:
-    """Every part of a vehicle by its label among the options, with its parameters."""
+    """Return the fields and parameters of each part of a vehicle, by the part's label among the
+    options."""
     parts = {
         f"behaviors.{name}": (spec.fields, spec.params())
         for name, part in BUILT_IN.items()

@@ -1,4 +1,4 @@
-"""Scopes: what each expression of a mission may name."""
+"""Scopes: the names that each expression of a mission may use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from kybflow.parts.observables import chains_of
 
 
 class Scopes:
-    """The scope of every expression of a plan, made once: it remembers what was parsed in it."""
+    """The scope of every expression of a plan. Each scope is created once, because it caches what
+    was parsed in it."""
 
     def __init__(self, plan: Plan) -> None:
         vehicles, fleet = plan.vehicles, plan.fleet
@@ -34,18 +35,19 @@ class Scopes:
         self._expectation = Scope("expectation", self._states, None, *self._known)
 
     def condition(self, vehicle: str | None) -> Scope:
-        """The scope of a `when` of `vehicle`. It is in a chain while it is in a state inside."""
+        """Return the scope of a `when` of `vehicle`; None for a flow or callback. The name of a
+        chain counts as a state, which is active in all states of the chain."""
         if vehicle not in self._conditions:
             scope = Scope("condition", self._states, vehicle, *self._known, self._inputs)
             self._conditions[vehicle] = scope
         return self._conditions[vehicle]
 
     def flow(self) -> Scope:
-        """The scope of a phase's `when`: every vehicle by its name."""
+        """Return the scope of a `when` in a phase or callback, in which every vehicle is named."""
         return self.condition(None)
 
     def health(self, vehicle: str) -> Scope:
-        """The scope of an estimator's `healthy`: its own age and spread."""
+        """Return the scope of `healthy` of an estimator: its own age and spread."""
         return self._health[vehicle]
 
     def expectation(self) -> Scope:

@@ -1,3 +1,3 @@
-"""Text to nodes with spans, and a node to one typed value or attached file. Reads files, up to a
-bound, and knows nothing of missions. The later passes call it, and so does the listing of missions
-and libraries."""
+"""YAML text to nodes with spans, and a node to one typed value or attached file. Files are read up
+to a maximum size; nothing here depends on missions. The later passes use this folder, and so does
+the listing of missions and libraries."""

@@ -1,8 +1,8 @@
-"""Text to node tree, composed from the events of PyYAML's C parser.
+"""Compose a node tree from text with the events of PyYAML's C parser.
 
 PyYAML's own composer is not used because it recurses in C: 20,000 nested brackets would end the
-process. Depth and the number of nodes with every alias expanded are bounded; tags, merge keys and
-second documents are refused; every node has its place.
+process. The depth is bounded, and so is the number of nodes with every alias expanded. Tags, merge
+keys and second documents are refused. Every node has its source location.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ CODES = {
 MAX_NODES = 100_000
 MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
-"""The way out of a file that is too large."""
+"""The hint for a file that is too large."""
 _SHOWN = 60
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Unreadable(Exception):
-    """Ends the reading of a text; why has been reported."""
+    """Stops the composing of a text; the reason is already reported."""
 
 
 def compose(text: str, file: str, found: Findings) -> Node | None:
-    """The tree of `text`; None, and a finding, when it can't be had."""
+    """Return the node tree of `text`, or None if it can't be composed; report what is wrong."""
     try:
         return _Composer(text, file, found).document(_Loader(text))
     except _Unreadable:
@@ -71,7 +71,8 @@ def compose(text: str, file: str, found: Findings) -> Node | None:
 
 
 class _Composer:
-    """Builds one tree from the parser's events. `sizes` are the nodes under each anchor."""
+    """Builds one tree from the parser's events. `_sizes` holds the number of nodes under each
+    anchor."""
 
     def __init__(self, text: str, file: str, found: Findings) -> None:
         self._text, self._file, self._found = text, file, found
@@ -158,8 +159,8 @@ class _Composer:
         return Mapping(entries, self._span(event, inner))
 
     def _is_bare(self, key: Node, value: Scalar) -> TypeGuard[Scalar]:
-        """Whether no colon follows a key, as in `{height: 1,5 m}`; warns of a colon without a
-        value."""
+        """Return whether no colon follows a key, as after `5 m` in `{height: 1,5 m}`. Warn of a
+        colon without a value."""
         if value.quoted or not isinstance(key, Scalar):
             return False
         line = self._lines[key.span.end_line - 1 : key.span.end_line]
@@ -173,7 +174,8 @@ class _Composer:
         return False
 
     def _refuse_cut(self, before: MappingEntry, key: Node) -> None:
-        """Stop where YAML ended a condition at its comma: what follows is no mapping."""
+        """Stop if YAML ended a condition at a comma inside its parentheses, because the rest is no
+        mapping."""
         if is_cut(before.value):
             message = f"YAML ends `{before.key.text}` at the comma and reads a list as a key"
             self._found.report("KYB010", message, key.span, help=f"{NO_COMMAS}; {NAME_A_POINT}")
@@ -198,7 +200,7 @@ class _Composer:
             entries[key.text] = MappingEntry(key, value)
 
     def _stopped(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
-        """Report why nothing can be read from `event` on."""
+        """Report why composing stops at `event`, and return the exception to raise."""
         self._found.report(code, message, self._span(event, event), help=help)
         return _Unreadable()
 

@@ -1,4 +1,4 @@
-"""The missions and libraries in a folder: what of its files is meant for kybflow at all."""
+"""Find the missions and libraries in a folder among its YAML files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from pathlib import Path
 from kybflow.dsl.reading.reader import MAX_BYTES
 
 RESOLVED, PROVENANCE = "mission.resolved.yaml", "provenance.json"
-"""Files that every run folder has."""
+"""The files that every run folder contains."""
 _KEY = re.compile(r"""(["']?)(?:kybflow|mission|library)\1\s*:""")
 
 
 def mission_files(folder: Path) -> list[Path]:
-    """The YAML files in `folder` and below, in order, that have a key of a mission or of a library
-    at the top level, broken ones too. Folders below that are hidden or a run's are left out."""
+    """Return the YAML files in `folder` and its subfolders, sorted, that have a key of a mission or
+    library at the top level, including invalid ones. Hidden subfolders and run folders are
+    skipped."""
     return sorted(path for path in _yaml_files(folder) if _is_ours(path))
 
 
@@ -32,7 +33,8 @@ def _yaml_files(folder: Path) -> Iterator[Path]:
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether it has one of the keys as text, or can't be read, which its reader reports."""
+    """Return whether the file contains such a key, or can't be read. The reader reports an
+    unreadable file."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             return True
@@ -40,7 +42,7 @@ def _is_ours(path: Path) -> bool:
             data = stream.read(MAX_BYTES)
     except OSError:
         return True
-    # NUL bytes and what is no UTF-8 are left out: UTF-16 is found, and refused by the reader
+    # NUL and invalid bytes are dropped so that UTF-16 is found here and refused by the reader
     text = data.replace(b"\0", b"").decode("utf-8", "ignore").lstrip("\ufeff")
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] not in "#%-"]
     if not lines:

@@ -1,7 +1,8 @@
-"""The node tree: a file as the reader understands it, nothing decided yet, a span on every node.
+"""The node tree: a file as the reader understands it, before any interpretation, with a span on
+every node.
 
-A scalar is text; whether `10 s` is a duration or a name is the schema's business. Nodes are shared
-where a file uses an alias, and never changed.
+A scalar is text; whether `10 s` is a duration or a name is decided by the schema. Nodes are shared
+where a file uses an alias, and they never change.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ _FALSE = frozenset({"false", "False", "FALSE"})
 _INTEGER = re.compile(r"[+-]?\d{1,300}\Z", re.ASCII)
 _FLOAT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 _NUMERIC = frozenset("+-.0123456789")
-"""What a number begins with."""
+"""The characters with which a number may begin."""
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
 NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"
 NAME_A_POINT = "name the point: `points: {there: [1, 0, 1]}` in the world, and `world.points.there`"
-"""The help line for a point that is written out in a condition."""
+"""The hint for a point that is written out in a condition."""
 _TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
 
 
 def no_commas(text: str) -> str:
-    """The help line for a comma in a condition: the call in `text` without it, else examples."""
+    """Return the hint for a comma in a condition: the call in `text` without the comma, or else
+    examples."""
     call = _TWO.search(text)
     if call is None:
         return NO_COMMAS
@@ -38,9 +40,13 @@ def no_commas(text: str) -> str:
 
 
 class Scalar(NamedTuple):
-    """One value. `quoted` text is never a number. `parameter` names the parameter that stood here
-    before its value did; the span is then that of `$name`. Where parameters stood between other
-    words, `written` is the text with them, and `insets` are their values."""
+    """One value.
+
+    quoted: whether the text was in quotes, so that it is never a number. parameter: the name of the
+    parameter whose value replaced the whole scalar, or empty; the span is then that of `$name`.
+    written: the text before parameters inside it were replaced by their values, or empty. insets:
+    the values of these parameters.
+    """
 
     text: str
     span: Span
@@ -55,7 +61,8 @@ class Scalar(NamedTuple):
 
     @property
     def as_text(self) -> Text:
-        """The scalar for an expression or a name, with column arithmetic where that holds."""
+        """The scalar as the text of an expression or a name. Columns inside it can be computed if
+        the text is in one line and exactly as written."""
         s = self.span
         if self.parameter or s.line != s.end_line:
             return Text(self.text, s, verbatim=False, written=self.written)
@@ -67,9 +74,9 @@ class Scalar(NamedTuple):
 
 
 class MappingEntry(NamedTuple):
-    """One key of a mapping with its value. inherited: it came through `like` or the defaults. used:
-    the places of the `like` through which a flow has it, outermost first. depth: the number of
-    mappings above its origin."""
+    """One key of a mapping with its value. inherited: whether it came through `like` or the
+    defaults. used: the locations of each `like` through which a flow has the entry, outermost
+    first. depth: the number of `like` steps to its origin."""
 
     key: Scalar
     value: Node
@@ -83,7 +90,7 @@ class Mapping(NamedTuple):
     span: Span
 
     def get(self, key: str) -> Node | None:
-        """The value of `key`; None where it is not written or null."""
+        """Return the value of `key`, or None if the key is not written or null."""
         entry = self.entries.get(key)
         if entry is None or (isinstance(entry.value, Scalar) and entry.value.is_null):
             return None
@@ -99,9 +106,10 @@ Node = Scalar | Mapping | Sequence
 
 
 def to_json(node: Node) -> Any:
-    """The node as JSON values for `jsonschema`, scalars by the core schema of YAML 1.2.
+    """Return the node as JSON values for `jsonschema`, with scalars typed by the core schema of
+    YAML 1.2.
 
-    Infinities and NaN stay text, because no quantity is written that way.
+    Infinities and NaN remain text, because no quantity is written that way.
     """
     if isinstance(node, Scalar):
         return _scalar_to_json(node)
@@ -126,7 +134,7 @@ def _scalar_to_json(node: Scalar) -> str | int | float | bool | None:
 
 
 def describe(node: Node) -> str:
-    """The kind of a node in words, for `... but this is ...`."""
+    """Return the kind of a node in words, for `... but this is ...`."""
     if isinstance(node, Mapping):
         return "a mapping"
     if isinstance(node, Sequence):
@@ -144,29 +152,31 @@ def is_null(node: Node) -> bool:
 
 
 def is_cut(node: Node) -> bool:
-    """Whether YAML ended a plain text at a comma inside of brackets."""
+    """Return whether YAML ended a plain text at a comma inside parentheses."""
     return isinstance(node, Scalar) and node.text.count("(") > node.text.count(")")
 
 
 def entries_of(node: Node | None) -> dict[str, MappingEntry]:
-    """The entries of a mapping; none of anything else."""
+    """Return the entries of a mapping; empty for anything else."""
     return node.entries if isinstance(node, Mapping) else {}
 
 
 def items_of(node: Node | None) -> tuple[Node, ...]:
-    """The items of a list; none of anything else."""
+    """Return the items of a list; empty for anything else."""
     return node.items if isinstance(node, Sequence) else ()
 
 
 def head_of(node: Node) -> Span:
-    """The place to report a missing key: the first key of the mapping."""
+    """Return the location at which to report a missing key: the first key of the mapping, or else
+    the node."""
     if isinstance(node, Mapping) and node.entries:
         return next(iter(node.entries.values())).key.span
     return node.span
 
 
 def scalars_in(*nodes: Node) -> Iterator[Scalar]:
-    """Every scalar under `nodes`; an aliased node is visited once."""
+    """Yield every scalar under `nodes`; the contents of an aliased mapping or list are visited
+    once."""
     waiting, seen = list(nodes), set[int]()
     while waiting:
         top = waiting.pop()
@@ -178,7 +188,8 @@ def scalars_in(*nodes: Node) -> Iterator[Scalar]:
 
 
 def count(node: Node, limit: int) -> int:
-    """The number of nodes under `node`, aliases expanded; stops just above `limit`."""
+    """Return the number of nodes under `node` with aliases expanded; stop counting just above
+    `limit`."""
     total, waiting = 0, [node]
     while waiting and total <= limit:
         total += 1

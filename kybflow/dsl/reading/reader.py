@@ -1,4 +1,4 @@
-"""A file to text and its node tree: opened, bounded, decoded, composed."""
+"""Read a file: open it, check its size, decode it and compose its node tree."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ MOST_FILES = 200
 
 
 class ParsedFile(NamedTuple):
-    """A YAML file as read. file: its path as reports show it. sha256: of its bytes. root: its node
-    tree, None if the file can't be read or isn't YAML. found: the diagnostics of reading it."""
+    """A YAML file as read. file: its path as shown in reports. text: its contents. sha256: the
+    digest of its bytes. root: its node tree, None if the file can't be read or isn't YAML. found:
+    the diagnostics from reading it."""
 
     file: str
     text: str
@@ -37,7 +38,7 @@ class ParsedFile(NamedTuple):
 
 
 def read(path: Path, file: str) -> ParsedFile:
-    """Read `path` and report it as `file`."""
+    """Read the file `path`, which reports call `file`."""
     found = Findings()
     data = _bytes_of(path, file, found)
     text = None if data is None else _decode(data, file, found)
@@ -67,7 +68,8 @@ def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
 
 
 def _near(path: Path) -> str:
-    """The hint for a file that the path could mean, in the named folder or beside."""
+    """Return the hint for a missing file: the most similar name in the folder, or an empty
+    string."""
     try:
         folder = path if os.path.isdir(path) else path.parent
         names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]

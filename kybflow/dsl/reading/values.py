@@ -1,5 +1,5 @@
-"""Decode a node to one typed value in SI, by the `Field` of its parameter. A file is read once, and
-the part that uses it checks its contents."""
+"""Decode a node to one typed value in SI, as declared by the `Field` of its parameter. A file is
+read once, and the part that uses it checks its contents."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 
 @functools.lru_cache(maxsize=256)
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
-    """A required field that no record declares, such as a mission's parameter: of `dimension`, or
-    an integer, a text or a boolean."""
+    """Return a required field that no record declares, such as a mission's parameter: numbers of
+    `dimension`, or an integer, text or boolean."""
     kind = _PLAIN.get(shape) or numbers(dimension, shape)
     return Field(name=name, type=kind, required=True, key=name, **bounds)
 
@@ -86,7 +86,7 @@ _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 
 
 def decode_value(node: Node, field: Field, found: Findings) -> Any:
-    """The value of `node`; None, and a finding, when it is none."""
+    """Return the value of `node` for `field`, or None if it has errors, which are reported."""
     value = _value(node, field, field.type, found)
     flaw = field.flaw(value)
     if flaw is None:
@@ -109,7 +109,7 @@ def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
 
 
 def _word(node: Scalar, field: Field, found: Findings) -> Any:
-    """A choice, a boolean or a whole number."""
+    """Return a choice, a boolean or an integer, or None if the text is none of these."""
     text, kind = node.text, field.type
     kind = kind.item if isinstance(kind, ListOf) else kind
     if len(text) > _LONGEST:
@@ -131,7 +131,8 @@ def _word(node: Scalar, field: Field, found: Findings) -> Any:
 def _numbers(
     node: Node, field: Field, dimension: Dimension, size: tuple[int | None, ...], found: Findings
 ) -> Any:
-    """A number, or lists of them as deep as `size` is long."""
+    """Return a number, or nested tuples of numbers of the given size; None if the node has
+    errors."""
     if not size:
         return _number(node, field, dimension, found)
     is_whole = isinstance(node, Sequence) and size[0] in (None, len(node.items)) and node.items
@@ -164,7 +165,7 @@ def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> 
 
 
 def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
-    """`value`; None, and a finding, where it is outside of the bounds."""
+    """Return `value` if it is within the bounds; otherwise report KYB105 and return None."""
     if field.is_within(value):
         return value
     message, hint = f"`{field.key}` must be {bounds_of(field)}", _way_inside(value, node, field)
@@ -173,7 +174,7 @@ def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
 
 
 def _text(node: Scalar, field: Field, found: Findings) -> str | None:
-    """A text; the value of a parameter is one even where it looks like a number."""
+    """Return a text. A parameter's value is accepted as text even if it looks like a number."""
     if node.parameter or isinstance(to_json(node), str):
         return node.text
     message = f"`{field.key}` must be text, but this is {describe(node)} `{node.text[:60]}`"
@@ -183,8 +184,8 @@ def _text(node: Scalar, field: Field, found: Findings) -> str | None:
 
 
 def _way_inside(value: float, node: Scalar, field: Field) -> str:
-    """The hint for a bare number that is inside of the bounds in a smaller unit, and for nothing,
-    or less, where there must be something."""
+    """Return the hint for a value outside its bounds: a smaller unit with which a bare number would
+    be within them, or an example if the value is not positive."""
     dimension, bare = field.dimension, node.text.strip()
     if dimension is None or not dimension.units:
         return ""
@@ -196,7 +197,8 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
 
 
 def bounds_of(field: Field) -> str:
-    """The bounds in words, in units: `above 0 m and at most 3 m`; empty when there are none."""
+    """Return the bounds in words, with units: `above 0 m and at most 3 m`; empty if there are
+    none."""
     words = ("above", "at_least", "below", "at_most")
     bounds = {word.replace("_", " "): getattr(field, word) for word in words}
     known = {word: bound for word, bound in bounds.items() if bound is not None}
@@ -208,7 +210,8 @@ def _shown(value: float, dimension: Dimension | None) -> str:
 
 
 def origin(node: Scalar) -> tuple[str, ...]:
-    """The note with the value of a parameter, where the report is not at that value."""
+    """Return the note with the value of the parameter that a scalar came from, unless the finding
+    is reported at that value."""
     shown = node.parameter and node.span.value is None
     return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
@@ -243,8 +246,8 @@ _PIECE = re.compile(r"[-+]?\d+\Z", re.ASCII)
 
 
 def _three_numbers(node: Node) -> str:
-    """The hint for three numbers that are not three items of a list: without commas, or with some
-    that were meant as decimal points; empty for anything else."""
+    """Return the hint for three numbers that are not a list of three items: written without commas,
+    or with decimal commas. Empty for anything else."""
     alone = node.items[0] if isinstance(node, Sequence) and len(node.items) == 1 else node
     if isinstance(alone, Scalar):
         numbers = alone.text.strip("()[] ").replace(",", " ").split()
@@ -270,8 +273,8 @@ def _three_numbers(node: Node) -> str:
 
 
 def example_of(kind: Numbers, one: str = "") -> str:
-    """Numbers as an author writes them: `[1.2 m, 1.2 m, 1.2 m]`; each is `one` where that is
-    given, in the diagonal of a matrix."""
+    """Return numbers as an author writes them: `[1.2 m, 1.2 m, 1.2 m]`. one: the text of each
+    number, or of the diagonal of a matrix; by default the example of the dimension."""
     one = one or kind.dimension.example
     if kind.shape == "matrix":
         return diagonal(kind.size, one, format_quantity(0.0, kind.dimension))
@@ -280,14 +283,14 @@ def example_of(kind: Numbers, one: str = "") -> str:
 
 
 def diagonal(size: tuple[int | None, ...], one: str, other: str) -> str:
-    """The text of a matrix with `one` in its diagonal and `other` elsewhere."""
+    """Return the text of a matrix with `one` on its diagonal and `other` elsewhere."""
     rows, columns = (range(side or 1) for side in size)
     inner = (", ".join(one if i == j else other for j in columns) for i in rows)
     return f"[{', '.join(f'[{row}]' for row in inner)}]"
 
 
 def shown_value(value: Any, field: Field) -> str:
-    """`value` (SI) as a person would write it; `none` for an optional one that is not set."""
+    """Return a value (SI) as an author would write it; `none` for None."""
     if value is None:
         return "none"
     if isinstance(value, tuple):
@@ -298,8 +301,8 @@ def shown_value(value: Any, field: Field) -> str:
 
 
 def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
-    """The file that `node` names, in the folder of its YAML file or below; None, and a finding,
-    where the part can't use it."""
+    """Return the file that `node` names, in the folder of its YAML file or below. Return None and
+    report why if it can't be read or used by the part."""
     try:
         file = _read(
             node.text, Path(node.span.file).parent, "surrogateescape" if field.binary else "strict"
@@ -314,7 +317,7 @@ def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
     except FileError as error:
         notes: tuple[str, ...] = ()
         lines = file.text.splitlines() if file.is_text else []
-        if 0 < error.line <= len(lines):  # what is missing is behind the last
+        if 0 < error.line <= len(lines):  # a missing line has no text
             text = lines[error.line - 1].strip()
             shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
             notes = (f"{file.name}:{error.line}: {shown}",)
@@ -326,8 +329,8 @@ def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
 
 
 def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
-    """The path that `node` names, relative to its YAML file; None, and a finding, where there is no
-    such file."""
+    """Return the path that `node` names, relative to its YAML file. Return None and report KYB370
+    if there is no such file."""
     path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
     if "\0" not in path and os.path.isfile(path):
         return FilePath(path)
@@ -337,7 +340,8 @@ def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
 
 
 def _read(name: str, folder: Path, errors: str) -> File:
-    """Read a file; `errors` is how to decode bytes that are no text."""
+    """Read a file. errors: how to decode bytes that are not UTF-8, as in `bytes.decode`. Raises
+    FileError."""
     hint = "name a file beside or below the one that names it"
     try:
         path = Path(os.path.realpath(folder / name))

@@ -1,8 +1,8 @@
-"""Findings for text that is not the YAML its author meant.
+"""Findings about text that is not the YAML that its author intended.
 
-`not_yaml` explains where the parser stopped. `without_colon` explains keys without a value: the
-parser makes them of a decimal comma, a comma in a text or a forgotten colon, because a plain value
-inside of `{...}` ends at a comma.
+`not_yaml` explains why the parser stopped. `without_colon` explains keys without a value. The
+parser produces them for a decimal comma, a comma in a text or a forgotten colon, because a plain
+value inside `{...}` ends at a comma.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ _OPEN = {
     "while parsing a flow sequence": ("[", "]"),
 }
 _TOO_DEEP = "exceeded maximum nesting depth"
-"""The parser's own limit, which reading ahead reaches first in a long line of brackets."""
+"""The parser's own nesting error; in a long line of brackets it comes before ours, because the
+parser reads ahead."""
 CLOSE = "close the brackets that were opened before"
 _DASHES = re.compile(r"(?:- +)*")
 _KEY = re.compile(r"\s*(?:- +)*([^\s:]+):\s")
 _APART = re.compile(r"- +(?=[\d.])")
-"""A sign and its number, with a space between."""
+"""A minus sign and its number with a space between them."""
 _CALL = re.compile(r"\w\([^()]*\Z")
-"""The beginning of a function call, before its argument."""
+"""A function call up to the opening parenthesis and part of its argument."""
 _SHOWN = 60
 CONDITIONS = frozenset({"when", "healthy"})
-"""The keys of conditions."""
+"""The keys whose values are conditions."""
 _TEXTS = frozenset({"log", "stop", "summary", "help"})
 _COMPARED = re.compile(r"[<>=]|\w in \w")
 _JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII | re.DOTALL)
-"""What YAML takes for one word: a key and its value without a space between."""
+"""A key and its value without a space after the colon, which YAML reads as one word."""
 _TWO_WORDS = re.compile(r"([A-Za-z_]\w*)(?:\s*=\s*|\s+)([^\s=<>].*)\Z", re.ASCII | re.DOTALL)
 """A key and its value without a colon."""
 _LAST_NUMBER = re.compile(r"(?:^|.*[\s<>=(\[])[-+]?\d+\Z", re.DOTALL)
@@ -49,12 +50,12 @@ _DIGITS = re.compile(r"\d+(?!\w*[.:])")
 _BARE = re.compile(r"[-+]?\d+(\.\d*)?\Z", re.ASCII)
 _THOUSANDS = re.compile(r"\d{3}\b")
 _IN_PARENTHESES = re.compile(r"\([-+\d.][^()]*\)\Z")
-"""A list that another language writes so."""
+"""A list in the notation of other languages, in parentheses."""
 
 
 class _Stop(NamedTuple):
-    """Where the parser stopped: the lines of the file, the place as row and column from 0, and the
-    place at which began what it was reading."""
+    """Where the parser stopped. lines: the lines of the file. row, column: the position, from 0.
+    began: the row and column at which the value or block that it was reading begins."""
 
     file: str
     lines: list[str]
@@ -68,7 +69,7 @@ class _Stop(NamedTuple):
 
     @property
     def is_first(self) -> bool:
-        """Whether the place is the first of its line."""
+        """Whether nothing but spaces precedes the position in its line."""
         return not self.line[: self.column].strip()
 
     @property
@@ -85,7 +86,7 @@ class _Stop(NamedTuple):
 
     @property
     def sign(self) -> str:
-        """The character with which began what the parser was reading."""
+        """The first character of what the parser was reading."""
         if self.began is None:
             return ""
         row, column = self.began
@@ -104,7 +105,7 @@ class _Stop(NamedTuple):
 
 
 def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
-    """The finding for what stopped the parser in `text`."""
+    """Return the finding that explains why the parser stopped in `text`."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is None:
         reason = getattr(error, "reason", None) or "a character that no text file has"
@@ -143,7 +144,7 @@ def _colonless(stop: _Stop, row: int) -> Diagnostic:
 
 
 def _second_colon(stop: _Stop) -> Diagnostic | None:
-    """A colon in the value of a key, in the same line or below it."""
+    """Explain a colon in the value of a key, in the same line or below it."""
     if first := _KEY.match(stop.line[: stop.column]):
         message = f"a second colon behind `{first[1]}:`"
         return stop.finding(message, "put the value in quotes, or its keys in `{...}`")
@@ -156,7 +157,7 @@ def _second_colon(stop: _Stop) -> Diagnostic | None:
 
 
 def _too_deep(stop: _Stop, above: int) -> Diagnostic:
-    """A line that is indented more than the one above it, which has a value already."""
+    """Explain a line that is indented more than the one above it, which already has a value."""
     key, outer = stop.line.strip().partition(":")[0], _KEY.match(stop.lines[above])
     wanted, own = _columns(stop.lines[above])[-1], _indent(stop.line)
     has = f"`{outer[1]}` of line {above + 1} has a value" if outer else "the line above is no key"
@@ -173,7 +174,7 @@ def _deeper(stop: _Stop) -> Diagnostic | None:
 
 
 def _indentation(stop: _Stop) -> Diagnostic | None:
-    """A line that is indented like none of the blocks above it."""
+    """Explain a line whose indentation matches none of the blocks above it."""
     indent = _indent(stop.line)
     deeper = around = None
     for row, column in _blocks(stop.lines, stop.row):
@@ -232,7 +233,8 @@ _Explainer = Callable[[_Stop], Diagnostic | None]
 def _when(
     holds: Callable[[_Stop], object], message: str, help: str, at_began: bool = False
 ) -> _Explainer:
-    """Explain with fixed words where `holds`; `{0}` in the message is the stop."""
+    """Return an explainer with a fixed message and hint, for the stops for which `holds` is true.
+    `{0}` in the message stands for the stop."""
 
     def explain(stop: _Stop) -> Diagnostic | None:
         place = stop.began if at_began else None
@@ -299,7 +301,7 @@ _EXPLAINERS: dict[str, tuple[_Explainer, ...]] = {
     "could not find expected directive name": (_SPECIAL_WORD,),
     "found undefined tag handle": (_SPECIAL_WORD,),
 }  # fmt: skip
-"""The explainers of each problem of the parser; the first that applies counts."""
+"""The explainers of each problem of the parser; the first that returns a finding is used."""
 
 
 def _is_content(line: str) -> bool:
@@ -307,12 +309,12 @@ def _is_content(line: str) -> bool:
 
 
 def _above(lines: list[str], row: int) -> int | None:
-    """The nearest line above with anything but a comment."""
+    """Return the row of the nearest line above that is neither empty nor a comment."""
     return next((r for r in range(min(row, len(lines)) - 1, -1, -1) if _is_content(lines[r])), None)
 
 
 def _columns(line: str) -> tuple[int, ...]:
-    """The columns at which blocks begin in a line: its dashes and its content."""
+    """Return the columns at which blocks begin in a line: its dashes and its content."""
     begin, found = _indent(line), []
     dashes = _DASHES.match(line, begin)
     end = dashes.end() if dashes else begin
@@ -321,8 +323,7 @@ def _columns(line: str) -> tuple[int, ...]:
 
 
 def _blocks(lines: list[str], row: int) -> Iterator[tuple[int, int]]:
-    """The blocks that are open above a line, the innermost first: the row at which each began and
-    its column."""
+    """Yield the row and column at which each block around a line begins, innermost first."""
     open_at: tuple[int, int] | None = None
     for above in range(row - 1, -1, -1):
         if not _is_content(lines[above]):
@@ -339,8 +340,8 @@ def _blocks(lines: list[str], row: int) -> Iterator[tuple[int, int]]:
 
 
 def _left_open(brackets: tuple[str, str], began: tuple[int, int], stop: _Stop) -> Diagnostic:
-    """KYB004 for a bracket that stays open, at what can't follow in it, or at itself where nothing
-    follows."""
+    """Return KYB004 for a bracket that is not closed: at what can't follow inside it, or at the
+    bracket if the file ends there."""
     opening, closing = brackets
     row, column = began
     if not "".join(stop.lines[stop.row :]).strip():
@@ -356,8 +357,9 @@ def _left_open(brackets: tuple[str, str], began: tuple[int, int], stop: _Stop) -
 
 
 def _never_closed(opening: str, opened: Span, lines: list[str], hint: str) -> Diagnostic:
-    """KYB004 at a bracket that the end of the file leaves open; rather at one inside of it behind
-    which the next line begins anew: the bracket that was meant for the outer one closes that."""
+    """Return KYB004 for a bracket that is open at the end of the file. If a line inside it leaves a
+    bracket open and the next line is not indented further, that bracket is reported instead,
+    because the closing bracket meant for the outer one has closed it."""
     for number in range(opened.line + 1, len(lines)):
         line, below = lines[number - 1], lines[number]
         column = _left_open_in(line, opening)
@@ -371,7 +373,7 @@ def _never_closed(opening: str, opened: Span, lines: list[str], hint: str) -> Di
 
 
 def _left_open_in(line: str, opening: str) -> int | None:
-    """The column of the first bracket that a line leaves open; None where it leaves none."""
+    """Return the column of the first bracket `opening` that a line leaves open, or None."""
     stack: list[int] = []
     for column, character in enumerate(line.partition(" #")[0]):
         if character in "{[":
@@ -386,8 +388,8 @@ def _indent(line: str) -> int:
 
 
 def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Findings) -> None:
-    """Report successive `keys` without a colon in one mapping, after the entry `before` if there is
-    one."""
+    """Report successive keys without a colon in one mapping. before: the entry that precedes them,
+    or None."""
     name, value = (before.key.text, before.value) if before else ("", None)
     text, first = value.text if isinstance(value, Scalar) else "", keys[0].text
     row = [text, *(key.text for key in keys)]
@@ -433,8 +435,8 @@ def _without_value(key: Scalar, found: Findings) -> None:
 
 
 def missing_colon(text: str) -> str:
-    """The help for a text that is probably a key and its value, like `height 1 m`, `height=1 m`, or
-    with the colon of another keyboard; empty where it is none."""
+    """Return the hint for a text that is probably a key and its value, such as `height 1 m` or
+    `height=1 m`, or that has the colon of another keyboard; otherwise an empty string."""
     typed = as_typed(text)
     parts = _JOINED.match(typed) or _TWO_WORDS.match(typed)
     return f"write `{parts[1]}: {parts[2].strip()[:_SHOWN]}`" if parts else ""

@@ -1,3 +1,3 @@
-"""Nodes to one tree: imports, libraries, `like`, stacks, chains and parameters away. Decodes no
-values but those of parameters. Only the compiler calls it, and what lists libraries.
-"""
+"""Resolve a mission's nodes to one tree: imports, libraries, `like`, stacks, chains and parameters
+are replaced by what they stand for. Only the values of parameters are decoded here. The compiler
+and the listing of libraries use this folder."""

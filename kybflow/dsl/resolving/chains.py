@@ -1,10 +1,11 @@
-"""Chains: behaviors that are used as one. `pick: {do: chain.pick_up, height: 1 m, then: home}`
-becomes the states `pick.over`, `pick.down`, ... of the chain with its parameters in place, the
-first one on top, and, as `pick`, the transitions of the use, which hold for all of them.
+"""Expand chains, which are behaviors that are used as one. `pick: {do: chain.pick_up, height: 1 m,
+then: home}` becomes the states `pick.over`, `pick.down`, ... of the chain, with the values of its
+parameters. The first state is on top. The entry `pick` holds the transitions of the use, which
+apply to all these states.
 
-A state inside that has no `then`, or `then: end`, leaves by the `then` of the use, and one that
-fails without `failed` by its `failed`; `within` of the use bounds the whole chain; its `estimators`
-hold for the states that name none.
+A state of the chain without `then`, or with `then: end`, leaves through the `then` of the use; a
+state without `failed` leaves through the use's `failed` if it fails. `within` of the use bounds the
+whole chain. Its `estimators` apply to the states that name none.
 """
 
 from __future__ import annotations
@@ -31,14 +32,15 @@ CODES = {
 }
 MAX_USES = 2000
 OF_CHAINS = frozenset(field.key for field in fields_of(ChainPlan))
-"""The keys of a chain as a whole, where it is used."""
+"""The keys of a chain as a whole, written where it is used."""
 _KEYS = OF_CHAINS | {"do", "estimators"}
 
 
 class ChainExpansion(NamedTuple):
-    """One use of a chain, being expanded: the name of the state, the `do` that names the chain, the
-    transitions of the use, the file in which that name has its meaning, and the uses around this
-    one, outermost first."""
+    """One use of a chain that is being expanded. state: the name of the state that uses it. do: the
+    scalar `chain.NAME`. body: the mapping of the use. exports: the file in which the chain's name
+    is looked up. around: the uses that contain this one, outermost first. inherited: whether the
+    use came through `like`."""
 
     state: str
     do: Scalar
@@ -47,11 +49,12 @@ class ChainExpansion(NamedTuple):
     around: tuple[ChainExpansion, ...] = ()
     inherited: bool = False
     is_alone: bool = False
-    """Nothing uses it: its parameters may have no value."""
+    """Whether nothing uses the chain, so that its parameters need no value."""
 
     @property
     def end(self) -> Node | None:
-        """Where it goes when the chain is done: its `then`, else that of the chain around it."""
+        """The state that follows the chain: the use's own `then`, or else that of the enclosing
+        use."""
         own = self.body.get("then")
         return own if own is not None or not self.around else self.around[-1].end
 
@@ -61,7 +64,7 @@ class ChainExpansion(NamedTuple):
 
 
 class Chains:
-    """Expands chains in the vehicles of one mission. What several vehicles share is expanded
+    """Expands the chains in the vehicles of one mission. What several vehicles share is expanded
     once."""
 
     def __init__(self, exports: Exports, found: Findings) -> None:
@@ -72,7 +75,8 @@ class Chains:
         self._uses = 0
 
     def expanded(self, vehicle: Mapping) -> Mapping:
-        """The vehicle with states in the place of chains; one without any stays the same."""
+        """Return the vehicle with the states of each chain in place of its use. A vehicle without
+        chains is returned unchanged."""
         behaviors = vehicle.entries.get("behaviors")
         if behaviors is None or not isinstance(behaviors.value, Mapping):
             return vehicle
@@ -85,7 +89,7 @@ class Chains:
         return Mapping({**vehicle.entries, "behaviors": whole}, vehicle.span)
 
     def judge(self) -> None:
-        """Judge the file's own chains, those that nothing uses included."""
+        """Check the file's own chains, including those that nothing uses."""
         exports, found = self._exports, self._found
         for name, entry in exports.written("chains").items():
             chain = exports.entry("chains", name)
@@ -125,7 +129,7 @@ class Chains:
         return Mapping(states, written.span)
 
     def _used(self, use: ChainExpansion) -> list[tuple[str, MappingEntry]]:
-        """The states of a use, and the entry that holds its transitions."""
+        """Return the states of a use, after the entry that holds its transitions."""
         meant = use.exports.chain(use.do)
         if meant is None:
             return []
@@ -137,7 +141,7 @@ class Chains:
     def _inside(
         self, use: ChainExpansion, exports: Exports, name: str
     ) -> list[tuple[str, MappingEntry]]:
-        """The states of the chain `name` of `exports`, the first on top."""
+        """Return the states of the chain `name` of `exports`, the first state on top."""
         chain = exports.entry("chains", name)
         parameters = self._parameters(use, exports, chain)
         if self._is_endless(use):
@@ -169,8 +173,8 @@ class Chains:
         return states
 
     def _parameters(self, use: ChainExpansion, exports: Exports, chain: Mapping) -> ParameterTable:
-        """The chain's own parameters, with the values that its use gives them, and those of its
-        file."""
+        """Return the chain's own parameters with the values that its use gives them, and those of
+        its file."""
         own = Findings()
         section = chain.get("parameters")
         if section is not None:
@@ -198,9 +202,9 @@ class Chains:
         return self._uses >= MAX_USES
 
     def _state(self, body: Mapping, use: ChainExpansion, behaviors: Collection[str]) -> Mapping:
-        """A state of the chain whose transitions go to the states of the use, or out of it, with
-        the estimators of the use where it names none. A `then: end` is left out: the `then` of the
-        use holds for it."""
+        """Return a state of the chain with transitions that lead to the states of this use, or out
+        of it, and with the estimators of the use if it names none. `then: end` is removed, because
+        the `then` of the use applies."""
         entries = dict(body.entries)
         for key in ("then", "failed"):
             goal = body.get(key)
@@ -238,13 +242,13 @@ class Chains:
         return goal
 
     def _report_unknown(self, name: Scalar, behaviors: Collection[str]) -> None:
-        """Report a name that no behavior of the chain has."""
+        """Report a name that no behavior of the chain has (KYB158)."""
         message = f"the chain has no behavior `{name.text}`"
         hint = did_you_mean(name.text, [*behaviors, END])
         self._found.report("KYB158", message, name.span._replace(used=()), help=hint)
 
 
 def _report_both(message: str, first: Span, second: Span, found: Findings) -> None:
-    """Report a name that stands at two places, at both."""
+    """Report a name that is used twice, at both locations (KYB159)."""
     for span, other in ((first, second), (second, first)):
         found.report("KYB159", message, span, notes=(f"the other is at {other.at}",))

@@ -1,5 +1,5 @@
-"""What a file exports: its airframes, vehicles, stacks, worlds and flows, each whole after `like`
-and with the parts of a stack in the place of `- stack: NAME`; its chains as they are written.
+"""The entries that a file exports. Airframes, vehicles, stacks, worlds and flows are complete:
+`like` is resolved, and the parts of a stack replace `- stack: NAME`. Chains remain as written.
 
 `like` starts from another entry: mappings merge, lists are replaced, `null` removes.
 """
@@ -35,15 +35,15 @@ _CHAIN = 20
 EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"
 SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
-"""What a library exports."""
+"""The sections that a library exports."""
 _REMOVED = {"vehicles": "behaviors", "flows": "phases"}
 Places = tuple[Span, ...]
-"""Where something is used, outermost first."""
+"""The locations of nested uses, outermost first."""
 
 
 class Exports:
-    """The entries that one file exports. Each is resolved when it is first needed. `root` is the
-    file with its `parameters` in place."""
+    """The entries that one file exports; each is resolved when it is first needed. root: the file
+    with the values of its parameters. parameters: the parameters of the file."""
 
     def __init__(
         self,
@@ -64,25 +64,27 @@ class Exports:
         self._open: list[tuple[str, str]] = []
 
     def names(self, section: str) -> list[str]:
-        """The names that may be used in the file, those of its imports qualified."""
+        """Return the names that may be used in the file; those of its imports have the import's
+        name in front."""
         imported = [(i, o.written(section)) for i, o in self._imports.items() if o is not None]
         return [*self.written(section), *(f"{i}.{n}" for i, names in imported for n in names)]
 
     def written(self, section: str) -> dict[str, MappingEntry]:
-        """The own entries as they are written, those that are null left out."""
+        """Return the file's own entries as written, without those that are null."""
         if section not in self._written:
             entries = entries_of(self.root.get(section))
             self._written[section] = {n: e for n, e in entries.items() if not is_null(e.value)}
         return self._written[section]
 
     def entry(self, section: str, name: str) -> Mapping:
-        """An own entry as it is written."""
+        """Return one of the file's own entries as written."""
         written = self.written(section)[name].value
         assert isinstance(written, Mapping)
         return written
 
     def section(self, section: str) -> Mapping | None:
-        """A section of the file itself, each of its entries whole; None where there is none."""
+        """Return a section of the file itself with complete entries; None if the file doesn't have
+        it."""
         written = self.root.entries.get(section)
         if written is None:
             return None
@@ -94,7 +96,7 @@ class Exports:
         return Mapping(whole, written.key.span)
 
     def get(self, section: str, name: str) -> Mapping | None:
-        """The whole entry; None when it has errors or doesn't exist."""
+        """Return the complete entry; None if it has errors or doesn't exist."""
         key = (section, name)
         if key not in self._done:
             self._open.append(key)
@@ -130,7 +132,8 @@ class Exports:
         return whole
 
     def _judge_removed(self, base: Node | None, own: Node | None, what: str) -> None:
-        """Warn of each `what` that is removed, and that `like` does not bring."""
+        """Warn of each behavior or phase that is removed although `like` does not bring it
+        (KYB129). what: `behavior` or `phase`."""
         brought = entries_of(base)
         for name, entry in entries_of(own).items():
             if is_null(entry.value) and name not in brought:
@@ -139,8 +142,8 @@ class Exports:
                 self._found.warn("KYB129", message, entry.key.span, help=hint)
 
     def started(self, section: str, written: Node, plain: Node | None) -> Node | None:
-        """An entry of `section` in its place: the one that is named, or started from with `like`;
-        `plain` where it is neither. None when it has errors."""
+        """Return the entry that `written` names, or starts from with `like`; return `plain` if it
+        does neither, and None if it has errors."""
         if isinstance(written, Scalar):
             return self.named(section, written)
         like = written.get("like") if isinstance(written, Mapping) else None
@@ -151,8 +154,9 @@ class Exports:
         return None if base is None else merge(base, Mapping(own, written.span))
 
     def named(self, section: str, name: Scalar) -> Mapping | None:
-        """The entry that `name` (`x`, or `import.x`) means here. The chains that an imported
-        vehicle names are called as they are here."""
+        """Return the entry that `name` (`x` or `import.x`) stands for in this file; None if it has
+        errors. In an imported vehicle, the names of chains are changed to those valid in this
+        file."""
         key = (section, name.text)
         if key in self._open or len(self._open) > _CHAIN:
             verb = "has" if section == "stacks" else "is like"
@@ -174,8 +178,8 @@ class Exports:
         return self._qualified[name.text]
 
     def _with_stacks(self, body: Mapping) -> Mapping:
-        """A vehicle, or a stack, with every stack in its lists replaced by its parts. One without
-        any stays the same object."""
+        """Return a vehicle or a stack with every stack in its lists replaced by its parts. A body
+        without stacks is returned unchanged."""
         entries: dict[str, MappingEntry] = {}
         for key in LISTS:
             entry = body.entries.get(key)
@@ -186,7 +190,8 @@ class Exports:
         return Mapping({**body.entries, **entries}, body.span) if entries else body
 
     def _parts(self, key: str, item: Node) -> tuple[Node, ...]:
-        """The parts that an item of the list `key` stands for: itself, or those of a stack."""
+        """Return the parts that an item of the list `key` stands for: the item itself, or those of
+        a stack."""
         name = stack_of(item)
         if name is None:
             return (item,)
@@ -199,8 +204,8 @@ class Exports:
         return items_of(own)
 
     def chain(self, name: Scalar) -> tuple[Exports, str] | None:
-        """(the file, the name in it) of the chain that `chain.NAME` or `chain.IMPORT.NAME` means
-        here; None, and a finding, where there is none."""
+        """Return the file of the chain that `chain.NAME` or `chain.IMPORT.NAME` stands for, and its
+        name in that file; report KYB124 and return None if there is none."""
         *libraries, inner = name.text.split(".")[1:]
         exports: Exports = self
         for library in libraries:
@@ -233,7 +238,7 @@ class Exports:
 
 
 def _import_of(name: str, imports: Iterable[str]) -> str:
-    """The way out where `name` is of a library that is not imported."""
+    """Return the hint for a name of a library that is not imported."""
     library, _, inner = name.rpartition(".")
     near = did_you_mean(library, imports)
     home = installed("kybflow")
@@ -247,19 +252,19 @@ def _import_of(name: str, imports: Iterable[str]) -> str:
 
 
 def stack_of(item: Node) -> Scalar | None:
-    """The name of the stack that an item of a list stands for; None for a part."""
+    """Return the name of the stack that an item of a list stands for; None for a part."""
     name = item.get("stack") if isinstance(item, Mapping) else None
     return name if isinstance(name, Scalar) else None
 
 
 def chain_of(node: Node) -> Scalar | None:
-    """The `do` of a behavior that is a chain; None for any other."""
+    """Return the `do` of a behavior that is a chain; None for any other behavior."""
     do = node.get("do") if isinstance(node, Mapping) else None
     return do if isinstance(do, Scalar) and do.text.startswith("chain.") else None
 
 
 def _qualified(vehicle: Mapping, library: str) -> Mapping:
-    """A vehicle of `library` as the importing file sees it: its chains have the import's name."""
+    """Return a vehicle of `library` with the import's name in front of the names of its chains."""
     behaviors = vehicle.entries.get("behaviors")
     if behaviors is None or not isinstance(behaviors.value, Mapping):
         return vehicle
@@ -276,8 +281,8 @@ def _qualified(vehicle: Mapping, library: str) -> Mapping:
 
 
 def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
-    """`own` over `base`. What comes from `base` alone is marked inherited, and `used` there; the
-    order is that of `base`, then what `own` adds."""
+    """Return `own` merged over `base`. Entries that come only from `base` are marked as inherited,
+    and as used at `used`. The order is that of `base`, followed by what `own` adds."""
     entries = {
         key: MappingEntry(entry.key, entry.value, True, (*used, *entry.used), entry.depth + 1)
         for key, entry in base.entries.items()
@@ -297,7 +302,8 @@ def merge(base: Mapping, own: Mapping, used: Places = ()) -> Mapping:
 
 
 def _has_null(value: Mapping) -> bool:
-    """Whether there is anything to remove; a node without keeps being shared."""
+    """Return whether the mapping contains a null at any depth. One without null is not copied, so
+    that it stays shared."""
     return any(
         is_null(entry.value) or (isinstance(entry.value, Mapping) and _has_null(entry.value))
         for entry in value.entries.values()
@@ -305,14 +311,14 @@ def _has_null(value: Mapping) -> bool:
 
 
 class UseMarker:
-    """Copies nodes, whose spans say then where `like` brought them to; what an alias shares stays
-    shared."""
+    """Copies nodes whose spans record the locations where `like` or a chain uses them. What an
+    alias shares stays shared."""
 
     def __init__(self) -> None:
         self._done: dict[tuple[int, Places], tuple[Node, Node]] = {}
 
     def marked(self, node: Node, used: Places = ()) -> Node:
-        """`node`, which is used at the places `used`, with these in every span."""
+        """Return a copy of `node` whose spans contain the locations `used`."""
         key = (id(node), used)
         if key not in self._done:
             self._done[key] = (node, self._copied(node, used))

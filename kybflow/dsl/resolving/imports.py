@@ -1,4 +1,4 @@
-"""Loads imports: what each imported file exports, with its own parameters in place."""
+"""Load imports: what each imported file exports, with the values of its own parameters."""
 
 from __future__ import annotations
 
@@ -29,12 +29,16 @@ CODES = {
 MAX_IMPORTS = 200
 _CHAIN = 20
 _WITH = "with: {{{}: ...}}"
-"""How an import gives a parameter its value."""
+"""How an import sets a parameter."""
 _KEPT = frozenset({"import", "parameters"})
 
 
 class Files:
-    """The files of one compilation: the mission, and what it imports, as they are read."""
+    """The files of one compilation: the mission and what it imports, as read.
+
+    sources: the files by name. via: the spans of the imports through which each file was reached.
+    open: the files that are being loaded, by real path, with the span that imports each.
+    """
 
     def __init__(self, mission: ParsedFile, path: Path) -> None:
         self.root = path.parent
@@ -51,7 +55,8 @@ class Files:
         self.via.setdefault(source.file, via)
 
     def may_open(self, target: LibraryPath, real: str, at: Span, found: Findings) -> bool:
-        """Whether one more import, that of `target` at `at`, may be followed."""
+        """Return whether the import of `target` at `at` may be followed; otherwise report why. The
+        imports may not form a cycle or exceed their number."""
         self._imports += 1
         if self._imports > MAX_IMPORTS:
             if self._imports == MAX_IMPORTS + 1:
@@ -67,8 +72,8 @@ class Files:
 
 
 def load(files: Files, root: Mapping, declared: ParameterTable, found: Findings) -> Exports:
-    """What the file under compilation exports, whose top level is `root`, with every import of it
-    loaded."""
+    """Load all imports of the file under compilation, and return what the file exports. root: the
+    file's top level. declared: its parameters."""
     substitution = Substitution(declared, found)
     loader = _Loader(files, _default_vehicle(files, found), found)
     exports = loader.exports(root, substitution, files.mission)
@@ -77,7 +82,7 @@ def load(files: Files, root: Mapping, declared: ParameterTable, found: Findings)
 
 
 def _default_vehicle(files: Files, found: Findings) -> Mapping:
-    """The vehicle that every other one starts from."""
+    """Return the vehicle that every other vehicle starts from."""
     home = installed("kybflow")
     if home is None:
         return EMPTY
@@ -94,14 +99,14 @@ def _default_vehicle(files: Files, found: Findings) -> Mapping:
 
 
 class _Loader:
-    """Reads what the files of one compilation import. `base` is the vehicle that every other one
+    """Reads the imports of the files of one compilation. base: the vehicle that every other one
     starts from."""
 
     def __init__(self, files: Files, base: Mapping, found: Findings) -> None:
         self._files, self._base, self._found = files, base, found
 
     def exports(self, root: Mapping, substitution: Substitution, place: LibraryPath) -> Exports:
-        """What the file `root` exports, with its parameters in place."""
+        """Return what the file `root` exports, with the values of its parameters."""
         entries = {key: entry for key, entry in root.entries.items() if key not in _KEPT}
         if "$" in self._files.sources[place.file].text:
             for key, entry in entries.items():
@@ -120,7 +125,8 @@ class _Loader:
     def _imported(
         self, node: Node, substitution: Substitution, importer: LibraryPath
     ) -> Exports | None:
-        """What the file exports that an import names; None where there is none, or no library."""
+        """Return what an imported file exports; None if there is no such file or it is not a
+        library."""
         files, settings = self._files, dict[str, Setting]()
         text: Node | None = node
         if isinstance(node, Mapping):
@@ -149,7 +155,8 @@ class _Loader:
 
 
 def library_root(library: LibraryFile, at: Span, found: Findings) -> Mapping | None:
-    """The top level of a library file; None, and findings, when it is none."""
+    """Return the top level of a library file. If it is not a valid library, report why and return
+    None."""
     found.add(library.findings)
     root = library.source.root
     if has_errors(library.findings) or root is None:

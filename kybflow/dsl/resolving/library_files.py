@@ -1,5 +1,5 @@
-"""Find the file that an import means: beside the importing file, then in an installed library,
-never outside of both."""
+"""Find the file that an import names: beside the importing file, or else in an installed library,
+and never outside both."""
 
 from __future__ import annotations
 
@@ -28,14 +28,15 @@ _STANDARD = "the standard library is `kybflow/airframes`"
 
 
 class LibraryPath(NamedTuple):
-    """A file to import: where it is and how reports call it."""
+    """A file to import. path: where it is. file: its name in reports."""
 
     path: Path
     file: str
 
 
 def find(text: Scalar, importer: LibraryPath, root: Path, found: Findings) -> LibraryPath | None:
-    """The file that `text` names in the file `importer` of a mission whose folder is `root`."""
+    """Return the file that `text` names in the file `importer`, or report why there is none and
+    return None. root: the folder of the mission."""
     try:
         place = _search(Path(text.text), importer, root)
     except PermissionError:
@@ -43,7 +44,7 @@ def find(text: Scalar, importer: LibraryPath, root: Path, found: Findings) -> Li
         hint = "import files beside or below the mission, or from an installed library"
         found.report("KYB121", message, text.span, help=hint)
         return None
-    except (OSError, ValueError):  # a name that no file can have
+    except (OSError, ValueError):  # not a possible file name
         place = None
     if place is None:
         notes = ("looked beside the importing file and in the installed libraries",)
@@ -54,8 +55,9 @@ def find(text: Scalar, importer: LibraryPath, root: Path, found: Findings) -> Li
 
 
 def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | None:
-    """The file beside the importer, else in an installed library, whose files can import each
-    other. Raises PermissionError for one outside of both."""
+    """Return the file beside the importer, or else in an installed library; None if there is none.
+    Files of the standard library may import each other. Raises PermissionError for a file outside
+    these folders."""
     beside, standard = importer.path.parent / relative, installed("kybflow")
     is_standard = standard is not None and importer.path.is_relative_to(standard)
     own = standard if standard and is_standard else importer.path.parent
@@ -75,8 +77,8 @@ def _search(relative: Path, importer: LibraryPath, root: Path) -> LibraryPath | 
 
 
 def _at_hand(importer: LibraryPath, name: str) -> list[str]:
-    """The names that an import could mean: files in the folder that `name` speaks of, installed
-    libraries."""
+    """Return the names that an import could have been meant for: files in the folder of `name`, and
+    installed libraries."""
     folder = os.path.dirname(name)
     beside = importer.path.parent / folder
     shown: list[str] = []
@@ -96,7 +98,7 @@ def _within(path: Path, roots: tuple[Path, ...]) -> bool:
 
 
 def shown_path(path: Path) -> str:
-    """`path` as reports call it: from the working directory where it is below it."""
+    """Return `path` as reports show it: relative to the working directory if it is below it."""
     try:
         return str(path.relative_to(Path.cwd()))
     except ValueError:
@@ -105,10 +107,10 @@ def shown_path(path: Path) -> str:
 
 @functools.cache
 def installed(name: str) -> Path | None:
-    """The folder `library` of the missions that the package `name` ships; None where there is none.
+    """Return the folder `library` of the missions in the package `name`; None if there is none.
 
-    Our own is `kybflow/missions/library` in a wheel and `missions/library` in a checkout; others
-    are found through the entry-point group `kybflow.missions`.
+    The folder of kybflow itself is `kybflow/missions/library` in a wheel and `missions/library` in
+    a checkout. Other packages are found through the entry-point group `kybflow.missions`.
     """
     if name == "kybflow":
         package = Path(kybflow.__file__).parent
@@ -125,8 +127,8 @@ def installed(name: str) -> Path | None:
 
 
 def without_homes(text: str) -> str:
-    """`text` with the files of installed libraries called by their package, not by the folder where
-    that is installed: `kybflow/missions/library/airframes.yaml`."""
+    """Return `text` with the paths of installed libraries beginning with the package's name instead
+    of its folder: `kybflow/missions/library/airframes.yaml`."""
     for home, name in _homes().items():
         text = text.replace(home, name)
     return text
@@ -134,7 +136,7 @@ def without_homes(text: str) -> str:
 
 @functools.cache
 def _homes() -> dict[str, str]:
-    """The folder of each installed library, and how a reader knows it."""
+    """Return the folder of each installed library, with its name in reports."""
     packages = ("kybflow", *(entry.name for entry in entry_points(group=GROUP)))
     folders = {name: installed(name) for name in dict.fromkeys(packages)}
     return {f"{f}/": f"{name}/missions/library/" for name, f in folders.items() if f is not None}
@@ -148,7 +150,7 @@ class LibraryFile(NamedTuple):
 
 
 def judged(source: ParsedFile) -> LibraryFile:
-    """The library with the findings about its shape."""
+    """Return the library with the findings about its shape."""
     root = source.root
     if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
         return LibraryFile(source, source.found)
@@ -161,7 +163,7 @@ def _read(place: LibraryPath, _modified: int, _size: int) -> LibraryFile:
 
 
 def read_library(place: LibraryPath) -> LibraryFile:
-    """A library file, read and judged again only when it changed."""
+    """Return a library file. It is read and checked again only if it has changed."""
     try:
         status = place.path.stat()
     except OSError:

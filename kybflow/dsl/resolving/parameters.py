@@ -1,4 +1,4 @@
-"""Typed parameters: `parameters:` declares them; `--set name=value`, an import's `with` or the use
+"""Typed parameters. `parameters:` declares them; `--set name=value`, an import's `with` or the use
 of a chain sets them."""
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ _BOUNDS = ("above", "at_least", "below", "at_most")
 
 
 class BoundParameter(NamedTuple):
-    """A parameter with its value, as typed and as the node that takes the place of `$name`;
-    `is_set` when a file gives it: not the default, nor `--set`."""
+    """A parameter with its value. parameter: the typed value. node: the node that replaces `$name`.
+    span: the location of the declaration. is_set: whether a file sets the value, in contrast to the
+    default or `--set`."""
 
     parameter: Parameter
     node: Node
@@ -57,23 +58,23 @@ class BoundParameter(NamedTuple):
 
 
 class ParameterTable(NamedTuple):
-    """The parameters of one file: their names, with the places where they stand, and those that
-    have a value."""
+    """The parameters of one file. names: the location of each declared name. declared: the
+    parameters that have a value."""
 
     names: dict[str, Span]
     declared: dict[str, BoundParameter]
 
 
 class Setting(NamedTuple):
-    """A value from outside of the file, and where its name stands; None is a value that has its
-    finding already."""
+    """A value that is set outside the file. node: the value, None if its error is already reported.
+    name: the location of the parameter's name."""
 
     node: Node | None
     name: Span
 
 
 def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
-    """The values of `--set name=value` by name."""
+    """Return the values of `--set name=value` by name, and report invalid settings."""
     settings: dict[str, Setting] = {}
     for line, text in enumerate(sets, start=1):
         before, equals, value = text.partition("=")
@@ -98,7 +99,8 @@ def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
 
 
 def _moved(node: Node, line: int, shift: int) -> Node:
-    """A value that was read alone, at its place in its line of the settings."""
+    """Return a value that was parsed alone, with its spans moved to its position in the
+    settings."""
     s = node.span
     span = Span(SET, line, s.column + shift, line, s.end_column + shift)
     if isinstance(node, Sequence):
@@ -113,8 +115,9 @@ def declare(
     use: Scalar | None = None,
     set_by: str = "--set {}=...",
 ) -> ParameterTable:
-    """The parameters of `section` after `settings` (values by name). `use` is the place where a
-    chain is used; None for a file, whose parameters are `set_by` that."""
+    """Return the parameters declared in `section`, with the values in `settings`, and report
+    errors. use: the `do` that uses a chain; None for the parameters of a file. set_by: how to set a
+    parameter of a file, for hints."""
     entries = entries_of(section)
     declared: dict[str, BoundParameter] = {}
     for name, entry in entries.items():
@@ -179,7 +182,7 @@ def _declare(
 
 
 def _value(node: Node, field: Field, found: Findings) -> Any:
-    """The value of `node`; a point's name stays itself until the world is known."""
+    """Return the value of `node`; the name of a point is kept until the world is known."""
     is_point = field.shape == "vector" and isinstance(node, Scalar) and node.text.startswith(PREFIX)
     if isinstance(node, Scalar) and (is_point or field.type is TEXT):
         return node.text
@@ -201,7 +204,7 @@ def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
 
 
 def _typed(node: Node, field: Field) -> Node:
-    """The value with its unit written out, so that it can't be read in another dimension."""
+    """Return the value with its unit written out, so that it can't be read in another dimension."""
     if isinstance(node, Sequence):
         return Sequence(tuple(_typed(item, field) for item in node.items), node.span)
     if not isinstance(node, Scalar) or field.shape not in ("scalar", "vector"):
@@ -215,6 +218,6 @@ def _typed(node: Node, field: Field) -> Node:
 
 
 def shown_parameter(parameter: Parameter) -> str:
-    """The value as a person would write it."""
+    """Return the value of a parameter as an author would write it."""
     dimension = LENGTH if parameter.type == "position" else QUANTITIES.get(parameter.type)
     return shown_value(parameter.value, quantity_field("", dimension or NUMBER))

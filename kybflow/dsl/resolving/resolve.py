@@ -1,5 +1,5 @@
-"""Resolves imports, parameters and `like` into one tree with every value in its place, whose nodes
-still know where they were written."""
+"""Resolve imports, parameters and `like` into one tree that contains all values. Its nodes keep the
+locations where they were written."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ MAX_AFTER_LIKE = 200_000
 
 
 class Resolved(NamedTuple):
-    """A mission after imports, parameters and `like`: its top level, whose `airframes`, `vehicles`
-    and `flows` are whole. `names_points`: a point's name stands somewhere; `chains` are the names
-    of those at hand."""
+    """A mission after imports, parameters and `like` are resolved. root: its top level, whose
+    airframes, vehicles and flows are complete. parameters: the values of its parameters.
+    names_points: whether the name of a point may occur in it. chains: the names of the chains that
+    it may use."""
 
     root: Mapping
     parameters: dict[str, Parameter]
@@ -38,7 +39,7 @@ class Resolved(NamedTuple):
 def resolve(
     root: Mapping, files: Files, settings: MappingOf[str, Setting], found: Findings
 ) -> Resolved:
-    """The mission `root` after imports, parameters and `like`."""
+    """Resolve the imports, parameters and `like` of the mission `root`."""
     declared = declare(root.get("parameters"), settings, found)
     exports = load(files, root, declared, found)
     found.add(unused_imports(root, settings))
@@ -72,8 +73,8 @@ def resolve(
 
 
 def resolve_library(source: ParsedFile, files: Files, found: Findings) -> Mapping:
-    """The top level of a library file on its own, each of its sections whole. A parameter without a
-    value is no finding: an import gives one."""
+    """Return the top level of a library file on its own, with complete sections. A parameter
+    without a value is not reported, because an import can set it."""
     root = library_root(judged(source), Span(source.file, 1, 1, 1, 1), found)
     if root is None:
         return EMPTY
@@ -92,7 +93,7 @@ def resolve_library(source: ParsedFile, files: Files, found: Findings) -> Mappin
 
 
 def _with(root: Mapping, whole: MappingOf[str, Node | None]) -> Mapping:
-    """The top level `root` with its sections `whole`, those that are there."""
+    """Return `root` with its sections replaced by those in `whole` that are not None."""
     sections = {
         key: root.entries[key]._replace(value=value)
         for key, value in whole.items()
@@ -102,8 +103,9 @@ def _with(root: Mapping, whole: MappingOf[str, Node | None]) -> Mapping:
 
 
 def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
-    """The flows of the file itself, each whole, as long as there is `room`; None where there are
-    none. Their names are looked up where the flows are used, so their spans say where that is."""
+    """Return the file's own flows, complete, as long as `room` is positive; None if the file has
+    none. Names in a flow are looked up where the flow is used, so its spans record that
+    location."""
     written = exports.root.entries.get("flows")
     if written is None:
         return None
@@ -120,8 +122,8 @@ def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
 
 
 def _left(room: int, whole: Mapping, entry: MappingEntry, found: Findings) -> int:
-    """The `room` that is left after `entry`, which resolved to `whole`; a finding where nothing is
-    left."""
+    """Return what is left of `room`, a number of values, after the entry that was resolved to
+    `whole`; report KYB126 if nothing is left."""
     left = room - count(whole, room)
     if left <= 0:
         message = f"more than {MAX_AFTER_LIKE} values after `like`"

@@ -1,4 +1,4 @@
-"""Values in the place of `$name`."""
+"""Replace `$name` by the value of the parameter."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _EXPRESSIONS = frozenset({"when", "healthy", "expect"})
 
 
 class Substitution:
-    """Puts values in the place of `$name`; remembers which were used. A node without any stays the
-    same object, and an aliased one is replaced once."""
+    """Replaces `$name` by values and records which names are used. A node without `$name` is
+    returned unchanged, and an aliased node is replaced once."""
 
     def __init__(self, parameters: ParameterTable, found: Findings) -> None:
         self.parameters = parameters
@@ -31,7 +31,8 @@ class Substitution:
         self._used: set[str] = set()
 
     def apply(self, node: Node, expression: bool = False) -> Node:
-        """`node` with every `$name` replaced; inside of conditions also between other words."""
+        """Return `node` with every `$name` replaced; in conditions (`expression`), also within a
+        longer text."""
         key = (id(node), expression)
         if key not in self._done:
             self._done[key] = (node, self._replaced(node, expression))
@@ -68,7 +69,7 @@ class Substitution:
         return _placed(declared.node, span, node.text[1:])
 
     def _between(self, node: Scalar) -> Scalar:
-        """A condition with every value in its place; it remembers how it was written."""
+        """Return a condition with the value of every `$name`; it keeps its text as written."""
         text, behind = "", 0
         insets: list[Inset] = []
         for match in _INSIDE.finditer(node.text):
@@ -98,7 +99,7 @@ class Substitution:
         return self.parameters.declared.get(name)
 
     def note(self, node: Node) -> None:
-        """Count every `$name` under `node` as used."""
+        """Record every `$name` under `node` as used."""
         self._used.update(names_in(node))
 
     def judge(self) -> None:
@@ -109,18 +110,18 @@ class Substitution:
 
 
 def unused_parameter(name: str, span: Span, found: Findings) -> None:
-    """Report the parameter that is declared at `span`, and that nothing uses."""
+    """Warn that nothing uses the parameter declared at `span` (KYB133)."""
     hint = f"use it as `${name}`, or remove it"
     found.warn("KYB133", f"nothing uses the parameter `{name}`", span, help=hint)
 
 
 def known(node: Node) -> Node | None:
-    """`node`, or None where a `$name` is left in it: the finding says why."""
+    """Return `node`, or None if it still contains a `$name`, whose error is already reported."""
     return None if any(names_in(node)) else node
 
 
 def names_in(node: Node) -> Iterator[str]:
-    """Every name that stands as `$name` under `node`."""
+    """Yield the name of every `$name` under `node`."""
     if isinstance(node, Scalar):
         yield from _INSIDE.findall(node.text)
     elif isinstance(node, Sequence):

@@ -1,4 +1,4 @@
-"""Imports, and names that a mission gives, of which it makes no use."""
+"""Find imports and names that a mission declares and doesn't use."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ _WAYS = {
     "stacks": "use it as `- stack: {}`",
     "chains": "use it as `do: chain.{}`",
 }
-"""The sections whose entries are looked at, and how one is used."""
+"""The sections whose entries are checked, and how to use an entry."""
 _NO_USE = frozenset({"mission", "summary"})
 
 
 def unused_names(
     root: Mapping, files: Files, settings: MappingOf[str, Setting]
 ) -> Iterator[Diagnostic]:
-    """KYB112 for each entry of the mission `root` whose name stands nowhere else: not in the file,
-    not in `settings`, for a group and a point not in the text of an import."""
+    """Yield KYB112 for each entry of the mission `root` whose name occurs neither elsewhere in the
+    file nor in `settings`. The names of groups and points may also occur in an imported file."""
     given = [scalar.text for scalar in scalars_in(*_nodes(settings))]
     texts = {file: source.text for file, source in files.sources.items()}
     world = root.get("world")
@@ -74,7 +74,7 @@ def _named(node: Node | None) -> dict[str, MappingEntry]:
 
 
 def _texts_of(root: Mapping) -> Iterator[str]:
-    """Every text and key that stands in the file, but for the names that its sections give."""
+    """Yield every text and key in the file, except the names that its sections declare."""
     waiting: list[Node] = []
     for key, entry in root.entries.items():
         if key in _WAYS:
@@ -100,7 +100,7 @@ def _warning(kind: str, entry: MappingEntry, way: str) -> Diagnostic:
 
 
 def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator[Diagnostic]:
-    """KYB128 for each import of the mission `root` of which nothing speaks, neither in the file nor
+    """Yield KYB128 for each import of the mission `root` that is mentioned neither in the file nor
     in `settings`."""
     nodes = [entry.value for key, entry in root.entries.items() if key != "import"]
     words = " ".join(s.text for s in scalars_in(*nodes, *_nodes(settings)))

@@ -1,23 +1,24 @@
 """Control barriers: the least change of an acceleration that keeps a vehicle clear of hazards.
 
-With d the room that is left to something, n the unit vector out of it, v the velocity relative to
-it, and s(d) the speed from which a deceleration of a comes to rest in d,
+With d the room left before a hazard, n the unit vector away from it, v the velocity relative to it,
+and s(d) the speed from which a deceleration of a comes to rest in d,
 
     h = s(d) + n . v,    s(d) = sqrt(2 a (d - a / (2 k^2))),   k d over the last a / k^2,
 
 is positive while the vehicle can still stop; for two vehicles it is the h_ij of Wang, Ames and
-Egerstedt (T-RO 2017), whose a is that of both together. It stays so where
+Egerstedt (T-RO 2017), in which a is the sum of both decelerations. h stays positive if the
+acceleration u satisfies
 
     n . u >= -r,    r = c h + s'(d) n . v + (|v|^2 - (n . v)^2) / |p|,
 
-u being the acceleration; the last term, for what is round, is how fast n turns. Below d = 0 it
-leads out of it again, with at most 0.3 m/s. Of all u that hold for everything near and are within
-`strongest` along each axis, the one nearest to what is wanted is found, exactly, as a quadratic
-program (DAQP). Where there is none, the largest demand that is missed is made as small as possible.
+where the last term, for round hazards, is the rate at which n turns. Below d = 0 the barrier leads
+away from the hazard, with at most 0.3 m/s. Of all u that satisfy this for everything near and are
+within `strongest` along each axis, a quadratic program (DAQP) finds exactly the one nearest to the
+wanted acceleration. If there is none, the largest violation is made as small as possible.
 
-Two vehicles share what r allows, as in the paper by their a, half each. What it demands (r < 0) the
-paper shares too, but here each vehicle does the whole of it: one that lands, waits or is flown by a
-person does not give way. World frame, metres.
+Two vehicles share what r allows, half each; the paper divides it by their decelerations a. The
+paper also shares what r demands (r < 0), but here each vehicle does all of it, because a vehicle
+that lands, waits or is flown by a person doesn't give way. World frame, metres.
 """
 
 from __future__ import annotations
@@ -32,31 +33,32 @@ from kybflow.flight.avoidance.surroundings import Hazard
 _GAIN, _RATE = 3.0, 10.0
 """k and c, 1/s."""
 _BACK = 0.3
-"""The largest speed away from a hazard that is too near, m/s."""
+"""The largest speed away from a hazard that is closer than allowed, m/s."""
 _SHARE = 0.9
-"""Of `strongest`, the most that is demanded, so that no demand alone is beyond it."""
+"""The largest share of `strongest` that one demand may take, so that each can be met alone."""
 _EXACT = 1e-9
-"""m/s^2 by which an acceleration may miss a demand that it fulfils."""
+"""Tolerance, m/s^2, within which an acceleration fulfils a demand."""
 _MISSED, _UNBOUNDED = 1e3, 1e30
-"""The cost of missing a demand relative to a change as large, and a number for infinity."""
+"""The cost of missing a demand, relative to an equally large change of the acceleration, and a
+number that stands for infinity."""
 _STEEP = 0.3
-"""The least part of a heading along -n that is one for it."""
+"""The least component of a unit heading along -n at which the vehicle heads for the hazard."""
 
 
 class Demand(NamedTuple):
-    """normal . acceleration must be at least `least`."""
+    """Requires that `normal` . acceleration is at least `least` (m/s^2)."""
 
     normal: Vec3
     least: float
 
     def holds(self, acceleration: Vec3) -> bool:
-        """Return whether an acceleration fulfils it."""
+        """Return whether an acceleration fulfils the demand."""
         return dot(self.normal, acceleration) >= self.least - _EXACT
 
 
 def stoppable(room: float, braking: float) -> tuple[float, float]:
-    """Return the speed (m/s) from which `braking` (m/s^2) comes to rest in `room` (m), and how it
-    grows with the room (1/s)."""
+    """Return the speed (m/s) from which a deceleration of `braking` (m/s^2) comes to rest within
+    `room` (m), and its derivative with respect to the room (1/s)."""
     linear = braking / (_GAIN * _GAIN)
     if room <= linear:
         return max(_GAIN * room, -_BACK), _GAIN if _GAIN * room > -_BACK else 0.0
@@ -65,15 +67,15 @@ def stoppable(room: float, braking: float) -> tuple[float, float]:
 
 
 def reach_of(speed: float, braking: float, strongest: float) -> float:
-    """Return the room from which on nothing is demanded of whom wants no more than `strongest` and
-    closes in at `speed`."""
+    """Return the room (m) beyond which nothing is demanded of a vehicle that accelerates by at most
+    `strongest` and closes in at `speed`."""
     allowed = speed + (strongest + braking) / _RATE
     return allowed * allowed / (2.0 * braking) + 0.5 * braking / (_GAIN * _GAIN)
 
 
 def demand(hazard: Hazard, keep: float, velocity: Vec3, braking: float, strongest: float) -> Demand:
-    """Return what keeps a vehicle with `velocity` the distance `keep` (m) from a hazard. braking,
-    strongest: m/s^2."""
+    """Return the demand that keeps a vehicle with this velocity at least `keep` metres from a
+    hazard. braking, strongest: m/s^2."""
     relative, normal = sub(velocity, hazard.velocity), hazard.outward
     opening = dot(normal, relative)
     speed, slope = stoppable(hazard.room - keep, braking)
@@ -86,8 +88,8 @@ def demand(hazard: Hazard, keep: float, velocity: Vec3, braking: float, stronges
 
 def filtered(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 | None:
     """Return the acceleration nearest to `wanted` that fulfils every demand within `strongest`
-    along each axis; `wanted` itself, of any size, if it does; None if there is none. Raises
-    ValueError for numbers that are not finite."""
+    along each axis, or None if there is none. If `wanted` itself fulfils them, it is returned
+    whatever its size. Raises ValueError if a number is not finite."""
     broken = [d for d in demands if not d.holds(wanted)]
     if not broken:
         return wanted
@@ -103,8 +105,9 @@ def filtered(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 
 def _minimised(
     wanted: Sequence[float], rows: Sequence[Sequence[float]], strongest: float
 ) -> list[float] | None:
-    """Return the x nearest to `wanted` with row . x >= the row's last number and three components
-    within `strongest`; a fourth, how much is missed, costs a thousand times as much."""
+    """Return the x nearest to `wanted` for which row . x is at least the last number of every row,
+    or None. The first three components are within `strongest`; a fourth, the violation, costs a
+    thousand times as much."""
     import daqp
     import numpy as np
 
@@ -126,8 +129,8 @@ def _minimised(
 
 
 def least_bad(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3 | None:
-    """Return the acceleration within `strongest` that misses the demands by as little as possible;
-    None if the solver finds none."""
+    """Return the acceleration within `strongest` that violates the demands as little as possible,
+    or None if the solver finds none."""
     x = _minimised((*wanted, 0.0), [(*normal, 1.0, least) for normal, least in demands], strongest)
     return None if x is None else (x[0], x[1], x[2])
 
@@ -135,8 +138,9 @@ def least_bad(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3
 def stopped(
     wanted: Vec3, velocity: Vec3, demands: Sequence[Demand], strongest: float, dt: float
 ) -> Vec3 | None:
-    """Return what `filtered` does, but of whom heads for something brake along its way, no harder
-    than it takes, and slide along it only where it goes past."""
+    """Return an acceleration that fulfils the demands, like `filtered`, except that a vehicle
+    heading for something brakes along its path, no harder than necessary. It slides along the
+    hazard only if its path leads past it."""
     broken = [d for d in demands if not d.holds(wanted)]
     heading = add(velocity, scale(wanted, dt))
     steep = -_STEEP * norm(heading)
@@ -152,12 +156,13 @@ def stopped(
 
 
 def _share(broken: Demand, wanted: Vec3, change: Vec3) -> float:
-    """Return the share of a change that fulfils a demand, infinite if none does."""
+    """Return the share of a change that is needed to fulfil a demand; infinite if the change
+    doesn't help."""
     gain = dot(broken.normal, change)
     return (broken.least - dot(broken.normal, wanted)) / gain if gain > _EXACT else inf
 
 
 def braked(velocity: Vec3, strongest: float, dt: float) -> Vec3:
-    """Return the acceleration that takes a velocity away as fast as possible."""
+    """Return the acceleration that stops the vehicle as fast as possible. strongest: m/s^2."""
     speed = norm(velocity)
     return scale(velocity, -min(strongest / speed, 1.0 / dt)) if speed > 0.0 else (0.0, 0.0, 0.0)

@@ -1,13 +1,13 @@
-"""Bounds a velocity so that it always stops in time: before the fence and before obstacles.
+"""Bounds a velocity so that the vehicle can always stop before the fence and before obstacles.
 
-With d the room that is left to a surface and n its normal into the free space, the speed towards it
-is at most
+With d the room left before a surface and n its normal into free space, the speed towards it is at
+most
 
     -v . n <= sqrt(2 a (d - a / (4 k^2))),    linear, k d, over the last a / (2 k^2),
 
-the deceleration being a = 1 m/s^2 and k = 2 1/s; where no room is left it is zero. What is too much
-is taken away along each normal in turn, so that a vehicle slides along what it is pushed against;
-what then still asks for more, in a corner, slows the whole. World frame, metres.
+with the deceleration a = 1 m/s^2 and k = 2 1/s; without room it is zero. The excess is removed
+along each normal in turn, so that a vehicle slides along a surface that it is pushed against; if
+that is not enough, as in a corner, the whole velocity is scaled down. World frame, metres.
 """
 
 from __future__ import annotations
@@ -29,26 +29,28 @@ _INWARD: tuple[Vec3, ...] = (
 
 
 class Surface(NamedTuple):
-    """A surface to stay away from: the room that is left, and its outward normal."""
+    """A surface to stay away from. room: the distance left before it. normal: its outward
+    normal."""
 
     room: float
     normal: Vec3
 
 
 def stopping_speed(room: float) -> float:
-    """Return the largest speed towards something that is `room` away."""
+    """Return the largest speed (m/s) towards something that is `room` metres away."""
     if room <= _LINEAR:
         return _GAIN * max(room, 0.0)
     return sqrt(2.0 * _STOPPING * (room - 0.5 * _LINEAR))
 
 
 def reach_of(speed: float) -> float:
-    """Return the distance from which on a surface bounds no velocity of `speed`."""
+    """Return the distance (m) beyond which a surface doesn't limit a velocity of `speed` (m/s)."""
     return speed * speed / (2.0 * _STOPPING) + _LINEAR
 
 
 def walls(position: Vec3, box: Box) -> tuple[Surface, ...]:
-    """Return the faces of a box around `position`: of each axis the low one, then the high one."""
+    """Return the faces of the box around `position`: for each axis the low one, then the high
+    one."""
     x, y, z = position
     x0, y0, z0 = box.low
     x1, y1, z1 = box.high
@@ -57,7 +59,7 @@ def walls(position: Vec3, box: Box) -> tuple[Surface, ...]:
 
 
 def bounded(velocity: Vec3, surfaces: Iterable[Surface]) -> Vec3:
-    """Return the velocity that stops before each of the surfaces."""
+    """Return the velocity, reduced so that the vehicle can stop before each surface."""
     bounds = [(stopping_speed(room), normal) for room, normal in surfaces]
     for _ in range(_ROUNDS):
         before = velocity

@@ -1,4 +1,4 @@
-"""Turns a blocked vehicle to the right, around what is in its way."""
+"""Turns a blocked vehicle to the right, around the obstacle that blocks it."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from kybflow.flight.avoidance.clearance import bounded, walls
 from kybflow.world.shapes import Box
 
 _TURNING, _RETURNING, _FARTHEST = 1.5, 0.5, 1.9
-"""How fast the angle grows and shrinks, rad/s, and the largest, rad."""
+"""Rates at which the angle grows and shrinks, rad/s, and the largest angle, rad."""
 _SLOW = 0.05
-"""The least wanted speed that can be blocked, m/s."""
+"""The least wanted speed that counts as blocked, m/s."""
 _INSIDE = 0.3
-"""Distance that a detour keeps from the fence, m."""
+"""Distance of a detour from the fence, m."""
 _IMMINENT = 1.0
-"""Largest allowed acceleration towards something that blocks the way, m/s^2."""
+"""Something ahead blocks the way if it allows less acceleration than this towards it, m/s^2."""
 
 
 class Detour:
-    """Turns the way of a vehicle to the right while it is blocked, so that those who meet head on
-    pass each other, and those who meet in a point go round it one way.
+    """Turns the velocity of a blocked vehicle to the right, so that vehicles that meet head on pass
+    each other, and vehicles that meet at one point go round it in the same direction.
 
-    The angle grows by `_TURNING` while less than half of the wanted speed is made towards the goal
-    and something ahead is what forbids more, and shrinks otherwise. It does not lead out of the
-    fence, nor nearer to it than 30 cm.
+    The angle grows by `_TURNING` while the vehicle makes less than half of the wanted speed towards
+    its goal because of something ahead; otherwise it shrinks. A detour stays at least 30 cm inside
+    the fence.
     """
 
     def __init__(self, fence: Box | None) -> None:
@@ -35,7 +35,8 @@ class Detour:
     def turned(
         self, goal: Vec3, place: Vec3, velocity: Vec3, demands: list[Demand], dt: float
     ) -> Vec3:
-        """Return the velocity to pursue in place of `goal` from `place`."""
+        """Return the velocity to pursue instead of `goal` (m/s, world frame). place, velocity: the
+        vehicle's position and velocity."""
         length = norm(goal)
         blocked = (
             length > _SLOW

@@ -1,10 +1,11 @@
 """Keeps the setpoints of a vehicle clear of hazards, by `kybflow.flight.avoidance.barrier`.
 
-Setpoints of position are followed by a reference, a position q and a velocity u that pursue them
-(`kybflow.flight.governor`) with the acceleration that the barriers allow. Distances count from q,
-and from the estimate if that is nearer by more than a slack. For a setpoint of velocity the
-barriers bound its change from what the tracker followed, for one of acceleration itself; distances
-count from the estimate there. A setpoint that no barrier changes passes bit for bit. World frame.
+Position setpoints are pursued by a reference, a position q and a velocity u
+(`kybflow.flight.governor`), with the acceleration that the barriers allow. Distances count from q,
+or from the estimate if that is nearer by more than a slack. For a velocity setpoint, the barriers
+bound its change from what the tracker followed; for an acceleration setpoint, they bound the
+acceleration itself. For both, distances count from the estimate. A setpoint that no barrier changes
+passes bit for bit. World frame.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ from kybflow.world.vehicle_context import Airframe
 
 _POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
 ACCEPTS = {kind: kind for kind in (_POSITION, _VELOCITY, SetpointKind.ACCELERATION)}
-"""The kinds of setpoint that it bends, each into its own."""
+"""The kinds of setpoint that it changes, each with the kind that results, which is the same."""
 _STRONGEST, _TILT_SHARE, _PLANNED = 3.0, 0.8, 0.8
-"""The largest acceleration, m/s^2, and of what the airframe's tilt gives; of that, the most with
-which it plans to brake."""
+"""The largest acceleration, m/s^2; the largest share of the acceleration that the airframe's tilt
+allows; and the share of the smaller of these with which braking is planned."""
 _JUMP, _LEAP = 1e-3, 0.05
-"""The largest step in position, beside the velocity, that passes where something is near, and where
+"""The largest step in position, beyond the velocity's, that passes if something is near, and if
 nothing is, m."""
 
 
@@ -48,9 +49,9 @@ class AvoidanceBlocked(ProcessorEvent):
 
 
 class Keeping(NamedTuple):
-    """keep: metres between hulls, for the setpoint. slack: how much of that the vehicle may lack.
-    braking: the deceleration that it plans with, m/s^2. speed: the largest with which it catches
-    up, m/s."""
+    """keep: the distance between hulls that setpoints keep, metres. slack: by how much less the
+    vehicle itself may keep, metres. braking: the planned deceleration, m/s^2. speed: the largest
+    speed with which the vehicle catches up, m/s."""
 
     keep: float
     slack: float
@@ -61,8 +62,8 @@ class Keeping(NamedTuple):
 class Avoidance:
     """The barriers of one vehicle.
 
-    nearby: what it keeps away from. detour: where it goes when its way is blocked, None to stop
-    there.
+    nearby: finds what the vehicle keeps away from. detour: leads the vehicle around what blocks its
+    way; None to stop there.
     """
 
     def __init__(self, airframe: Airframe, nearby: Nearby, detour: Detour | None = None) -> None:
@@ -73,8 +74,8 @@ class Avoidance:
         self._follower = Follower()
 
     def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
-        """Return the setpoint to follow, with an event when the vehicle begins to brake because it
-        has no way left."""
+        """Return the setpoint to follow. When the vehicle begins to brake because it has no way
+        left, return it in an Emitting with the event."""
         self._gets_stuck = False
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
@@ -83,7 +84,7 @@ class Avoidance:
         return Emitting(given, AvoidanceBlocked(reason=reason))
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
-        """Return the setpoint to follow."""
+        """Return the setpoint to follow, clear of hazards."""
         follower, kind = self._follower, setpoint.kind
         follower.resume(setpoint, tick)
         known = tick.known()
@@ -111,7 +112,8 @@ class Avoidance:
     def _allowed(
         self, wanted: Vec3, velocity: Vec3, demands: list[Demand], strongest: float, tick: Tick
     ) -> Vec3:
-        """Return the acceleration nearest to the wanted one that the barriers allow."""
+        """Return the acceleration nearest to `wanted` that the barriers allow; if there is none,
+        brake as well as possible."""
         if self._detour is None:
             given = stopped(wanted, velocity, demands, strongest, tick.dt)
         else:
@@ -142,7 +144,7 @@ class Avoidance:
         return follower.advance(scale(given, dt), dt).setpoint_like(setpoint)
 
     def _passes(self, setpoint: Setpoint, demands: list[Demand], dt: float) -> bool:
-        """Return whether a setpoint continues the last one within the barriers."""
+        """Return whether a setpoint continues the last one and the barriers allow it."""
         before, velocity = self._follower, setpoint.velocity or ZERO
         mean = scale(add(velocity, before.velocity), 0.5 * dt)
         jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))

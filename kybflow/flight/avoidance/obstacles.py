@@ -1,10 +1,10 @@
 """The obstacles that a vehicle keeps away from.
 
-All obstacles of the world count, except for those that may be touched. Moving obstacles and other
-vehicles count as balls; a vehicle's reaches to the tips of its rotors. One that is no longer seen
-stays where it was seen and grows by how far it can have gone, for a second; then it counts as lost
-and keeps its size. A vehicle that reports that it has no estimate lands somewhere there, and is
-forgotten after 20 s. Metres, world frame.
+These are all obstacles of the world, except for those that may be touched. Moving obstacles and
+other vehicles are modelled as balls; a vehicle's ball reaches to the tips of its rotors. An
+obstacle that is no longer seen stays where it was seen last, and for one second grows by the
+distance that it can have moved; then it counts as lost and keeps its size. A vehicle that reports
+that it has no estimate lands somewhere near, and is forgotten after 20 s. Metres, world frame.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _DRIFT = 0.3
 
 
 class Obstacles:
-    """What one vehicle keeps away from. solids: what stands, by name. hulls: the radius of each
-    other vehicle."""
+    """The obstacles of one vehicle. solids: the fixed ones, by name. hulls: the radius of each
+    other vehicle, by name."""
 
     def __init__(self, context: VehicleContext) -> None:
         self.solids: dict[str, Shape] = {
@@ -36,8 +36,8 @@ class Obstacles:
         self._last: dict[str, Estimate] = {}
 
     def vehicle(self, name: str, known: Estimate | None, now: Time) -> SeenObstacle | None:
-        """Return another vehicle, whose estimate is `known`, with its assumed size; None if it was
-        never seen or is forgotten."""
+        """Return another vehicle as an obstacle with its assumed size, or None if it was never seen
+        or is forgotten. known: its current estimate, None if it has none."""
         last = known or self._last.get(name)
         if last is None:
             return None
@@ -53,5 +53,6 @@ class Obstacles:
 
 
 def grown(seen: SeenObstacle, now: Time) -> SeenObstacle:
-    """Return a moving obstacle with its assumed size."""
+    """Return a moving obstacle enlarged by the distance that it can have moved since it was
+    seen."""
     return seen._replace(radius=seen.radius + seen.speed * min((now - seen.time) / NS, LOST))

@@ -1,12 +1,13 @@
 """The repulsion of TeleKyb's obstacle potential.
 
-Of what is d away from an ellipsoid round the vehicle, along the line to it, the speed away is
+An obstacle at the distance d from an ellipsoid around the vehicle, along the line to it, repels the
+vehicle with the speed
 
     s(d) = g (pi/2) / (d0 - dm) (cot z + z - pi/2),    z = (pi/2) (d - dm) / (d0 - dm),
 
-zero from d0 on, and the saturation from dm down, inside too. Contributions are added and the sum is
-capped, so that their order doesn't count; TeleKyb's running average forgot what came before
-something out of reach. World frame, metres.
+which is zero from d0 on and saturates below dm, and inside the ellipsoid. Contributions are added
+and the sum is limited, so that their order doesn't matter; TeleKyb's running average forgot what
+came before an obstacle out of reach. World frame, metres.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from kybflow.flight.governor import shortened
 
 
 class Potential(NamedTuple):
-    """level, above: semi-axes of the ellipsoid. nearest, farthest: dm and d0. saturation: the
-    largest speed away."""
+    """The parameters of the potential. level, above: semi-axes of the ellipsoid. nearest, farthest:
+    the distances dm and d0. gain: the factor g. saturation: the largest speed of repulsion, m/s."""
 
     level: float
     above: float
@@ -33,12 +34,12 @@ class Potential(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Distance from which on nothing repels in any direction."""
+        """The distance beyond which nothing repels in any direction."""
         return self.farthest + max(self.level, self.above)
 
 
 def repulsion(distance: float, potential: Potential) -> float:
-    """Return the speed away from something at this distance from the ellipsoid."""
+    """Return the speed (m/s) away from something at this distance from the ellipsoid."""
     if distance >= potential.farthest:
         return 0.0
     if distance <= potential.nearest:
@@ -49,7 +50,7 @@ def repulsion(distance: float, potential: Potential) -> float:
 
 
 def push(hazards: Iterable[Hazard], potential: Potential) -> Vec3:
-    """Return the velocity away from everything near; ZERO itself without anything."""
+    """Return the velocity away from everything near; the object ZERO if nothing repels."""
     whole = ZERO
     for hazard in hazards:
         x, y, z = hazard.outward

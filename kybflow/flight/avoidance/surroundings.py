@@ -1,10 +1,10 @@
-"""What is near a vehicle: its obstacles (`kybflow.flight.avoidance.obstacles`), each with its
-distance and the way out of it.
+"""Finds what is near a vehicle: its obstacles (`kybflow.flight.avoidance.obstacles`), each with its
+distance and the direction away from it.
 
-The caller (`steer`, the processors) says how near is near; a formation uses what vehicles publish.
-A distant obstacle is checked again when it could have come near, at 20 m/s, and after 0.1 s at the
-latest. One that moved away when it was last seen counts as moving away for 0.2 s. Metres, world
-frame.
+The caller (`steer`, the processors) decides how near counts; a formation uses what vehicles publish
+instead. A distant obstacle is checked again when it could have come near at 20 m/s, and after 0.1 s
+at the latest. A hidden obstacle that moved away when it was last seen is believed to move away for
+0.2 s. Metres, world frame.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from kybflow.world.shapes import around
 from kybflow.world.vehicle_context import VehicleContext
 
 _CLOSING, _LATEST = 20.0, 0.1
-"""m/s, s."""
+"""Assumed closing speed of a distant obstacle, m/s, and the longest time between two checks, s."""
 _BELIEVED = NS // 5
-"""How long an unseen obstacle counts as moving away."""
+"""How long an unseen obstacle counts as moving away, ns."""
 
 
 class SecondPoint(NamedTuple):
-    """A second point, and by how much less room may be left from it than from the first."""
+    """A second point from which distances count. slack: by how much less room may be left from it
+    than from the first point, metres."""
 
     point: Vec3
     slack: float
@@ -35,10 +36,10 @@ Reach = Callable[[float], float]
 
 
 class Hazard(NamedTuple):
-    """Something near a point. room: from the point to its surface, negative inside. outward: the
-    unit vector out of it. velocity: its own. curvature: by how much `outward` turns for each
-    metre that is gone across it, 1/m, zero where that is unknown or has no end. is_vehicle: it may
-    give way, too."""
+    """Something near a point. room: the distance from the point to its surface, negative inside.
+    outward: the unit vector away from it. velocity: the hazard's velocity. curvature: by how much
+    `outward` turns per metre of movement across it, 1/m; zero if unknown or infinite. is_vehicle:
+    whether it is a vehicle that may give way too."""
 
     name: str
     room: float
@@ -49,7 +50,7 @@ class Hazard(NamedTuple):
 
 
 class Nearby:
-    """What is near one vehicle. others: the other vehicles that count, None for all."""
+    """Finds what is near one vehicle. others: the other vehicles to consider, None for all."""
 
     def __init__(self, context: VehicleContext, others: Iterable[str] | None = None) -> None:
         self._obstacles = Obstacles(context)
@@ -58,7 +59,7 @@ class Nearby:
         self.count(others)
 
     def count(self, others: Iterable[str] | None) -> None:
-        """Let these other vehicles count from now on, None for all."""
+        """Consider these other vehicles from now on, None for all."""
         self.others = others
         known = self._obstacles.hulls
         self._vehicles = tuple(known if others is None else (n for n in others if n in known))
@@ -77,8 +78,9 @@ class Nearby:
         reach_of: Reach,
         also: SecondPoint | None = None,
     ) -> Iterator[Hazard]:
-        """Yield what is within reach of a point that moves at `speed`, as seen from `also` where
-        that is nearer by more than its slack. reach_of: how far that is at a closing speed."""
+        """Yield what is within reach of a point that moves at `speed`. Distances count from `also`
+        if they are shorter from there by more than its slack. reach_of: returns the reach for a
+        closing speed."""
         known, slack = also or SecondPoint(point, 0.0)
         if self._solids:
             yield from self._standing(point, reach_of(speed), tick.now, known, slack)
@@ -94,8 +96,8 @@ class Nearby:
                 yield _ball(name, point, seen, 0.0, now, is_vehicle)
 
     def _moving(self, tick: Tick) -> Iterator[tuple[str, SeenObstacle, bool]]:
-        """Yield the moving obstacles to check, and whether each may give way: a vehicle that has
-        an estimate."""
+        """Yield the moving obstacles to check, and for each whether it may give way, as a vehicle
+        with an estimate may."""
         now, later = tick.now, self._later
         for name, seen in tick.moving.items() if self._moves else ():
             if now >= later.get(name, 0):
@@ -110,7 +112,8 @@ class Nearby:
     def _standing(
         self, point: Vec3, reach: float, now: Time, known: Vec3, slack: float
     ) -> Iterator[Hazard]:
-        """Yield the solids within reach of a point, as `near`."""
+        """Yield the solids within `reach` of a point, with the second point `known` as in
+        `near`."""
         later = self._later
         for name, shape in self._solids:
             if now < later.get(name, 0):
@@ -140,5 +143,5 @@ def _ball(
 
 
 def _until(gap: float) -> Time:
-    """Return how long nothing can cross `gap`, ns."""
+    """Return the time (ns) within which nothing can cross `gap` metres."""
     return round(min(gap / _CLOSING, _LATEST) * NS)

@@ -1,4 +1,5 @@
-"""Formations: the places of a shape, who takes which, and the frame in which they lie and move.
+"""Formations: the places of a shape, the assignment of vehicles to them, and the frame in which
+they lie and move.
 
-Pure maths: who publishes what to whom is in `kybflow.runtime.behaviors.formation`.
+This is pure maths; `kybflow.runtime.behaviors.formation` contains what members publish and to whom.
 """

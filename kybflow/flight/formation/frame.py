@@ -1,15 +1,16 @@
-"""The frame of a formation: a point with a heading, both moving; places lie in it.
+"""The frame of a formation: a point with a heading, both moving; places are defined in it.
 
-With the heading psi, its rate w and the place o(t) of a vehicle in the frame, R turning by psi,
+With the heading psi, its rate w, the position o(t) of a vehicle in the frame, and R the rotation by
+psi,
 
     p = c + R o,    v = c' + w x R o + R o',    a = c'' + w x (w x R o) + 2 w x R o' + R o''
 
-(the change of w is left out: it is small and lasts a tick). Each member moves a frame of its own by
-the same rule, and lets it drift towards the mean of those that are published,
+(the change of w is neglected: it is small and lasts one tick). Each member moves its own frame by
+the same rule, and lets it drift towards the mean of the published frames,
 
     c_i' = u + k (mean c_j - c_i),
 
-so that differences of what members received do not last. World frame, metres, radians.
+so that differences in what members received don't last. World frame, metres, radians.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ from kybflow.flight.motion import Coast, Motion
 from kybflow.flight.profiles import STEEPEST, smoothstep
 
 AGREEING = 1.0
-"""The rate k at which frames come together, 1/s."""
+"""The rate k at which the members' frames converge, 1/s."""
 _TURNING = 4.0
-"""The largest change of the rate of turning, rad/s^2."""
+"""The largest change of the turn rate, rad/s^2."""
 _HARD = 2.5
-"""The largest acceleration (m/s^2) with which a frame is kept away from something."""
+"""The largest acceleration (m/s^2) that keeps a frame away from something."""
 _FASTEST = 0.3
-"""The largest speed (m/s) at which a frame drifts to the others'."""
+"""The largest speed (m/s) at which a frame drifts towards the others."""
 _SHARPEST = 10.0 / sqrt(3.0)
 """The largest second derivative of the smoothstep."""
 
 
 class MovingFrame(NamedTuple):
-    """Where a formation is and how it moves. drift: the part of its motion that only brings it to
-    where the others have theirs."""
+    """The pose and motion of a formation's frame. rate: turn rate, rad/s. drift: the part of its
+    velocity that only brings it towards the other members' frames, m/s."""
 
     centre: Vec3
     velocity: Vec3 = ZERO
@@ -48,24 +49,24 @@ class MovingFrame(NamedTuple):
     drift: Vec3 = ZERO
 
     def after(self, dt: float) -> MovingFrame:
-        """Return the frame `dt` seconds later, if it goes on as it does."""
+        """Return the frame `dt` seconds later if it continues to move in the same way."""
         (x, y, z), (vx, vy, vz), acceleration, heading, rate, drift = self
         ahead = (x + vx * dt, y + vy * dt, z + vz * dt)
         return MovingFrame(ahead, self.velocity, acceleration, heading + rate * dt, rate, drift)
 
     def turned(self, vector: Vec3) -> Vec3:
-        """Return a vector of the frame in the world."""
+        """Rotate a vector from the frame to the world."""
         c, s = cos(self.heading), sin(self.heading)
         x, y, z = vector
         return (c * x - s * y, s * x + c * y, z)
 
     def all_turned(self, vectors: Iterable[Vec3]) -> list[Vec3]:
-        """Return vectors of the frame in the world."""
+        """Rotate vectors from the frame to the world."""
         c, s = cos(self.heading), sin(self.heading)
         return [(c * x - s * y, s * x + c * y, z) for x, y, z in vectors]
 
     def motion(self, place: Motion) -> Motion:
-        """Return the motion in the world of a place that may move in the frame."""
+        """Return the world motion of a place, which may move in the frame."""
         w = self.rate
         o, u, b = self.all_turned((place.position, place.velocity, place.acceleration))
         velocity = add(add(self.velocity, self.drift), (u[0] - w * o[1], u[1] + w * o[0], u[2]))
@@ -74,7 +75,7 @@ class MovingFrame(NamedTuple):
         return Motion(add(self.centre, o), velocity, acceleration)
 
     def place(self, motion: Motion) -> Motion:
-        """Return the position and velocity in the frame of a motion in the world."""
+        """Return the position and velocity, relative to the frame, of a motion in the world."""
         c, s, w = cos(self.heading), sin(self.heading), self.rate
         x, y, z = sub(motion.position, self.centre)
         u, v, r = sub(motion.velocity, self.velocity)
@@ -83,11 +84,12 @@ class MovingFrame(NamedTuple):
 
 
 class Shift:
-    """A way in the frame from where a vehicle is to its place: it brings its velocity to rest, and
-    at the same time goes from rest to rest within `duration` seconds.
+    """A path in the frame from a vehicle's motion to its place. The vehicle's velocity is brought
+    to rest while it moves from rest to rest within `duration` seconds.
 
     s(t) = S(t / T) with the quintic smoothstep S, whose largest slope is 15/8 and whose largest
-    second derivative is 10/sqrt(3)."""
+    second derivative is 10/sqrt(3).
+    """
 
     def __init__(self, start: Motion, place: Vec3, duration: float) -> None:
         self._coast = Coast.after(start)
@@ -97,7 +99,7 @@ class Shift:
 
     @staticmethod
     def time_for(length: float, speed: float, acceleration: float) -> float:
-        """Return the seconds that such a way needs within these limits."""
+        """Return the seconds that a path of this length needs within the limits."""
         return max(STEEPEST * length / speed, sqrt(_SHARPEST * length / acceleration))
 
     def at(self, time: float) -> Motion:
@@ -118,7 +120,8 @@ class Shift:
 
 
 class FrameLimits(NamedTuple):
-    """How fast a frame may move and turn: m/s level and vertical, rad/s, m/s^2."""
+    """How fast a frame may move and turn: horizontal and vertical speed, m/s, turn rate, rad/s, and
+    acceleration, m/s^2."""
 
     speed: float
     climb: float
@@ -127,7 +130,7 @@ class FrameLimits(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """The requested motion of a frame: a velocity in the world and a rate of turning."""
+    """The requested motion of a frame: a velocity in the world and a turn rate."""
 
     velocity: Vec3 = ZERO
     rate: float = 0.0
@@ -142,9 +145,9 @@ def moved(
     reach: float = 0.0,
     near: Sequence[tuple[Vec3, Surface]] = (),
 ) -> MovingFrame:
-    """Return the frame a tick later. mean: of all members' frames, as they are now. reach: how far
-    its places are from its axis, metres. near: what is near a place, each with where the place is
-    from the centre, in the world's axes."""
+    """Return the frame one tick later. mean: the current mean of all members' frames. reach: the
+    largest distance of a place from the frame's axis, metres. near: surfaces near a place, each
+    with the position of the place relative to the centre, in the axes of the world."""
     x, y, z = asked.velocity
     level = shortened((x, y, 0.0), limits.speed)
     wanted = (level[0], level[1], max(-limits.climb, min(limits.climb, z)))
@@ -177,8 +180,8 @@ def _turning(
     near: Sequence[tuple[Vec3, Surface]],
     dt: float,
 ) -> float:
-    """The rate of turning in the next tick: no place goes round faster than the frame may move, and
-    none faster towards something than half of what stops before it."""
+    """Return the turn rate in the next tick. No place circles faster than the frame may move, nor
+    towards a surface faster than half of the speed that can stop before it."""
     most = limits.turn_rate if reach <= 0.0 else min(limits.turn_rate, limits.speed / reach)
     asked = max(-most, min(most, asked))
     step = _TURNING * dt
@@ -193,13 +196,13 @@ def _turning(
 
 
 def _drift(frame: MovingFrame, mean: MovingFrame) -> tuple[Vec3, float]:
-    """Return the velocity and the rate at which a frame drifts to the mean of all."""
+    """Return the velocity and the turn rate with which a frame drifts towards the mean of all."""
     away = scale(sub(mean.centre, frame.centre), AGREEING)
     return shortened(away, _FASTEST), AGREEING * wrap(mean.heading - frame.heading)
 
 
 def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:
-    """Return what at least one frame has in common."""
+    """Return the mean of one or more frames, with zero acceleration and drift."""
     n = float(len(frames))
     c = s = rate = 0.0
     centre, velocity = ZERO, ZERO
@@ -212,25 +215,25 @@ def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:
 
 
 def mean_heading(c: float, s: float) -> float:
-    """Return the mean of headings whose cosines and sines have these sums; zero where they have
-    none."""
+    """Return the mean of headings from the sums of their cosines and sines; zero if it is
+    undefined."""
     return atan2(s, c) if hypot(c, s) > 1e-6 else 0.0
 
 
 def distance_error(here: Vec3, others: Iterable[tuple[Vec3, float]]) -> float:
-    """Return the mean error of a vehicle's distances to others, each given with the distance that
-    it is to have; zero without others."""
+    """Return the mean error of a vehicle's distances to others; zero without others. others:
+    positions, each with the wanted distance."""
     errors = [abs(distance(here, other) - wanted) for other, wanted in others]
     return sum(errors) / len(errors) if errors else 0.0
 
 
 def longest(ways: Iterable[tuple[Vec3, Vec3]]) -> float:
-    """Return the length of the longest way, given by their ends."""
+    """Return the length of the longest path, each given by its two ends."""
     return max((norm(sub(b, a)) for a, b in ways), default=0.0)
 
 
 def approach_speed(gap: float, acceleration: float) -> float:
-    """Return the speed towards a goal `gap` away from which it can be reached at rest, with a
-    linear end of 2 1/s; of radians too."""
+    """Return the highest speed at the distance `gap` from a goal from which the vehicle can stop
+    there, proportional to small gaps (2 1/s). Works for angles in radians too."""
     linear = acceleration / 8.0
     return 2.0 * gap if gap <= linear else sqrt(2.0 * acceleration * (gap - 0.5 * linear))

@@ -1,11 +1,11 @@
-"""Assigns vehicles to the places of a formation, and finds where it is formed.
+"""Assigns vehicles to the places of a formation, and finds where it forms.
 
-Among all assignments of vehicles to places that with the least sum of squared ways is taken: with
-ways of one duration, on straight lines, no two vehicles meet that are far enough apart before and
-after (Turpin, Michael, Kumar: CAPT, IJRR 2014). A formation that says nothing of how it is turned
-is turned about the vertical so that the ways are shortest: from each of a few angles assignment and
-angle are bettered in turn. For the same data every vehicle finds the same. World frame, metres,
-radians.
+Of all assignments of vehicles to places, the one with the least sum of squared path lengths is
+chosen: on straight paths with equal durations, vehicles that are far enough apart before and after
+then never collide (Turpin, Michael, Kumar: CAPT, IJRR 2014). A formation without a given rotation
+is rotated about the vertical so that the paths are shortest: starting from several angles,
+assignment and angle are improved in turn. Every vehicle finds the same result from the same data.
+World frame, metres, radians.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from kybflow.flight.formation.shapes import centroid
 _ANGLES, _ROUNDS = 12, 4
 _BETTER = 1e-9
 _FINE = 1e-6
-"""Resolution of ways in metres, so that rounding does not choose among equal ones."""
+"""Resolution of squared path lengths, m^2, so that rounding doesn't decide between equal ones."""
 
 
 class Laid(NamedTuple):
-    """Where a formation is laid: its centre, how it is turned from its frame's heading, and the
-    place of each vehicle."""
+    """Where a formation is laid out. centre: its centre. turned: its rotation relative to the
+    frame's heading. taken: the number of each vehicle's place."""
 
     centre: Vec3
     turned: float
@@ -34,14 +34,15 @@ class Laid(NamedTuple):
 
 
 def turned_by(angle: float, point: Vec3) -> Vec3:
-    """Return a point turned about the vertical."""
+    """Return a point rotated about the vertical."""
     c, s = cos(angle), sin(angle)
     x, y, z = point
     return (c * x - s * y, s * x + c * y, z)
 
 
 def assigned(here: Sequence[Vec3], places: Sequence[Vec3]) -> tuple[int, ...]:
-    """Return the place of each vehicle: at least as many places as vehicles."""
+    """Return the number of each vehicle's place. There must be at least as many places as
+    vehicles."""
     from scipy.optimize import linear_sum_assignment  # slow to load, and seldom needed
 
     costs = [[_squared(a, b) for b in places] for a in here]
@@ -57,8 +58,9 @@ def laid(
     centre: Vec3 | None = None,
     turned: float | None = None,
 ) -> Laid:
-    """Lay a formation whose frame has this heading where the vehicles are, at `centre` and `turned`
-    where those are given. All members ask in one tick, and only the first has to work it out."""
+    """Lay out a formation where the vehicles are, or at `centre` and `turned` if these are given.
+    here: the vehicles' positions. places: in the frame. heading: the frame's heading. The result is
+    cached, because all members ask for it in the same tick."""
     middle, origin = centroid(here), centroid(places)
     starts = (heading,) if turned is not None else _angles(heading)
     best, least = None, 0.0
@@ -80,7 +82,8 @@ def laid(
 
 
 def _angles(heading: float) -> tuple[float, ...]:
-    """Where to begin: first as it is, then each way round."""
+    """Return the angles to start from: first the heading, then those on both sides, the nearest
+    first."""
     steps = sorted(range(_ANGLES), key=lambda i: min(i, _ANGLES - i))
     return tuple(heading + 2.0 * pi * step / _ANGLES for step in steps)
 
@@ -88,8 +91,9 @@ def _angles(heading: float) -> tuple[float, ...]:
 def _best_angle(
     here: Sequence[Vec3], places: Sequence[Vec3], centre: Vec3 | None, before: float
 ) -> float:
-    """The angle at which assigned places are nearest: atan2(sum a x b, sum a . b) of the level
-    vectors from the middle of each, or from the given centre."""
+    """Return the angle at which the assigned places are nearest to the vehicles: atan2(sum a x b,
+    sum a . b) over the horizontal vectors from the middle of each group, or from the given
+    centre."""
     from_here = centre or centroid(tuple(here))
     from_places = (0.0, 0.0, 0.0) if centre is not None else centroid(tuple(places))
     across = along = 0.0
@@ -101,11 +105,11 @@ def _best_angle(
 
 
 def _squared(a: Vec3, b: Vec3) -> float:
-    """The squared distance, in whole steps."""
+    """Return the squared distance, rounded to multiples of `_FINE`."""
     x, y, z = sub(a, b)
     return round((x * x + y * y + z * z) / _FINE) * _FINE
 
 
 def prepare() -> None:
-    """Return the solver, loaded on first use."""
+    """Load the solver, which is otherwise loaded on first use."""
     assigned(((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))

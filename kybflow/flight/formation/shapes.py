@@ -1,7 +1,7 @@
 """The places of a formation in its own frame: x forward, y to the left, z up, metres.
 
-`side` is the distance between two places that are next to each other. The centroid is the origin,
-but for one's own points, which are taken as they are.
+`side` is the distance between two neighbouring places. The origin is the centroid, except for
+points that a mission lists itself, which are used as they are.
 
     line         any number, side by side
     square       n^2 places in n rows
@@ -44,24 +44,25 @@ SHAPES: dict[str, tuple[Callable[[int], tuple[Vec3, ...]], Callable[[int], bool]
     "triangle": (_triangle, lambda n: isqrt(8 * n + 1) ** 2 == 8 * n + 1, "3, 6, 10, ..."),
     "tetrahedron": (_tetrahedron, lambda n: n == 4, "4"),
 }  # fmt: skip
-"""For each shape: its places for n vehicles, whether n fits, and the fitting numbers in words."""
+"""For each shape: a function that returns its places for n vehicles, one that returns whether n
+fits, and a description of the numbers that fit."""
 
 
 def objection(shape: str, count: int) -> str | None:
-    """Return why a shape has no places for so many vehicles; None if it has."""
+    """Return why a shape has no places for this number of vehicles, or None if it has."""
     _, fits, numbers = SHAPES[shape]
     return None if fits(count) else f"a {shape} has places for {numbers} vehicles, not for {count}"
 
 
 def places_of(shape: str, side: float, count: int) -> tuple[Vec3, ...]:
-    """Return the places of a shape for `count` vehicles, fewer or more where it has none for so
-    many."""
+    """Return the places of a shape for `count` vehicles. If the number doesn't fit the shape, there
+    may be fewer or more places."""
     make = SHAPES[shape][0]
     return tuple(scale(place, side) for place in _centred(make(count)))
 
 
 def closest(places: tuple[Vec3, ...]) -> float:
-    """Return the least distance of two places; infinite for one."""
+    """Return the least distance between two places; infinite if there is only one."""
     return min((distance(a, b) for a, b in combinations(places, 2)), default=inf)
 
 

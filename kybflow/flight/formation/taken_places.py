@@ -1,9 +1,9 @@
-"""The places of a formation that are taken, as the member in one of them needs them each tick: how
-far they go, which excludes distant obstacles at once, and which are near its own.
+"""The taken places of a formation, as one member needs them in each tick: how far they reach, so
+that distant obstacles can be excluded at once, and which are near the member's own place.
 
-A member judges its distances to its nearest eight: with more, the cost of a tick would grow with
-the square of the members, and little be gained, for those keep theirs to the next. Metres, in the
-frame.
+A member checks its distances to the nearest eight others only. With more, the cost of a tick would
+grow with the square of the number of members for little gain, since those in turn keep theirs to
+the next. Metres, in the formation's frame.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ NEAREST = 8
 
 
 class TakenPlaces(NamedTuple):
-    """places: those that are taken. near: the nearest ones by number, each with its distance.
-    reach: how far they go from the frame's axis; low, high: their least and greatest height;
-    radius: how far they go from the centre."""
+    """The taken places. near: the numbers of those nearest to the member's own place, each with its
+    distance. reach: their largest distance from the frame's axis. low, high: their least and
+    greatest height. radius: their largest distance from the centre."""
 
     places: tuple[Vec3, ...]
     near: tuple[tuple[int, float], ...]
@@ -31,7 +31,8 @@ class TakenPlaces(NamedTuple):
 
 
 def seen_from(shape: Sequence[Vec3], own: int, others: Collection[int]) -> TakenPlaces:
-    """Return those of a shape, of which `own` and `others` are taken, for who has `own`."""
+    """Return the taken places of a shape for the member in the place `own`. others: the places that
+    other members have taken."""
     taken = sorted({i for i in others if i < len(shape)} | {own})
     places = tuple(shape[i] for i in taken)
     away = sorted((distance(shape[own], shape[i]), i) for i in taken if i != own)

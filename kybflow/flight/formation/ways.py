@@ -1,9 +1,9 @@
-"""The way in a formation's frame to a place that is free, round those in the places that are taken.
+"""Finds a path in a formation's frame to a free place, around the places that are taken.
 
-Who joins a formation that stands goes straight, or, where that leads too near to another, over one
-corner beside, above or under it: the nearest of those from which both legs are clear. The others
-stay in their places meanwhile, so that what is clear in the frame stays clear while it moves.
-Metres, in the frame.
+A vehicle that joins a standing formation flies straight to its place. If that leads too close to
+another, it flies over one corner beside, above or below that one: the corner with the shortest path
+of which both legs are clear. The others stay in their places meanwhile, so a path that is clear in
+the frame stays clear while the frame moves. Metres, in the frame.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from kybflow.flight.motion import Motion
 _ROUND = 8
 """Corners on each level circle round a place."""
 _WIDER = (1.1, 1.5, 2.2)
-"""How many times as far from a place as a leg may come a corner lies: the legs cut the circle."""
+"""Distances of the corners from a place, as multiples of the least distance that a leg must keep;
+they are larger because the legs cut the circle."""
 
 
 def clear_way(
@@ -28,9 +29,10 @@ def clear_way(
     apart: float,
     is_open: Callable[[Vec3, Vec3], bool],
 ) -> tuple[Vec3, ...] | None:
-    """Return the points after `start` of a way to `goal` that nowhere comes nearer than `apart` to
-    the places `taken`, or to one that start or goal are nearer to than they are; None where there
-    is none. is_open: whether something else leaves a leg beside the straight one free."""
+    """Return the points after `start` of a path to `goal`, or None if there is none. The path keeps
+    the distance `apart` from the places in `taken`; from a place that is already nearer to the
+    start or the goal, it keeps that distance. is_open: returns whether a leg is clear of other
+    things; not called for the straight path."""
     bounds = [(one, min(apart, distance(start, one), distance(goal, one))) for one in taken]
     near = [(one, bound) for one, bound in bounds if bound > 0.0]
     in_the_way = [one for one, bound in near if not _passes(start, goal, one, bound)]
@@ -47,7 +49,7 @@ def clear_way(
 
 
 def _passes(start: Vec3, end: Vec3, place: Vec3, apart: float) -> bool:
-    """Return whether a leg stays `apart` from a place, but for rounding."""
+    """Return whether a leg stays `apart` from a place, within rounding."""
     return least_distance(sub(start, place), sub(end, place)) >= apart - 1e-6
 
 
@@ -61,8 +63,8 @@ def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
 
 
 class WayToPlace:
-    """A motion in the frame from `start` along `points`, at rest in each. One that is straight
-    takes as long as a way of `length`."""
+    """A motion in the frame from `start` along `points`, with a stop at each. A straight one takes
+    as long as a path of the length `length`."""
 
     def __init__(
         self,
@@ -83,7 +85,8 @@ class WayToPlace:
         self._last_first = legs[::-1]
 
     def at(self, time: float) -> Motion:
-        """Return the motion in the frame `time` seconds after the start, at least 0."""
+        """Return the motion in the frame `time` seconds after the start. Raises ValueError if
+        `time` is negative."""
         for began, leg in self._last_first:
             if time >= began:
                 return leg.at(time - began)

@@ -1,3 +1,2 @@
-"""The error-state Kalman filter behind the estimator `fusion`: covariance, replay of late
-measurements, start and gates. Only estimators call it.
-"""
+"""The error-state Kalman filter of the estimator `fusion`: covariance, replay of late measurements,
+start and gates. Only estimators call it."""

@@ -1,16 +1,16 @@
 """The covariance of an error-state Kalman filter on an IMU: prediction, correction, reset, gate.
 
-J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017 (arXiv:1711.02508). Fifteen
-errors, true minus nominal, in the order of its sec. 5.1: position and velocity (world), attitude
-(rotation vector in the body, q_true = q Exp(error), sec. 5.3), biases of accelerometer and
+J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017 (arXiv:1711.02508). There
+are fifteen errors, true minus nominal, in the order of its sec. 5.1: position and velocity (world),
+attitude (rotation vector in the body, q_true = q Exp(error), sec. 5.3), biases of accelerometer and
 gyroscope (body).
 
-The state may be augmented by the causes of systematic measurement errors, m numbers of prior
-variance 1, so that an error common to the measurements is neither averaged away nor taken for
+The state may be augmented by m causes of systematic measurement errors, each with the prior
+variance 1, so that an error common to many measurements is neither averaged away nor taken for
 motion (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation",
-2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERING` of them are first-order
-Markov processes, x' = a x + w with the variance 1 - a^2 of w; the rest are constants. SI units; a
-covariance is a (15 + m) x (15 + m) array that is never changed in place.
+2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERING` causes are first-order
+Markov processes, x' = a x + w, where w has the variance 1 - a^2; the rest are constants. SI units.
+A covariance is a (15 + m) x (15 + m) array that is never changed in place.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ SIZE = 15
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCELEROMETER, GYRO = slice(9, 12), slice(12, 15)
 WANDERING = 6
-"""How many of the causes of systematic errors are processes, not constants."""
+"""How many of the causes of systematic errors vary as Markov processes; the others are constant."""
 _IDENTITY = numpy.eye(SIZE)
 _POSE: Matrix = _IDENTITY[[0, 1, 2, 6, 7, 8]]
 _SEES = {3: _POSE[:3], 6: _POSE}
-"""H of a position and of a pose, by the number of its innovations."""
+"""The measurement matrix H of a position and of a pose, by the number of innovations."""
 
 
 class Nominal(NamedTuple):
-    """The nominal state: position and velocity in the world, attitude body to world, the biases in
+    """The nominal state: position and velocity in the world, attitude from body to world, biases in
     the body."""
 
     time: Time
@@ -48,8 +48,9 @@ class Nominal(NamedTuple):
     gyro_bias: Vec3 = ZERO
 
     def moved(self, force: Vec3, turn: Vec3, time: Time) -> Nominal:
-        """The state at `time`, after this specific force f and turn rate w (sec. 5.4.1). The force
-        is taken as f + w x f dt / 2, turned by the attitude in the middle to second order."""
+        """Return the state at `time`, after this specific force f and turn rate w since the last
+        (sec. 5.4.1). The force is taken as f + w x f dt / 2, rotated by the attitude at the middle
+        of the step, to second order."""
         last, (px, py, pz), (vx, vy, vz), attitude, accelerometer, gyro = self
         dt = (time - last) / NS
         h = 0.5 * dt
@@ -76,7 +77,7 @@ class Nominal(NamedTuple):
         )
 
     def corrected(self, error: Matrix) -> Nominal:
-        """The state corrected by the error (sec. 6.2, eq. 283)."""
+        """Return the state corrected by the error (sec. 6.2, eq. 283)."""
         px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error[:SIZE].tolist()
         (p0, p1, p2), (v0, v1, v2) = self.position, self.velocity
         (a0, a1, a2), (g0, g1, g2) = self.accelerometer_bias, self.gyro_bias
@@ -91,8 +92,9 @@ class Nominal(NamedTuple):
 
 
 class ImuNoise(NamedTuple):
-    """What an IMU's noise makes of a state in one second, standard deviations: velocity, m/s, and
-    attitude, rad, by the white noise; the biases, m/s^2 and rad/s, by their own walk."""
+    """Standard deviations of the errors that an IMU's noise adds to a state in one second:
+    velocity, m/s, and attitude, rad, by white noise; the biases, m/s^2 and rad/s, by their random
+    walk."""
 
     velocity: float
     attitude: float
@@ -100,13 +102,13 @@ class ImuNoise(NamedTuple):
     gyro: float
 
     def variances(self) -> Matrix:
-        """The variances of the fifteen errors after one second."""
+        """Return the variances that are added to the fifteen errors in one second, (15,)."""
         return numpy.repeat(numpy.square((0.0, *self)), 3)
 
 
 class Correction(NamedTuple):
     """The correction by a measurement. distance: the squared Mahalanobis distance of its
-    innovation."""
+    innovation. error: the correction of the errors. covariance: the covariance after it."""
 
     distance: float
     error: Matrix
@@ -116,11 +118,11 @@ class Correction(NamedTuple):
 def predicted(
     covariance: Matrix, before: Nominal, after: Nominal, noise: Matrix, kept: float = 1.0
 ) -> Matrix:
-    """The covariance at `after`, which moved there from `before` on the IMU alone: F P F' + Q;
-    noise: `ImuNoise.variances`. kept: how much of what wanders is left.
+    """Return the covariance at `after`, predicted from `before` by the IMU alone: F P F' + Q.
+    noise: as from `ImuNoise.variances`. kept: the share that is left of the causes that vary.
 
-    F is the transition over the whole step (app. B.3, truncated), with the integrals of the
-    specific force taken from what the nominal state did; the noise is that of sec. 5.5.2 (eq. 262).
+    F is the transition over the whole step (app. B.3, truncated); the integrals of the specific
+    force are taken from the change of the nominal state. The noise is that of sec. 5.5.2 (eq. 262).
     """
     dt = (after.time - before.time) / NS
     (p0, p1, p2), (q0, q1, q2) = before.position, after.position
@@ -152,7 +154,7 @@ def predicted(
 
 
 def widened(covariance: Matrix, position: float, velocity: float, attitude: float) -> Matrix:
-    """The covariance with independent errors of these standard deviations added."""
+    """Return the covariance with independent errors of these standard deviations added."""
     result = covariance.copy()
     size = len(covariance)
     result.flat[: ATTITUDE.stop * size : size + 1] += numpy.repeat(
@@ -164,9 +166,10 @@ def widened(covariance: Matrix, position: float, velocity: float, attitude: floa
 def correction(
     covariance: Matrix, innovation: list[float], noise: Matrix, sees: Matrix | None = None
 ) -> Correction:
-    """The correction by a measurement with this noise, before the reset (sec. 6.1; the covariance
-    in Joseph's form). `sees` is H; without it, of a position (3) or a pose (6: the attitude's as a
-    rotation vector, body frame) that errs by noise alone."""
+    """Return the correction by a measurement with this noise, before the reset (sec. 6.1; the
+    covariance in Joseph's form). sees: H. Without it, the innovation is that of a position (3
+    numbers) or a pose (6, with the attitude's as a rotation vector in the body frame) without
+    systematic errors."""
     h = _SEES[len(innovation)] if sees is None else sees
     residual = numpy.array(innovation)
     seen = h @ covariance
@@ -180,12 +183,13 @@ def correction(
 
 
 def seen_with(slopes: Matrix) -> Matrix:
-    """H of a pose that errs systematically by `slopes` (6, m) times what makes it err."""
+    """Return the measurement matrix H of a pose with systematic errors. slopes: the errors per unit
+    of each cause, (6, m)."""
     return numpy.hstack((_POSE, slopes))
 
 
 def reset(covariance: Matrix, error: Matrix) -> Matrix:
-    """The covariance about the corrected attitude (sec. 6.3, eq. 287)."""
+    """Return the covariance about the corrected attitude (sec. 6.3, eq. 287)."""
     g = numpy.eye(len(covariance))
     x, y, z = error[ATTITUDE].tolist()
     g[ATTITUDE, ATTITUDE] -= skew((0.5 * x, 0.5 * y, 0.5 * z))
@@ -194,7 +198,7 @@ def reset(covariance: Matrix, error: Matrix) -> Matrix:
 
 
 def matrix(q: Quat) -> Matrix:
-    """The rotation matrix of an attitude."""
+    """Return the rotation matrix of an attitude."""
     w, x, y, z = q
     return numpy.array(
         (
@@ -206,14 +210,14 @@ def matrix(q: Quat) -> Matrix:
 
 
 def skew(v: Vec3) -> Matrix:
-    """The matrix of the cross product with `v` from the left."""
+    """Return the matrix of the cross product with `v` from the left."""
     x, y, z = v
     return numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
 def chi_square_bound(refused: float, size: int) -> float:
-    """The squared distance that a share of `refused` of true measurements of this size, 3 or 6,
-    exceeds: the inverse of the chi-square distribution's tail."""
-    from scipy.special import chdtri  # only a mission that fuses waits for the library
+    """Return the squared distance that a share of `refused` of all true measurements of this size
+    (3 or 6) exceeds: the inverse of the chi-square distribution's tail."""
+    from scipy.special import chdtri  # slow to load, and only needed by `fusion`
 
     return float(chdtri(size, refused))

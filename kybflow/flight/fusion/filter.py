@@ -1,7 +1,7 @@
-"""The filter of the estimator `fusion`: its start, its gate, and when it starts anew; the rules are
-in `kybflow.runtime.estimators.fusion`.
+"""The filter of the estimator `fusion`: its start, its gate, and when it starts anew.
+`kybflow.runtime.estimators.fusion` documents the rules.
 
-It starts from a pose, or from a position and what the IMU measures at rest.
+It starts from a pose, or from a position and the IMU's readings at rest.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ NEAR = 0.2
 PACE = 1.0
 """Standard deviation of an unknown velocity, m/s."""
 LEANING = 0.1
-"""Standard deviation of an attitude that is kept at a new start, rad, along each axis."""
+"""Standard deviation about each axis of an attitude that is kept at a new start, rad."""
 REST_FORCE, REST_TURN, REST = 0.5, 0.1, 0.5
-"""At rest the specific force is so near to gravity's, m/s^2, and so little is turned, rad/s, for so
-many seconds."""
+"""The vehicle is at rest if the specific force is this close to gravity, m/s^2, and the turn rate
+this low, rad/s, for so many seconds."""
 WRONG_FORCE, WRONG_TURN = 1.0, 0.1
-"""Standard deviations of the biases of an IMU that led the filter astray, m/s^2 and rad/s."""
+"""Standard deviations of an IMU's biases after they led the filter astray, m/s^2 and rad/s."""
 CREEP, SHIVER = 0.01, 0.01
-"""Standard deviations at rest: of the velocity, m/s, and of the acceleration, m/s^2."""
+"""Standard deviations at rest of the velocity, m/s, and of the acceleration, m/s^2."""
 
 
 class Filter:
-    """is_known: enough measurements agree for an estimate."""
+    """The filter of one vehicle. is_known: whether enough measurements agree for an estimate."""
 
     def __init__(self, params: FilterParams, heading: float) -> None:
         p = params
@@ -81,22 +81,23 @@ class Filter:
 
     @property
     def refusal(self) -> Refusal | None:
-        """Why measurements are refused, None while they pass."""
+        """Why measurements are refused; None while they pass."""
         return self._gate.refusal
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the position, metres, with systematic errors and refused fixes."""
+        """Standard deviation of the position, metres, including systematic errors and the distance
+        of refused fixes."""
         state = self._replay.state
         assert state is not None
         return hypot(state.deviation, self._wander, state.off if self._doubts(state) else 0.0)
 
     def at(self, time: Time) -> Belief | None:
-        """Return the state at `time`, None if it is unknown."""
+        """Return the state at `time`, or None if it is unknown."""
         return self._replay.at(time) if self.is_known else None
 
     def anchor(self, estimate: Estimate) -> None:
-        """Take the estimate of another estimator, on which the vehicle flies."""
+        """Accept the estimate of another estimator, on which the vehicle flies."""
         self._gate.flown = estimate
 
     def add_imu(self, imu: Imu) -> None:
@@ -105,7 +106,8 @@ class Filter:
         self._still.add_imu(imu)
 
     def take(self, fixes: Sequence[Fix], now: Time) -> None:
-        """Process the fixes from before the newest IMU sample; later ones wait for theirs."""
+        """Process the fixes up to the time of the newest IMU sample; later fixes wait for their
+        samples."""
         fixes, self._waiting = [*self._waiting, *fixes], []
         for fix in fixes:
             if self._replay.covers(fix.time):
@@ -141,7 +143,7 @@ class Filter:
     def _refuse(
         self, fix: Fix, reference: Reference, own: Reference | None, flown: Estimate | None
     ) -> None:
-        """Note a refused measurement; start anew at it if the gate opens for it."""
+        """Record a refused measurement, and start anew at it if the gate opens."""
         pose = _as_pose(fix, reference.attitude)
         velocity = self._gate.opened(pose, reference, own, self._bounds(fix))
         if velocity is not None:
@@ -165,8 +167,8 @@ class Filter:
         return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
 
     def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
-        """Start at a measurement. velocity: given by poses if the filter's own state was
-        wrong; the IMU's biases may be what was."""
+        """Start at a measurement. velocity: the velocity that poses show after they contradicted
+        the filter's state, in which case the IMU's biases may be wrong; else None."""
         nominal, unknown = self._replay.nominal, self._unknown
         if velocity is not None:
             unknown = unknown._replace(
@@ -196,8 +198,8 @@ def _as_pose(fix: Fix, believed: Quat) -> Pose:
 
 
 class Unknown(NamedTuple):
-    """Standard deviations at the start: of the biases, m/s^2 and rad/s, and of the declared
-    heading, rad."""
+    """Standard deviations at the start, of the accelerometer's and gyroscope's biases, m/s^2 and
+    rad/s, and of the declared heading, rad."""
 
     accelerometer: float
     gyro: float
@@ -205,8 +207,9 @@ class Unknown(NamedTuple):
 
 
 def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> FilterState:
-    """At `fix`. Where it has no attitude, `attitude` is believed. velocity: the believed one. What
-    makes the fix err made the state err the other way."""
+    """Return a state that starts at `fix`. attitude: the believed attitude, used if the fix has
+    none. velocity: the believed velocity, None if unknown. The causes of the fix's systematic
+    errors are correlated with the errors of this state, with the opposite sign."""
     slopes = numpy.zeros((6, 0)) if fix.slopes is None else fix.slopes
     count = slopes.shape[1]
     covariance = numpy.zeros((SIZE + count, SIZE + count))
@@ -233,8 +236,8 @@ def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> 
 
 
 class Standstill:
-    """The IMU's averages since the vehicle is at rest; a sample that is not newer than the last
-    doesn't count."""
+    """Averages the IMU's samples while the vehicle is at rest. A sample that isn't newer than the
+    last is ignored."""
 
     def __init__(self) -> None:
         self._since: Time | None = None
@@ -266,9 +269,9 @@ class Standstill:
         return self._since is not None and self._since <= time and self._seconds >= REST
 
     def begun(self, fix: Fix, unknown: Unknown, noise: ImuNoise, heading: float) -> FilterState:
-        """Start at a position, at rest: tilt and biases by one correction with the sample, f = R' g
-        + b and w = c, so that the tilt's error goes with the bias's; the heading is the declared
-        one."""
+        """Return a state that starts at a position, at rest. Tilt and biases come from one
+        correction by the averages, f = R' g + b and w = c, so that the tilt's error is correlated
+        with the bias's; the heading is the declared one."""
         fx, fy, fz = self._force
         attitude = from_euler(atan2(fy, fz), atan2(-fx, hypot(fy, fz)), heading)
         state = begun(fix._replace(attitude=None), unknown, attitude, ZERO)

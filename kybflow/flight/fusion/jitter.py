@@ -1,14 +1,14 @@
-"""Measures the noise of poses: how far each is off the line through the two before it.
+"""Measures the noise of poses by how far each is off the line through the two poses before it.
 
-With e the difference of a pose from where the last two lead, t and s the seconds after and between
-these, r = t / s, and the noise of each pose white,
+With e the difference between a pose and its extrapolation from the last two, s the seconds between
+these, t the seconds after them, r = t / s, and white noise of each pose,
 
     var(e) = (1 + (1 + r)^2 + r^2) noise^2
 
-at any velocity; an acceleration a adds a t (t + s) / 2, at 120 Hz less than 1 mm. It is averaged
-over `TIME`. A difference that no flight explains is a jump and no noise; after a gap the poses
-begin anew. Motion capture does not report its noise (for noise learnt from innovations: R. Mehra,
-"Approaches to adaptive filtering", IEEE TAC 1972).
+at any velocity; an acceleration a adds a t (t + s) / 2, less than 1 mm at 120 Hz. The variance is
+averaged over `TIME`. A difference that no flight explains is a jump, not noise. After a gap, the
+measurement starts anew. Motion capture doesn't report its noise (for noise learnt from innovations:
+R. Mehra, "Approaches to adaptive filtering", IEEE TAC 1972).
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from kybflow.flight.pose_track import STEP, TURN
 
 TIME = 0.25
 GAP = NS // 20
-"""The longest time between two successive poses."""
+"""The longest time between two successive poses, ns."""
 
 
 class Jitter:
-    """position, attitude: the variances of poses along and about each axis, m^2 and rad^2."""
+    """Measures the noise of a series of poses. position, attitude: the variances along and about
+    each axis, m^2 and rad^2."""
 
     def __init__(self) -> None:
         self.position = self.attitude = 0.0
@@ -32,7 +33,7 @@ class Jitter:
         self._moved: tuple[Vec3, Vec3] | None = None
 
     def see(self, pose: Pose) -> None:
-        """Process a pose; one that is not newer than the last is ignored."""
+        """Process a pose. A pose that isn't newer than the last is ignored."""
         last, before = self._last, self._moved
         since = 0 if last is None else pose.time - last.time
         if last is not None and since <= 0:
@@ -58,6 +59,6 @@ def _mean_square(v: Vec3) -> float:
 
 
 def _turn(a: Quat, b: Quat) -> Vec3:
-    """The rotation vector from `a` to `b`, which is short."""
+    """Return the short rotation vector from `a` to `b`."""
     w, x, y, z = multiply(conjugate(a), b)
     return scale((x, y, z), 2.0 if w >= 0.0 else -2.0)

@@ -1,4 +1,5 @@
-"""The parameters of the fusion: the source of measurements, their noise, and what is refused."""
+"""The parameters of the fusion: the source of its measurements, their noise, and what is
+refused."""
 
 from __future__ import annotations
 

@@ -1,16 +1,16 @@
-"""The filter's history: a late measurement is inserted at its time, and the IMU replayed to now.
+"""The filter's history: a late measurement is inserted at its time, and the IMU is replayed to now.
 
-States are kept, and the covariance is predicted, every 40 ms and at every measurement; the nominal
-state is predicted with every IMU sample. A late measurement goes into the list of measurements, and
-everything after the last state before it is repeated, with the gate, so that the result is
-identical bit for bit in whatever order measurements arrive (Solà 2017, sec. 5-6, gives the steps;
-the delay is handled as in Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking
-and Navigation", 2001, sec. 6: by reprocessing).
+The covariance is predicted, and the state kept, every 40 ms and at every measurement; the nominal
+state is predicted with every IMU sample. A late measurement is inserted into the list of
+measurements, and everything after the last state before it is repeated, gate included, so that the
+result is identical bit for bit in whatever order measurements arrive (Solà 2017, sec. 5-6, gives
+the steps; the delay is handled by reprocessing, as in Bar-Shalom, Li and Kirubarajan, "Estimation
+with Applications to Tracking and Navigation", 2001, sec. 6).
 
-The IMU's noise is the declared one, or what its own samples show (`vibration`). The gate refuses an
-innovation that a share `refused` of true ones exceeds (chi-square, ibid. sec. 5.4), or further than
-`widest` and four standard deviations of the measurement from the predicted position, or 45 degrees
-from the attitude.
+The IMU's noise is the declared one, or the one that its samples show (`vibration`). The gate
+refuses a measurement if its innovation is larger than a share `refused` of true ones allows
+(chi-square, ibid. sec. 5.4), if it is further from the predicted position than `widest` plus four
+of its standard deviations, or more than 45 degrees from the predicted attitude.
 """
 
 from __future__ import annotations
@@ -42,14 +42,15 @@ from kybflow.flight.pose_gate import is_same
 
 STEP = NS // 25
 UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
-"""Standard deviations of the vehicle's unknown motion during a gap, m/s^2 and rad/s."""
+"""Standard deviations of the vehicle's unknown motion during a gap in the IMU samples, m/s^2 and
+rad/s."""
 
 
 class Fix(NamedTuple):
-    """What was measured from outside. noise: covariance of the position (3 x 3), or of a pose (6 x
-    6: position in the world, then rotation in the body). slopes: how a pose errs by what makes it
-    err systematically (6 x m), None where nothing does. extent: how far the body moves until what
-    wanders of that is another, metres."""
+    """An external measurement of a position or a pose. noise: covariance of the position (3 x 3) or
+    of the pose (6 x 6: position in the world, then rotation in the body). slopes: the systematic
+    errors of a pose per unit of each cause (6 x m), None if there are none. extent: the distance
+    over which the body moves until the varying causes have changed, metres."""
 
     time: Time
     position: Vec3
@@ -65,9 +66,9 @@ class Fix(NamedTuple):
         return sqrt(max(variance.item(0, 0), variance.item(1, 1), variance.item(2, 2)))
 
     def innovation(self, nominal: Nominal, systematic: Matrix) -> list[float]:
-        """Measured less predicted, with what makes it err as it is believed to; of the attitude the
-        rotation vector in the body, as twice the tangent of half the angle, which `integrate` takes
-        back exactly."""
+        """Return the measured minus the predicted values, corrected by the believed systematic
+        errors. That of the attitude is the rotation vector in the body, as twice the tangent of
+        half the angle, which `integrate` inverts exactly."""
         (mx, my, mz), (px, py, pz) = self.position, nominal.position
         moved = [mx - px, my - py, mz - pz]
         if self.attitude is None:
@@ -91,10 +92,11 @@ NOTHING: Matrix = numpy.zeros(0)
 
 
 class FilterState(NamedTuple):
-    """The filter at one time. fused: when the newest measurement in it was true. passed: how many
-    have passed since it began. doubted: since when every measurement was refused. missed: what was
-    predicted for the last of them; off: how far from there it was, metres. systematic: what makes
-    measurements err, as far as it is known, (m,). extent: the newest measurement's."""
+    """The filter at one time. fused: the time of the newest measurement in it. passed: the number
+    of measurements that have passed since it began. doubted: the time since which every measurement
+    has been refused, None if the last one passed. missed: the prediction for the last refused
+    measurement. off: the distance of that measurement from its prediction, metres. systematic: the
+    estimated causes of systematic errors, (m,). extent: that of the newest measurement."""
 
     nominal: Nominal
     covariance: Matrix
@@ -108,14 +110,15 @@ class FilterState(NamedTuple):
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the position along its worst axis, metres."""
+        """Standard deviation of the position along the worst axis, metres."""
         variance = self.covariance.item
         return sqrt(max(variance(0, 0), variance(1, 1), variance(2, 2)))
 
 
 class Belief(NamedTuple):
-    """The state at a time. rates: of the body. spread, turned: standard deviations of position and
-    attitude along the worst axis. systematic: what makes measurements err, (m,)."""
+    """The predicted state at a time. rates: body rates, rad/s. spread, turned: standard deviations
+    of position (m) and attitude (rad) along the worst axis. systematic: the estimated causes of
+    systematic errors, (m,)."""
 
     nominal: Nominal
     rates: Vec3
@@ -133,8 +136,12 @@ class _Sample(NamedTuple):
 
 
 class Replay:
-    """`nominal` is the newest state, `state` that with the newest covariance; None before `begin`.
-    Times: IMU samples come in their order, fixes up to the newest of these."""
+    """The filter with its history.
+
+    nominal: the newest nominal state. state: the state at the newest covariance. Both are None
+    before `begin`. IMU samples must come in order; fixes may come in any order, up to the time of
+    the newest sample.
+    """
 
     def __init__(self, noise: ImuNoise, refused: float, widest: float, memory: Time) -> None:
         self.nominal: Nominal | None = None
@@ -151,11 +158,11 @@ class Replay:
         return bool(self._samples) and self._samples[0].since <= time <= self._samples[-1].time
 
     def lacks(self, time: Time) -> bool:
-        """Return whether the IMU samples until `time` have not arrived yet."""
+        """Return whether IMU samples up to `time` have not arrived yet."""
         return not self._samples or time > self._samples[-1].time
 
     def add_imu(self, imu: Imu) -> None:
-        """Predict by an IMU sample; one that is not newer than the last is ignored."""
+        """Predict by an IMU sample. A sample that isn't newer than the last is ignored."""
         samples = self._samples
         since = samples[-1].time if samples else imu.time - round(imu.dt * NS)
         if imu.time <= since:
@@ -171,12 +178,12 @@ class Replay:
             self._forget(imu.time - self._memory)
 
     def begin(self, state: FilterState) -> None:
-        """Start from `state`, at a time within the history, and drop what was before."""
+        """Start from `state`, at a time within the history, and discard the history before it."""
         self._states, self._fixes = [state], []
         self._replay(state)
 
     def add(self, fix: Fix) -> bool:
-        """Insert a measurement; return False for one that is too old or known already."""
+        """Insert a measurement. Return False if it is too old or already known."""
         assert self._states
         if fix.time <= self._states[0].nominal.time or not self.covers(fix.time):
             return False
@@ -191,7 +198,8 @@ class Replay:
         return True
 
     def at(self, time: Time) -> Belief | None:
-        """Return the state at `time`, predicted from the last one before it; None without one."""
+        """Return the state at `time`, predicted from the last one before it; None before
+        `begin`."""
         states, samples = self._states, self._samples
         if not states:
             return None
@@ -224,7 +232,7 @@ class Replay:
             fixes = fixes[count:]
 
     def _advance(self, sample: _Sample, fixes: Sequence[Fix]) -> None:
-        """Predict through a sample and the fixes within its time."""
+        """Predict through an IMU sample, and fuse the fixes within its time."""
         self._noise = sample.noise
         for fix in fixes:
             self._move(sample, fix.time)
@@ -248,7 +256,7 @@ class Replay:
         self.state = state._replace(covariance=covariance)
 
     def _settle(self) -> FilterState:
-        """Predict the covariance up to the nominal state."""
+        """Predict the covariance up to the time of the nominal state."""
         state, nominal = self.state, self.nominal
         assert state is not None
         assert nominal is not None
@@ -288,7 +296,7 @@ class Replay:
         return state
 
     def _forget(self, before: Time) -> None:
-        """Drop the history that no measurement after `before` needs."""
+        """Discard the history that no measurement later than `before` needs."""
         states, first = self._states, before
         if states:
             count = bisect_right(states, before, key=lambda state: state.nominal.time)

@@ -1,21 +1,21 @@
-"""Gains of the position loop from what answers it, and the margins that gains leave.
+"""Designs the gains of the position loop for an inner loop, and computes the margins of gains.
 
-The poles of a double integrator under acceleration = -P e - D e' are shaped as those of a
+The poles of a double integrator under acceleration = -P e - D e' are placed like those of a
 second-order system, by one frequency w:
 
     P = w^2,    D = 2 damping w,    I = P / 2 s,    damping 1.125,
 
-which is 16, 9 and 8 at the 4 rad/s that is as fast as it gets: faster, the noise of motion capture
-shakes the vehicle. The integral takes as long at every w, so that what lasts is soon gone on a slow
-loop too. On a loop that answers later w is the highest, in steps of 0.1 rad/s, whose margins by the
-loop's whole frequency response (`response`) are at least `PLANNED`: 3 dB, 33 degrees and 20 ms.
-So much is left that a loop on board whose gains are a third lower than believed doesn't oscillate.
-Textbooks ask for 6 dB and 30 degrees (Skogestad and Postlethwaite, Multivariable Feedback Control,
-sec. 2.4.3) of models that know less of the delays; here the delay margin is within 20 % of the one
-that is flown in the simulator. A margin counts for gains that are written as the textbooks ask,
-`ASKED`, but for a gain margin that the gains of the design don't leave on that loop either, 3.6 dB
-on the slowest of the library's. Gains that leave less than `LEAST` are refused: nothing is exactly
-what it is believed to be.
+The highest frequency is 4 rad/s, with gains of 16, 9 and 8: in a faster loop, the noise of motion
+capture shakes the vehicle. The integral time is the same at every w, so that lasting disturbances
+are compensated soon in a slow loop too. For a slower inner loop, w is the highest frequency, in
+steps of 0.1 rad/s, at which the margins of the full frequency response (`response`) are at least
+`PLANNED`: 3 dB, 33 degrees and 20 ms. With these margins, the loop doesn't oscillate even if the
+gains of the on-board loop are a third lower than believed. Textbooks demand 6 dB and 30 degrees
+(Skogestad and Postlethwaite, Multivariable Feedback Control, sec. 2.4.3), for models that know less
+about the delays; here the delay margin is within 20 % of the one in the simulator. Gains that a
+mission sets are compared with the textbook margins, `ASKED`, but the gain margin need not exceed
+that of the designed gains on the same loop, 3.6 dB on the slowest one in the library. Gains that
+leave less than `LEAST` are refused, because no model is exact.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from kybflow.flight.loops.response import OuterLoop, horizontal, on_board, verti
 from kybflow.world.inner_loop import InnerLoop
 
 Gains = tuple[float, float, float]
-"""P, D and I."""
+"""Proportional, derivative and integral gain: P, D and I."""
 
 
 @params
@@ -53,32 +53,32 @@ class DesignedGains:
 
 DAMPING = 1.125
 INTEGRAL_TIME = 2.0
-"""P over I, s."""
+"""P divided by I, seconds."""
 FREQUENCIES = tuple(tenths / 10.0 for tenths in range(10, 41))
-"""Of the loop, rad/s, rising."""
+"""The frequencies of the position loop to choose from, rad/s, rising."""
 BANDWIDTHS = tuple(tenths / 10.0 for tenths in range(1, 201))
-"""Of the observer, Hz, rising."""
+"""The bandwidths of the observer to choose from, Hz, rising."""
 PLANNED = Margins(1.4, radians(33.0), 0.02)
 ASKED = Margins(2.0, radians(30.0), 0.02)
 LEAST = Margins(1.4, radians(15.0), 0.005)
 _ROUNDED = 0.97
-"""Of a margin that is left by gains with three digits."""
+"""The share of a margin that is left if gains are rounded to three digits."""
 
 
 def shaped(frequency: float) -> Gains:
-    """The gains of a loop with this frequency, rad/s."""
+    """Return the gains of a loop with this frequency, rad/s."""
     k = frequency**2
     return k, 2.0 * DAMPING * frequency, k / INTEGRAL_TIME
 
 
 FASTEST = shaped(FREQUENCIES[-1])
-"""The gains on an undeclared loop."""
+"""The gains if the inner loop is unknown."""
 
 
 @lru_cache(maxsize=256)
 def margins_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
-    """The margins that a tracker leaves, the smallest of every direction; none where the loop on
-    board is unstable by itself."""
+    """Return the margins that a tracker leaves, the smallest over all directions; `UNSTABLE` if the
+    on-board loop is unstable by itself."""
     if margins(on_board(outer, inner)) == UNSTABLE:
         return UNSTABLE
     k = (outer.proportional,)
@@ -89,14 +89,14 @@ def margins_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
 
 
 def holds(found: Margins, bound: Margins) -> bool:
-    """Whether margins are at least those of `bound`."""
+    """Return whether all margins are at least those of `bound`."""
     return all(own >= least for own, least in zip(found, bound, strict=True))
 
 
 @lru_cache(maxsize=256)
 def designed(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> Gains:
-    """The highest gains that leave `bound`; those of the lowest frequency where none do. outer: the
-    law, whose own gains don't matter."""
+    """Return the highest gains that leave the margins `bound`, or the gains of the lowest frequency
+    if none do. outer: the law; its own gains are ignored."""
 
     def fails(frequency: float) -> bool:
         return not holds(margins_of(outer.with_gains(*shaped(frequency)), inner), bound)
@@ -105,21 +105,21 @@ def designed(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> Ga
 
 
 def completed(outer: OuterLoop, given: DesignedGains, inner: InnerLoop | None) -> OuterLoop:
-    """The law with the gains that are given, and those of the design on `inner` for the rest."""
+    """Return the law with the gains in `given`; those that are None are designed for `inner`."""
     written = (given.proportional, given.derivative, given.integral)
     own = FASTEST if inner is None or None not in written else designed(outer, inner)
     return outer.with_gains(*(a if b is None else b for a, b in zip(own, written, strict=True)))
 
 
 def asked_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
-    """The margins that gains which are written should leave on this loop."""
+    """Return the margins that gains set by a mission should leave on this loop."""
     best = margins_of(outer.with_gains(*designed(outer, inner)), inner)
     return ASKED._replace(gain=max(PLANNED.gain, min(ASKED.gain, _ROUNDED * best.gain)))
 
 
 def quickest_observer(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> float:
-    """The highest bandwidth below the observer's own, Hz, at which these gains leave `bound`; 0 for
-    none."""
+    """Return the highest observer bandwidth, Hz, below the current one at which these gains leave
+    `bound`; 0 if there is none."""
 
     def leaves(bandwidth: float) -> bool:
         return holds(margins_of(outer._replace(observer=bandwidth), inner), bound)

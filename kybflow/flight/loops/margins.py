@@ -1,17 +1,18 @@
-"""How far a feedback loop is from oscillating, from its frequency response.
+"""Finds how far a feedback loop is from oscillating, from its frequency response.
 
-L is the loop's transfer function with the loop open, its sign such that the closed loop's poles are
-the zeros of 1 + L. The margins (Astrom and Murray, Feedback Systems, 2nd ed., sec. 10.3) are
+L is the transfer function of the open loop, with the sign such that the poles of the closed loop
+are the zeros of 1 + L. The margins (Astrom and Murray, Feedback Systems, 2nd ed., sec. 10.3) are
 
-    gain    by which all gains may grow: the least 1 / |L| where L crosses the negative real axis
-    phase   that may be lost where |L| = 1, the least
-    delay   that may come on top: phase over frequency where |L| = 1, the least
+    gain    factor by which all gains may grow: the least 1 / |L| where L crosses the negative
+            real axis
+    phase   least phase that may be lost where |L| = 1
+    delay   least delay that may be added: phase over frequency where |L| = 1
 
-and all of them are none, 1, 0 and 0, unless the closed loop is stable, which Nyquist's criterion
-tells: L must have no pole in the right half plane, and n of them at the origin; then 1 + L turns by
-n quarter turns from zero frequency to the highest. Delays stay what they are; nothing is
-approximated but between two frequencies of the grid, where log |L| and the phase are straight, and
-which is refined where L turns fast.
+If the closed loop is unstable, they are 1, 0 and 0 (`UNSTABLE`). Nyquist's criterion decides: if L
+has no pole in the right half plane and n poles at the origin, the loop is stable if 1 + L turns by
+n quarter turns from zero frequency to the highest. Delays are exact. The only approximation is
+between two frequencies of the grid, where log |L| and the phase are interpolated linearly; the grid
+is refined where L turns fast.
 """
 
 from __future__ import annotations
@@ -27,28 +28,32 @@ Response = Callable[[complex], complex]
 _Point = tuple[float, complex]
 
 LOWEST, LOW, HIGHEST = 0.02, 1.0, 300.0
-"""rad/s. The grid is coarse below the middle one, where loops only have their integrators."""
+"""Frequencies of the grid, rad/s. It is coarse below the middle one, where loops have only their
+integrators."""
 COARSE, FINE = 16, 120
 SHARPEST, FINEST = 0.7, 8
-"""rad that L and 1 + L may turn between two frequencies, and how often a step is halved for it."""
+"""Largest angle, rad, by which L and 1 + L may turn between two frequencies, and how often a step
+may be halved to achieve this."""
 SMALL = 0.1
 """|L| below which the response no longer matters."""
 
 
 class Margins(NamedTuple):
-    """gain: a factor. phase: rad. delay: s. All may be infinite."""
+    """The stability margins of a loop. gain: a factor. phase: rad. delay: s. Each may be
+    infinite."""
 
     gain: float
     phase: float
     delay: float
 
     def within(self, other: Margins) -> Margins:
-        """The smaller of each."""
+        """Return the smaller one of each margin."""
         return Margins(*map(min, self, other))
 
 
 def in_words(found: Margins) -> str:
-    """`gain margin 1.5, phase margin 31 deg, delay margin 52 ms`; infinite ones are `inf`."""
+    """Return text like `gain margin 1.5, phase margin 31 deg, delay margin 52 ms`; an infinite
+    margin is `inf`."""
     gain, phase, delay = found
     if found == UNSTABLE:
         return "no margin at all"
@@ -69,7 +74,7 @@ _GRID = _grid()
 
 
 def margins(response: Response) -> Margins:
-    """The margins of a loop without poles in the right half plane."""
+    """Return the margins of a loop without poles in the right half plane."""
     curve = [*_curve(response)]
     if not _is_stable(curve):
         return UNSTABLE
@@ -83,7 +88,7 @@ def margins(response: Response) -> Margins:
 
 
 def _curve(response: Response) -> Iterator[_Point]:
-    """L along the imaginary axis."""
+    """Yield (frequency, L) along the imaginary axis."""
     points = [(w, response(complex(0.0, w))) for w in _GRID]
     yield points[0]
     for before, after in pairwise(points):
@@ -91,7 +96,8 @@ def _curve(response: Response) -> Iterator[_Point]:
 
 
 def _refined(response: Response, a: _Point, b: _Point, halvings: int) -> Iterator[_Point]:
-    """The points after `a` up to `b`, no two of which L turns far between."""
+    """Yield the points after `a` up to `b`, close enough that L doesn't turn far between two of
+    them."""
     (w, here), (x, there) = a, b
     if halvings and max(abs(here), abs(there)) > SMALL and _turns_far(here, there):
         middle = sqrt(w * x)
@@ -107,7 +113,8 @@ def _turns_far(a: complex, b: complex) -> bool:
 
 
 def _is_stable(curve: Sequence[_Point]) -> bool:
-    """Whether 1 + L turns as often as its poles at the origin ask for."""
+    """Return whether 1 + L turns as often as Nyquist's criterion requires for its poles at the
+    origin."""
     (w, first), (x, second) = curve[:2]
     slope = log(abs(first) / abs(second)) / log(x / w)
     turned = sum(cmath.phase((1.0 + b) / (1.0 + a)) for (_, a), (_, b) in pairwise(curve))
@@ -115,8 +122,8 @@ def _is_stable(curve: Sequence[_Point]) -> bool:
 
 
 def _crossings(curve: Sequence[_Point]) -> Iterator[tuple[float, float, float | None]]:
-    """Where |L| is 1: the frequency, 1, and the angle beyond the negative real axis. Where L is on
-    that axis: the frequency, |L|, and None."""
+    """Yield (frequency, 1, angle beyond the negative real axis) where |L| is 1, and (frequency,
+    |L|, None) where L crosses that axis."""
     polar = [(log(w), log(abs(value)), cmath.phase(-value)) for w, value in curve]
     for (w, size, angle), (x, other, beyond) in pairwise(polar):
         turn = (beyond - angle + pi) % tau - pi

@@ -1,20 +1,21 @@
 """The frequency response of the position loop that the law of `geometric` closes.
 
-Near hovering, with the tilt times g as the acceleration that it gives, the horizontal plant is a
-double integrator with rotor drag c behind the on-board attitude loop (`kybflow.world.inner_loop`),
-whose rotors answer as 1 / (T s + 1) after its dead time, and whose gyroscope passes its filter F:
+Near hover, the acceleration is g times the tilt. Horizontally, the plant is a double integrator
+with rotor drag c, driven by the on-board attitude loop (`kybflow.world.inner_loop`). Its rotors
+respond as 1 / (T s + 1) after a dead time, together A, and its gyroscope has a filter F. With the
+tilt x and the command u,
 
     x s^2 = A (u - (P + I / s) x - D F s x),    u = (P + I / s) attitude + D rates.
 
-The loop is cut at u: an attitude and the rates that go with it arrive together, so that a delay of
-commands is one of u. Vertically the plant is a double integrator behind the rotors alone.
+The loop is cut at u: an attitude and its rates are commanded together, so that a delay of commands
+is a delay of u. Vertically, the plant is a double integrator driven by the rotors alone.
 
-Poses pass the alpha-beta filter of `kybflow.flight.tracked_pose`, written in z = e^(s period), are
-old, and are predicted to now, as `mocap` comes. A vehicle that is commanded climb rates follows
-them as 1 / (T s + 1): its vertical plant is that and an integrator. A command stays for one period
-of the control. The observer changes nothing horizontally; vertically it compares the measured force
-with what was asked of the rotors (`kybflow.flight.disturbance`). The estimated mass is left out,
-which is far slower.
+Poses are delayed, pass the alpha-beta filter of `kybflow.flight.tracked_pose`, written in z = e^(s
+period), and are predicted to the present, as those of `mocap` are. A vehicle that follows climb
+rates responds as 1 / (T s + 1); its vertical plant is this lag and an integrator. A command is held
+for one control period. The observer has no effect horizontally; vertically, it compares the
+measured force with the one commanded of the rotors (`kybflow.flight.disturbance`). The mass
+estimate is left out because it is far slower.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ FILTERS = TrackedParams()
 
 
 class Stiffness(NamedTuple):
-    """The gains of position of a law that has a matrix of them, rising: along two level directions,
-    and upwards. is_coupled: the height is not apart from x and y, and each of the matrix's three is
-    taken for every direction, which is right as far as all directions answer alike."""
+    """The position gains of a law with a gain matrix, rising: along two horizontal directions
+    (`level`) and upwards (`up`). is_coupled: the matrix couples the height with x and y; each of
+    its three gains is then used for every direction, which is right as far as all directions
+    respond alike."""
 
     level: tuple[float, ...]
     up: tuple[float, ...]
@@ -45,7 +47,7 @@ class Stiffness(NamedTuple):
 
 
 def stiffness(matrix: Sequence[Sequence[float]]) -> Stiffness:
-    """The gains of a symmetric matrix along the directions in which it pulls straight back."""
+    """Return the gains of a symmetric matrix along its principal directions."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix
     if xz == yz == 0.0:
         return Stiffness(eigenvalues2(((xx, xy), (xy, yy))), (zz,))
@@ -54,13 +56,16 @@ def stiffness(matrix: Sequence[Sequence[float]]) -> Stiffness:
 
 
 class OuterLoop(NamedTuple):
-    """A tracker's law: acceleration per error of position, velocity and its integral. trim: 1/s, at
-    which the on-board attitude's error is estimated. observer: its bandwidth, Hz; 0 for none.
-    attitude: rates per angle of the attitude's error, 1/s, where the tracker closes that loop
-    itself. turning: the part of the change of its feedback that it commands as rates. drag: 1/s.
-    period: of the control, s. climb: climb rate per error of the height, 1/s, where the tracker
-    commands that instead of thrust. stiffness: in place of `proportional`, of a
-    law that has a matrix of it."""
+    """A tracker's control law.
+
+    proportional, derivative, integral: acceleration per error of position and velocity, and per
+    integral of the position error. trim: the rate at which the error of the on-board attitude is
+    estimated, 1/s. drag: rotor drag, 1/s. period: the control period, s. observer: its bandwidth,
+    Hz; 0 for none. attitude: body rates per attitude error, 1/s, if the tracker closes the attitude
+    loop itself. turning: the share of the change of its feedback that it commands as rates. climb:
+    climb rate per height error, 1/s, if the tracker commands climb rates instead of thrust.
+    stiffness: replaces `proportional` in a law with a gain matrix.
+    """
 
     proportional: float
     derivative: float
@@ -75,13 +80,14 @@ class OuterLoop(NamedTuple):
     stiffness: Stiffness | None = None
 
     def with_gains(self, proportional: float, derivative: float, integral: float) -> OuterLoop:
-        """The same law with these gains in every direction."""
+        """Return this law with these gains in every direction."""
         k, d, i = proportional, derivative, integral
         return self._replace(proportional=k, derivative=d, integral=i, stiffness=None)
 
 
 def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
-    """The response of the loop on board, which must be stable before any other is."""
+    """Return the response of the on-board loop, which must be stable before the others mean
+    anything."""
     loop, lag, cut_off, dead_time, *_ = inner
     p, rate, integral = loop.proportional, loop.derivative, loop.integral
     if outer.attitude is not None:
@@ -96,7 +102,7 @@ def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 
 def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
-    """The response of the loop along x or y, with `proportional`."""
+    """Return the response of the loop along x or y, with the gain `proportional`."""
     k, d, i, trim, drag, period, _, own, turning, *_ = outer
     loop, rotor_time, cut_off, dead_time, late, age, pose_period, *_ = inner
     p, rate, integral = loop.proportional, loop.derivative, loop.integral
@@ -127,7 +133,7 @@ def horizontal(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 
 def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
-    """The response of the loop along z, with `proportional`."""
+    """Return the response of the loop along z, with the gain `proportional`."""
     k, d, _, _, _, period, observer, _, _, climb, _ = outer
     loop, rotor_time, _, dead_time, late, age, pose_period, _, climb_time = inner
     age, bandwidth, lag = age + 0.5 * pose_period, tau * observer, rotor_time / loop.lead
@@ -149,14 +155,15 @@ def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
 
 
 def _smoothing(cut_off: float) -> float:
-    """The time constant of both stages of a gyroscope's filter, s."""
+    """Return the time constant (s) of each of the two stages that model a gyroscope's filter."""
     return sqrt(sqrt(2.0) - 1.0) / (tau * cut_off) if cut_off else 0.0
 
 
 def _tracked(
     z: complex, dt: float, bandwidth: float, measured: complex, pull: complex
 ) -> tuple[complex, complex]:
-    """Value and rate behind the alpha-beta filter. pull: the acceleration that is known beside."""
+    """Return the value and the rate from the alpha-beta filter. pull: the acceleration that the
+    filter knows in addition."""
     theta = real_exp(-tau * bandwidth * dt)
     keep, beta = theta * theta, (1.0 - theta) ** 2 / dt
     drift, gain = 0.5 * dt * dt / z * pull, dt / z * pull

@@ -1,4 +1,5 @@
-"""The events that a person can give: those that the mission waits for, at any time and now."""
+"""The events that a person can emit: those that the mission waits for at any time, and those that
+it waits for now."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from kybflow.runtime.commanding.orders import COMMANDS, PREFIX
 
 
 def check_emitted(plan: Plan, names: Iterable[str]) -> None:
-    """Raises EventRefused for the first of `names` that the mission doesn't wait for."""
+    """Raise EventRefused for the first of `names` that a person can't emit, because the mission
+    doesn't wait for it or kybflow emits it."""
     known = {*awaited(plan), *COMMANDS}
     for name in names:
         if name in AWAITED_EVENTS:
@@ -25,7 +27,8 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
 
 
 def awaited(plan: Plan) -> Iterator[str]:
-    """Yield the operator's and the mission's own events that a transition or callback waits for."""
+    """Yield the events of the operator and of the mission itself that any transition or callback
+    waits for."""
     own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())
@@ -38,8 +41,11 @@ def awaited(plan: Plan) -> Iterator[str]:
 
 
 def awaited_now(plan: Plan, states: Mapping[str, str], phases: Mapping[str, str]) -> set[str]:
-    """Return the events that something waits for now. states: the state of each vehicle that is in
-    one; phases: the phase of each flow that is in one."""
+    """Return the events that a transition or callback waits for now.
+
+    states: the active state of each vehicle that has one, by the vehicle's name.
+    phases: the current phase of each active flow, by the flow's name.
+    """
     heard = heard_always(plan)
     for vehicle in plan.vehicles:
         if vehicle.name in states:
@@ -51,12 +57,12 @@ def awaited_now(plan: Plan, states: Mapping[str, str], phases: Mapping[str, str]
 
 
 def heard_by(transitions: Iterable[TransitionPlan]) -> tuple[str, ...]:
-    """Return the events that transitions wait for, each once."""
+    """Return the events that these transitions wait for, without duplicates."""
     return tuple(dict.fromkeys(t.event for t in transitions if t.event is not None))
 
 
 def heard_always(plan: Plan) -> set[str]:
-    """Return the events of the run that callbacks wait for."""
+    """Return the events without a vehicle that callbacks wait for during the whole run."""
     return {callback.event for callback in plan.callbacks if callback.vehicles == ("",)}
 
 

@@ -1,4 +1,5 @@
-"""The queue between those who give commands, in any thread, and the tick that executes them."""
+"""The queue between the sources of commands, which may run in any thread, and the tick that
+executes the commands."""
 
 from __future__ import annotations
 
@@ -17,15 +18,17 @@ MOST_WAITING = 1000
 """Largest number of items that may wait for one tick."""
 
 Answered = Callable[[Answer], None]
-"""Receives the answer to a command, exactly once, in the thread of the flight or, where it is
-refused at once, of the caller. It hands the answer on, doesn't wait and doesn't raise."""
+"""Receives the answer to a command, exactly once: in the thread of the flight, or in the caller's
+thread if the command is refused at once. It must only pass the answer on, and never wait or
+raise."""
 Shown = Callable[[Situation | None], None]
-"""Receives the situation as `Answered` does an answer; None instead when the run is over."""
+"""Receives the situation, or None if the run is over or too much is waiting. The rules are those of
+`Answered`."""
 
 
 class GivenCommand(NamedTuple):
-    """A command, who gave it, and whether they take the lease from another. name: the event if it
-    was given as one."""
+    """A command. by: the name of the person who gave it. take: whether they take the lease from
+    another. name: the event's name if the command was given as an event."""
 
     order: Order
     by: str
@@ -35,31 +38,31 @@ class GivenCommand(NamedTuple):
 
 
 class Question(NamedTuple):
-    """A request for the situation."""
+    """A request to show the situation of the run."""
 
     shown: Shown
 
 
 class ClientDisconnected(NamedTuple):
-    """A client has disconnected; its lease ends with it."""
+    """The notice that the client of the person `by` has disconnected, which ends its lease."""
 
     by: str
 
 
 class ServerFailure(NamedTuple):
-    """The serving of commands has failed, in part or wholly."""
+    """The notice that the server of commands has failed, in part or completely."""
 
     reason: str
 
 
 class ClientsRefused(NamedTuple):
-    """Clients, or what they sent, were refused before there was a command."""
+    """The notice that clients, or data that they sent, were refused before a command was read."""
 
     reason: str
 
 
 class RecordedCommand(NamedTuple):
-    """A command of an earlier run, in words, and its time in that run."""
+    """A command of an earlier run. heard: its time in that run. command: its text."""
 
     heard: Time
     command: str
@@ -71,13 +74,15 @@ Item = GivenCommand | Question | ClientDisconnected | ServerFailure | ClientsRef
 
 
 class CommandQueue:
-    """What waits for the tick. `ask`, `look`, `leave`, `complain` and `warn` may be called in any
-    thread and return at once.
+    """The commands and requests that wait for the next tick. `ask`, `look`, `leave`, `complain` and
+    `warn` may be called in any thread and return at once.
 
-    emitted: events to give, each with its time in seconds of the run; their time counts in flight
-    only. recorded: the commands of an earlier run, to be given at the same ticks. Raises
-    CommandUnreadable for an invalid one. last_words: functions that return what to report of
-    refused clients when the run ends, empty for nothing.
+    emitted: events to emit, each with its time (seconds since the start of the run). They are
+    emitted only once the preflight is over.
+    recorded: the commands of an earlier run, to be given at the same ticks.
+    last_words: functions that are called at the end of the run and return a report on refused
+    clients, empty without any.
+    Raises CommandUnreadable for an invalid recorded command.
     """
 
     def __init__(
@@ -93,7 +98,8 @@ class CommandQueue:
         self._lock, self._closed = Lock(), False
 
     def ask(self, order: Order, by: str, answered: Answered, *, take: bool = False) -> None:
-        """Give a command. by: the name of who gives it. take: take the lease from another."""
+        """Give a command. by: the name of the person who gives it. answered: receives the answer.
+        take: whether to take the lease from another person."""
         if by == SCHEDULE:
             answered(Answer(False, f"nobody may be called `{SCHEDULE}`"))
         elif not (_is_line(by) and _is_line(text(order))):
@@ -103,24 +109,24 @@ class CommandQueue:
             answered(Answer(False, OVER if self._closed else busy))
 
     def look(self, shown: Shown) -> None:
-        """Ask for the situation in the next tick."""
+        """Request the situation, which `shown` receives in the next tick."""
         if not self._put(Question(shown)):
             shown(None)
 
     def leave(self, by: str) -> None:
-        """Release the lease if `by` holds it, because their connection has ended."""
+        """Release the lease if `by` holds it, because the connection of `by` has ended."""
         self._put(ClientDisconnected(by), bounded=False)
 
     def complain(self, reason: str) -> None:
-        """Emit `commands_failed`: commands are not served as they should be."""
+        """Emit `commands_failed`, because the command server has failed."""
         self._put(ServerFailure(reason), bounded=False)
 
     def warn(self, reason: str) -> None:
-        """Emit `clients_refused`: clients, or what they sent, were refused."""
+        """Emit `clients_refused`, because clients, or data that they sent, were refused."""
         self._put(ClientsRefused(reason), bounded=False)
 
     def close(self) -> None:
-        """End the run: refuse what waits, and everything from now on."""
+        """Refuse everything that waits, and everything from now on, because the run is over."""
         with self._lock:
             self._closed = True
         while self.waiting:
@@ -132,7 +138,8 @@ class CommandQueue:
 
     @property
     def never_given(self) -> tuple[tuple[float, str], ...]:
-        """The scheduled commands that were not given, each with its seconds of the run."""
+        """The scheduled commands that were never given: (seconds since the start of the run,
+        name or text)."""
         return tuple((due / NS, given.name or text(given.order)) for due, given in self.scheduled)
 
     def _put(self, item: Item, *, bounded: bool = True) -> bool:
@@ -144,5 +151,5 @@ class CommandQueue:
 
 
 def _is_line(words: str) -> bool:
-    """Return whether a text can be recorded as one line."""
+    """Return whether a text is printable and short enough to be recorded as one line."""
     return len(words) <= LONGEST and words.isprintable()

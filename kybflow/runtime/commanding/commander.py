@@ -1,10 +1,10 @@
-"""Gives a person's commands to the run, in the tick, and answers them.
+"""Executes a person's commands at the start of a tick, and answers them.
 
-Each command is answered once, with the reason if it is refused: most at once, those that a vehicle
-decides on when it acts, in the same tick or the next. It is then emitted as the event
-`command_given`, in the order in which commands arrived, so that the run can be flown again. A
-command to every vehicle is also emitted as the operator's event (`operator.pause`), for which the
-mission may wait.
+Each command is answered once, with the reason if it is refused. Most commands are answered at once;
+commands that a vehicle decides on are answered when the vehicle acts, in the same tick or the next.
+Answered commands are emitted as the event `command_given`, in the order in which they arrived, so
+that the run can be flown again. A command to all vehicles is also emitted as the operator's event
+(such as `operator.pause`), for which the mission may wait.
 """
 
 from __future__ import annotations
@@ -50,14 +50,15 @@ from kybflow.runtime.fleet.action_context import RunControls
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "operator"
-"""The requester, as it appears in events."""
+"""The name of the requester in events."""
 LANDED = "a person landed it"
 
 _Answered = Callable[[Answer], None]
 
 
 class Commander:
-    """give_up: ends the flows, because every vehicle lands."""
+    """Executes the commands in a queue. give_up: ends all flows; is called when a person lands
+    every vehicle."""
 
     def __init__(
         self,
@@ -73,15 +74,16 @@ class Commander:
         self._heard: deque[_Heard] = deque()
 
     def step(self, now: Time) -> None:
-        """Execute the commands that are due and that wait. The engine calls it at the start of a
-        tick."""
+        """Execute the scheduled commands that are due and the waiting ones. The engine calls this
+        at the start of a tick."""
         while self._scheduled and self._scheduled[0][0] <= now:
             self._hear(self._scheduled.popleft()[1], now, flying=True)
         if self._waiting:
             self._take_up(now, flying=True)
 
     def stand_by(self, now: Time) -> None:
-        """Answer what waits during the preflight, in which a person can only stop the run."""
+        """Answer the waiting commands during the preflight, in which a person can only stop the run
+        or release the lease."""
         due = [item for item in self._scheduled if item[0] <= now and not item[1].name]
         for item in due:
             self._scheduled.remove(item)
@@ -90,8 +92,8 @@ class Commander:
             self._take_up(now, flying=False)
 
     def close(self) -> None:
-        """End the run: answer the commands that no vehicle has answered, and report the last
-        refusals."""
+        """Answer the commands that no vehicle has answered, because the run is over, and report the
+        last refused clients."""
         for untold in self._queue.last_words:
             if reason := untold():
                 self._events.emit(ClientsRefusedEvent(reason=reason))
@@ -99,7 +101,7 @@ class Commander:
             self._answer(self._heard[0], Answer(False, OVER))
 
     def situation(self, now: Time, *, flying: bool = True) -> Situation:
-        """Return what the run does and what is legal, at the end of the last tick."""
+        """Return the situation of the run at the end of the last tick."""
         return self._watched.situation(now, self._lease.holder, flying=flying)
 
     def _take_up(self, now: Time, *, flying: bool) -> None:
@@ -140,7 +142,8 @@ class Commander:
             answered(Answer(False, described(error)))
 
     def _answer(self, heard: _Heard, answer: Answer) -> None:
-        """Note an answer, and publish all answers in the order of their commands."""
+        """Record a command's answer, and publish the answers that are due in the order of their
+        commands."""
         heard.answer = heard.answer or answer
         while self._heard and self._heard[0].answer is not None:
             first = self._heard.popleft()
@@ -184,7 +187,8 @@ class Commander:
         return Answer(True, "" if waits else "nothing waits for it now")
 
     def _ask_vehicles(self, order: VehicleOrder, answered: _Answered) -> None:
-        """Ask the vehicles that the order names; an order to all of them is an event too."""
+        """Make a request to each vehicle that the command names. A command to all vehicles is also
+        emitted as an event."""
         everyone = self._controls.requests
         asked = {name: self._requests(name) for name in order.vehicles or everyone}
         if len(asked) == len(everyone):
@@ -211,14 +215,15 @@ class Commander:
                     said(_landed(requests))
 
     def _requests(self, vehicle: str) -> Requests:
-        """Raises Refused for a name that no vehicle has."""
+        """Return the requests of a vehicle. Raises Refused if there is no such vehicle."""
         known = self._controls.requests
         if vehicle not in known:
             raise Refused(f"there is no vehicle `{vehicle}`; {did_you_mean(vehicle, known)}")
         return known[vehicle]
 
     def _goal(self, vehicle: str, name: str) -> str:
-        """Return the state of this name; a chain's name means its first state."""
+        """Return the name of the requested state; a chain's name stands for its first state. Raises
+        Refused if there is neither."""
         [plan] = (plan for plan in self._plan.vehicles if plan.name == vehicle)
         if name in plan.states:
             return name
@@ -229,7 +234,7 @@ class Commander:
         raise Refused(f"`{vehicle}` has no state `{name}`; {hint}")
 
     def _check_phase(self, flow: str, phase: str) -> None:
-        """Raises Refused for a flow or a phase that the mission doesn't have."""
+        """Raise Refused if the mission doesn't have this flow or phase."""
         flows = {plan.name: plan.phases for plan in self._plan.flows}
         if flow not in flows:
             raise Refused(f"there is no flow `{flow}`; {did_you_mean(flow, flows)}")
@@ -247,7 +252,7 @@ class _Heard:
         self.answer: Answer | None = None
 
     def record(self, answer: Answer, now: Time) -> CommandGiven:
-        """Return its event."""
+        """Return the event that reports the command and its answer."""
         return CommandGiven(
             command=text(self.given.order),
             by=self.given.by,
@@ -259,8 +264,9 @@ class _Heard:
 
 
 class _Poll:
-    """Gathers the answers of several vehicles into one: accepted if any of them accepts, or if the
-    mission waits for the command as an event. It names the vehicles that refuse."""
+    """Combines the answers of several vehicles into one. The command is accepted if any vehicle
+    accepts it, or if the mission waits for it as an event. The answer names the vehicles that
+    refuse."""
 
     def __init__(self, asked: Sequence[str], decided: _Answered, *, is_heard: bool) -> None:
         self._silent, self._decided = len(asked), decided
@@ -281,7 +287,7 @@ def _as_answer(answered: _Answered) -> Callable[[str | None], None]:
 
 
 def _landed(requests: Requests) -> str | None:
-    """Land a vehicle; return why it can't."""
+    """Land a vehicle; return why that is refused or failed, or None."""
     try:
         reason = requests.land_objection()
         if reason is None:

@@ -1,5 +1,6 @@
-"""The lease: who commands a run. The first who gives a command holds it until they release it or
-another takes it. `land`, `pause` and `stop` need no lease, nor does the run's own schedule."""
+"""The lease: the right to command a run. The first person who gives a command holds the lease until
+they release it or another person takes it. `land`, `pause` and `stop` need no lease, nor do the
+run's scheduled commands."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from kybflow.dsl.plan import Stop
 from kybflow.runtime.commanding.orders import LandOrder, Order, PauseOrder, ReleaseLease
 
 SCHEDULE = "command line"
-"""The name under which scheduled commands are given."""
+"""The name of the requester of scheduled commands."""
 _FROM_ANYONE = (LandOrder, PauseOrder, Stop)
 
 
@@ -17,13 +18,15 @@ def is_for_anyone(order: Order) -> bool:
 
 
 class Lease:
-    """holder: the name of who commands the run, None without one."""
+    """The lease of a run. holder: the name of the person who holds it, or None."""
 
     def __init__(self) -> None:
         self.holder: str | None = None
 
     def objection(self, order: Order, by: str, take: bool) -> str | None:
-        """Return why `by` may not give a command now; if they may, give them the lease."""
+        """Return why the person `by` may not give this command now. If they may, give them the
+        lease if the command needs it, and return None. take: whether to take the lease from
+        another."""
         if by == SCHEDULE or is_for_anyone(order):
             return None
         if self.holder not in (None, by) and not take:

@@ -1,4 +1,4 @@
-"""Reports what a run does and which commands it would accept now."""
+"""Reports the current situation of a run, and which commands it would accept now."""
 
 from __future__ import annotations
 
@@ -24,21 +24,22 @@ NOT_FLYING = "the preflight is not over"
 
 
 class RunView(NamedTuple):
-    """The parts of a run from which its situation is read."""
+    """The parts of a run that determine its situation."""
 
     plan: Plan
     vehicles: Sequence[Vehicle]
     flows: Flows
 
     def awaited_now(self) -> set[str]:
-        """Return the events that something waits for now."""
+        """Return the events that a transition or callback waits for now."""
         begun = {v.name: v.state for v in self.vehicles if v.runner.begun}
         flows = (self.flows.running(flow.name) for flow in self.plan.flows)
         phases = {flow.plan.name: flow.phase.name for flow in flows if flow.active}
         return awaited_now(self.plan, begun, phases)
 
     def situation(self, now: Time, holder: str | None, *, flying: bool) -> Situation:
-        """Return the situation at `now`. holder: who has the lease."""
+        """Return the situation at `now`. holder: the name of the lease's holder, or None. flying:
+        whether the preflight is over."""
         heard = self.awaited_now()
         return Situation(
             mission=self.plan.mission,

@@ -1,4 +1,4 @@
-"""Commands: what a person can ask of a run, each a frozen value with one spelling.
+"""The commands that a person can give to a run. Each is a frozen value with one spelling:
 
     emit operator.go                         switch mk hold [PARAMETER=VALUE ...]
     set mk.processors.limit_speed.speed 50cm/s
@@ -10,8 +10,9 @@
     release
     track mk time=12.5 position=[1, 0, 1.2] [velocity=... acceleration=... heading=...]
 
-The command line, the socket and the record of a run use these words. Commands that a callback may
-give too are the values of `kybflow.dsl.plan`; their names are checked in the tick.
+The command line, the socket and the recording of a run use this spelling. The commands that
+callbacks can give too are values of `kybflow.dsl.plan`. The names in a command are checked when it
+is executed.
 """
 
 from __future__ import annotations
@@ -28,45 +29,47 @@ from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop,
 
 PREFIX = "operator."
 LONGEST = 1000
-"""Largest number of letters of a command."""
+"""Largest number of characters of a command."""
 
 
 @dataclass(frozen=True, slots=True)
 class PauseOrder:
-    """Hold vehicles, all if none is named, with their behaviors frozen."""
+    """Hold the named vehicles, or all if none is named, with their behaviors frozen."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ResumeOrder:
-    """Resume vehicles, all if none is named, after a pause; request control back from a pilot."""
+    """Resume the named vehicles, or all if none is named, after a pause; request control back from
+    a pilot."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ResetOrder:
-    """Take vehicles on the ground, all if none is named, out of `fault`."""
+    """Take the named vehicles on the ground, or all if none is named, out of `fault`."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class LandOrder:
-    """Land vehicles, all if none is named. They stay on the ground for the rest of the run."""
+    """Land the named vehicles, or all if none is named. They stay on the ground for the rest of the
+    run."""
 
     vehicles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ReleaseLease:
-    """Give up the lease, so that the next commander needn't take it."""
+    """Give up the lease, so that the next person doesn't have to take it."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackOrder:
-    """Give a vehicle a point of the trajectory that its behavior takes; all numbers SI."""
+    """Give a vehicle's behavior a point of a planned trajectory. All numbers are in SI units."""
 
     vehicle: str
     point: PlannedPoint
@@ -88,8 +91,8 @@ Order = (
 
 
 class Answer(NamedTuple):
-    """The answer to a command. reason: why it was refused, in the words of the event that says so;
-    with an accepted command, what of it was not done, or why it has no effect now."""
+    """The answer to a command. reason: why it was refused, as in the event that reports it. For an
+    accepted command: which vehicles refused it, or why it has no effect now; otherwise empty."""
 
     accepted: bool
     reason: str = ""
@@ -101,14 +104,15 @@ OF_VEHICLES: Mapping[str, type[VehicleOrder]] = {
     "reset": ResetOrder,
     "land": LandOrder,
 }
-"""The commands to some or all vehicles, by their word."""
+"""The commands to some or all vehicles, by their first word."""
 _WORD = {kind: word for word, kind in OF_VEHICLES.items()}
 COMMANDS = (*(f"{PREFIX}{word}" for word in OF_VEHICLES), f"{PREFIX}stop")
-"""The operator's events that act whether or not the mission waits for them."""
+"""The operator's events that take effect even if the mission doesn't wait for them."""
 
 
 def named(name: str) -> Order:
-    """Return the command for the event `name`: one of COMMANDS acts on all vehicles."""
+    """Return the command for the event `name`: for an event of COMMANDS the command to all
+    vehicles, otherwise `emit`."""
     if name == f"{PREFIX}stop":
         return Stop("")
     kind = OF_VEHICLES.get(name.removeprefix(PREFIX)) if name.startswith(PREFIX) else None
@@ -116,12 +120,12 @@ def named(name: str) -> Order:
 
 
 def word(order: VehicleOrder) -> str:
-    """Return the word with which a command to vehicles begins."""
+    """Return the first word of a command to vehicles."""
     return _WORD[type(order)]
 
 
 def text(order: Order) -> str:
-    """Return a command in its one spelling, on one line, which `parse` reads back."""
+    """Return the spelling of a command, on one line; the inverse of `parse`."""
     match order:
         case Emit(name):
             words = ["emit", name]
@@ -147,8 +151,8 @@ def text(order: Order) -> str:
 
 
 def parse(words: str) -> Order:
-    """Return the command that `words` spell. Raises CommandUnreadable, which says what is wrong and
-    how the command is written."""
+    """Return the command that `words` spell. Raises CommandUnreadable with what is wrong or how the
+    command is written."""
     if len(words) > LONGEST:
         raise CommandUnreadable(f"a command has at most {LONGEST} letters, not {len(words)}")
     command, *rest = words.split() or [""]
@@ -164,7 +168,8 @@ def parse(words: str) -> Order:
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """The form of a command: its arguments, and their reader, which returns None for others."""
+    """The form of a command. arguments: a description of its arguments. read: parses them, or
+    returns None if they don't fit."""
 
     arguments: str
     read: Callable[[list[str]], Order | None]
@@ -183,7 +188,7 @@ def _enable(on: bool) -> _Form:
 
 
 def _switch(rest: list[str]) -> Switch | None:
-    """Values may have blanks: `position=[1, 0, 1] speed=50 cm/s`."""
+    """Parse a `switch` command. Values may contain spaces: `position=[1, 0, 1] speed=50 cm/s`."""
     before, *pairs = _ASSIGNED.split(" ".join(rest[2:]))
     names, written = pairs[::2], [value.strip() for value in pairs[1::2]]
     if len(rest) < 2 or before or len(set(names)) < len(names) or not all(written):
@@ -192,7 +197,7 @@ def _switch(rest: list[str]) -> Switch | None:
 
 
 def _track(rest: list[str]) -> TrackOrder | None:
-    """Read a point; the behavior that takes it checks its numbers."""
+    """Parse a `track` command. The behavior that takes the point checks its numbers."""
     before, *pairs = _ASSIGNED.split(" ".join(rest[1:]))
     names, written = pairs[::2], pairs[1::2]
     if not rest or before or len(set(names)) < len(names) or not {"time", "position"} <= {*names}:
@@ -209,7 +214,8 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _point(values: Mapping[str, tuple[float, ...]]) -> PlannedPoint:
-    """Raises TypeError or ValueError for an unknown name or too many or few numbers."""
+    """Return the point with these values. Raises TypeError for an unknown name and ValueError for
+    too many or too few numbers."""
     known: dict[str, Any] = {}
     for name, numbers in values.items():
         if name in ("time", "heading"):
@@ -221,7 +227,7 @@ def _point(values: Mapping[str, tuple[float, ...]]) -> PlannedPoint:
 
 
 def _written(point: PlannedPoint) -> list[str]:
-    """Return a point in words that `_track` reads back exactly."""
+    """Return the words of a point, from which `_track` restores it exactly."""
     vectors = (("position", point.position), ("velocity", point.velocity),
                ("acceleration", point.acceleration))  # fmt: skip
     words = [f"time={point.time!r}"]
@@ -250,4 +256,4 @@ _FORMS: Mapping[str, _Form] = {
     "release": _Form("", lambda rest: None if rest else ReleaseLease()),
 }
 WORDS = tuple(_FORMS)
-"""The word with which each command begins."""
+"""The first words of all commands."""

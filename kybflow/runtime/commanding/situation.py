@@ -1,8 +1,9 @@
-"""What a run does now and what a person may ask of it now, as plain values.
+"""The current situation of a run and the commands that it would accept now, as plain values.
 
-In each of these, a reason is why a command would be refused now, in the refusal's own words, and
-None stands for a command that is legal. A behavior may still refuse to start when it is entered.
-Positions in the world, m and m/s; seconds of the run.
+The fields `enter`, `pause`, `resume`, `reset` and `land` hold the reason for which the command
+would be refused now, as the refusal would state it, or None if the command is legal. A behavior may
+still refuse to start when it is entered. Positions (m) and velocities (m/s) are in the world frame;
+times are seconds since the start of the run.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from kybflow.core.geometry import Vec3
 
 @dataclass(frozen=True, slots=True)
 class EstimateSummary:
-    """The estimate that a vehicle flies on, and the mission's name of its estimator. heading: rad
-    from east."""
+    """The estimate that a vehicle flies on. heading: in rad, from east. age: in seconds. estimator:
+    the estimator's name in the mission."""
 
     position: Vec3
     velocity: Vec3
@@ -27,7 +28,7 @@ class EstimateSummary:
 
 @dataclass(frozen=True, slots=True)
 class SetpointSummary:
-    """The setpoint that a vehicle's tracker follows; None for fields that it doesn't have."""
+    """The setpoint that a vehicle's tracker follows. A field that the setpoint lacks is None."""
 
     position: Vec3 | None
     velocity: Vec3 | None
@@ -35,12 +36,22 @@ class SetpointSummary:
 
 @dataclass(frozen=True, slots=True)
 class VehicleSituation:
-    """One vehicle. state: empty before the first; behavior: the part that flies it. flight:
-    `ground`, `air` or `moving` (it takes off or lands). elapsed: in the state. holders: who holds
-    it: `pause`, `brake`, `pilot`. latched: the failsafe's reaction that only a reset undoes.
-    braking: the alarms that brake it. override: why somebody else has control. retired: why it
-    lands for the rest of the run. driver: the flow that drives it. enter: each state that can be
-    requested. waits_for: the events that a transition of its state waits for."""
+    """One vehicle.
+
+    state: the active state, empty before the first.
+    behavior: the part that flies the vehicle in that state.
+    flight: `ground`, `air`, or `moving` while it takes off or lands.
+    elapsed: seconds since the state was entered.
+    holders: what holds the vehicle: `pause`, `brake`, `pilot`.
+    latched: the failsafe's latched reaction, which only a reset clears.
+    braking: the reasons of the alarms that brake the vehicle.
+    override: why somebody else has control.
+    retired: why the vehicle lands for the rest of the run.
+    driver: the flow that drives the vehicle.
+    battery: the remaining charge, 0 to 1.
+    waits_for: the events that a transition of the state waits for.
+    enter: for each state that can be requested, why it would be refused.
+    """
 
     name: str
     state: str
@@ -66,8 +77,14 @@ class VehicleSituation:
 
 @dataclass(frozen=True, slots=True)
 class FlowSituation:
-    """One flow. phase: None while it is in none. enter: each phase. waits_for: the events that a
-    transition of its phase waits for."""
+    """One flow.
+
+    phase: the current phase, None while the flow is inactive.
+    elapsed: seconds since the phase was entered.
+    vehicles: the vehicles that the flow drives.
+    waits_for: the events that a transition of the phase waits for.
+    enter: for each phase, why a request for it would be refused.
+    """
 
     name: str
     phase: str | None
@@ -79,8 +96,8 @@ class FlowSituation:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """The whole run. flying: the preflight is over. holder: who has the lease. emit: the events
-    that a person can give, each with whether something waits for it now."""
+    """The whole run. flying: whether the preflight is over. holder: the name of the lease's holder.
+    emit: for each event that a person can emit, whether something waits for it now."""
 
     mission: str
     time: float
@@ -91,5 +108,5 @@ class Situation:
     emit: dict[str, bool]
 
     def record(self) -> dict[str, Any]:
-        """Return it as JSON holds it."""
+        """Return the situation as values that can be encoded as JSON."""
         return asdict(self)

@@ -1,2 +1,3 @@
-"""Estimators: from measurements to the state of a vehicle, one a file. None reads a simulator's
-truth. The catalog finds them; a vehicle's estimation runs them and picks the first healthy one."""
+"""Estimators: they turn measurements into the state of a vehicle, one estimator per file. None
+reads a simulator's ground truth. The catalog finds them; a vehicle's estimation runs them and
+selects the first healthy one."""

@@ -1,21 +1,22 @@
-"""Learns from an accelerometer by which angle a motion-capture body is rotated against its vehicle,
-and which disturbance accelerates it.
+"""Estimates from an accelerometer by which angle a motion-capture body is rotated relative to its
+vehicle, and which disturbance accelerates the vehicle.
 
-Markers are placed by hand and the body is declared where the vehicle happens to stand, so that its
-axes are off the vehicle's by a constant rotation. About the level axes gravity shows it: with the
-attitude R as corrected so far and the acceleration a from the poses, an accelerometer measures
+Markers are placed by hand, and the body is declared where the vehicle happens to stand, so its axes
+are off the vehicle's by a constant rotation. Gravity reveals its components about the level axes:
+with the attitude R as corrected so far and the acceleration a from the poses, an accelerometer
+measures
 
     f = R^T (a + g e3) =: e    without an error, and    f = e - d x e    if R is off by d,
 
 d_x = (f_y - e_y) / e_z and d_y = (e_x - f_x) / e_z, which is averaged over a memory (the correction
 of Mahony, Hamel and Pflimlin, Nonlinear complementary filters on SO(3), IEEE TAC 2008, eq. 32, with
-the motion's acceleration subtracted). About the vertical axis gravity shows nothing. A bias of the
-accelerometer counts as an angle, 0.3 degrees for 0.05 m/s^2; the on-board attitude has the same
-error.
+the motion's acceleration subtracted). Gravity reveals nothing about the vertical axis. A bias of
+the accelerometer appears as an angle, 0.3 degrees for 0.05 m/s^2; the on-board attitude has the
+same error.
 
 The velocity's filter takes g times the slope of body z for the acceleration
-(`kybflow.flight.tracked_pose`). A wind adds R f - g e3 less that; without this term 0.5 m/s^2 of
-wind make an error of 3 cm/s in the velocity.
+(`kybflow.flight.tracked_pose`). Wind adds a disturbance of R f - g e3 minus that acceleration;
+without this term, wind that accelerates the vehicle by 0.5 m/s^2 causes a velocity error of 3 cm/s.
 """
 
 from __future__ import annotations
@@ -36,20 +37,24 @@ from kybflow.flight.disturbance import SHAKEN
 from kybflow.runtime.estimators._imu_sums import EVERY, ImuSums
 
 MOST = 0.05
-"""The largest angle about each axis, rad: a larger one is noticed at setup."""
+"""The largest angle about each axis, rad; a larger one would be noticed at setup."""
 FIRST = 0.5
 """Least averaging time, seconds, so that the first sample doesn't count fully."""
 LARGEST = 1.0
 """The largest plausible disturbance along an axis, m/s^2."""
 HARD = 0.5 * GRAVITY
-"""A mean force further off gravity is a touch or a fall, m/s^2."""
+"""A mean specific force that differs more from gravity is due to a touch or a fall, m/s^2."""
 LONGEST = 0.2
-"""Seconds between two updates beyond which poses were lost."""
+"""Longest time (s) between two updates; after a longer one, poses were lost."""
 
 
 class FeltForce:
-    """turned: the correction by which a pose's attitude is multiplied from the right. pushed: the
-    disturbance along x and y, m/s^2, world. memory: averaging time of the angle, seconds."""
+    """The estimated rotation of the body and the estimated disturbance.
+
+    turned: the correction, by which the attitude of a pose is multiplied from the right.
+    pushed: the disturbance along world x and y, m/s^2.
+    memory: the averaging time of the angle, s.
+    """
 
     def __init__(self, memory: float, sums: ImuSums) -> None:
         self.turned: Quat = LEVEL
@@ -62,8 +67,8 @@ class FeltForce:
     def look(
         self, time: Time, velocity: Vec3, attitude: Quat, rates: Vec3, slope: tuple[float, float]
     ) -> None:
-        """Process the motion after another pose. attitude: as corrected. slope: the acceleration
-        that follows from it."""
+        """Process the estimated motion at the time of a new pose. attitude: the corrected attitude.
+        slope: the horizontal acceleration that follows from it, m/s^2."""
         gx, gy = slope
         hx, hy = self._slopes
         self._poses, self._slopes = self._poses + 1, (gx + hx, gy + hy)

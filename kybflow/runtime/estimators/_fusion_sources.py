@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Prediction, Sighting
 
 FARTHEST = 1e5
-"""Metres from the origin beyond which a position is no measurement."""
+"""Distance (m) from the origin beyond which a position is invalid."""
 
 CLEARLY = 4.0
-"""Least ratio of the measured variance to the declared one that counts as noisier."""
+"""Least ratio of the measured variance to the declared one at which the measured one is used."""
 
 Read = Callable[[Sequence[Measurement]], list[Fix]]
 Believed = Callable[[Time], Belief | None]
-"""Returns the state at a time, None if it is unknown."""
+"""Returns the estimated state at a given time, or None if it is unknown."""
 Saw = Callable[["Sighting | None"], None]
 
 
@@ -39,8 +39,13 @@ def source(
     believed: Believed,
     saw: Saw,
 ) -> Read:
-    """Return the reader of the requested source, which ignores other and invalid measurements.
-    errors: of cameras and tags. saw: called with what camera frames showed."""
+    """Return the function that reads the requested source's fixes and ignores other and invalid
+    measurements.
+
+    errors: the calibration errors of cameras and tags.
+    believed: returns the estimated state at a given time.
+    saw: is called with the sighting in each set of camera frames.
+    """
     noises = [params.position_noise] * 3 + [params.attitude_noise] * 3
     noise: Matrix = numpy.diag(numpy.square(noises))
     if params.source == "tags":
@@ -50,7 +55,8 @@ def source(
 
 
 class _Poses:
-    """Reads poses, with their measured noise if that is clearly more than declared."""
+    """Reads poses. Their covariance is the declared one, or the measured one if that is clearly
+    larger."""
 
     def __init__(self, noise: Matrix) -> None:
         self._noise, self._jitter = noise, Jitter()
@@ -69,7 +75,7 @@ class _Poses:
         return Fix(*pose, self._now())
 
     def _now(self) -> Matrix:
-        """Return the present covariance of a pose."""
+        """Return the current covariance (6, 6) of a pose."""
         position, attitude = self._jitter.position, self._jitter.attitude
         if position <= self._position and attitude <= self._attitude:
             return self._noise
@@ -87,7 +93,7 @@ def _position(noise: Matrix, measured: Measurement) -> Fix | None:
 
 
 class _Tags:
-    """Reads frames: those of one time, of all cameras together, give one pose."""
+    """Reads camera frames. The frames of all cameras at one time give one pose together."""
 
     def __init__(
         self,
@@ -126,7 +132,8 @@ class _Tags:
         return _checked(Fix(time, seen.position, seen.attitude, noise, self._slopes, extent))
 
     def _predicted(self, belief: Belief) -> Prediction:
-        """Return the expected measured pose, with the systematic error of the last one."""
+        """Return the pose that is expected to be measured, including the systematic error of the
+        last one."""
         from kybflow.vision.locating.locator import Prediction
         from kybflow.vision.locating.sight import BodyMotion
 

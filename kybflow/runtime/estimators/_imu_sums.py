@@ -1,4 +1,5 @@
-"""Integrals of the IMU, which can be read at the time of a pose that arrives later."""
+"""Integrals of IMU measurements, which can be read at a past time, that of a pose that arrived
+late."""
 
 from __future__ import annotations
 
@@ -11,12 +12,13 @@ from kybflow.core.signals import NS, Imu, Time
 EVERY = 4
 """Poses between two readings of the sums."""
 LONGEST = 64
-"""Samples that are kept."""
+"""Number of samples that are kept."""
 
 
 class ImuSum(NamedTuple):
-    """The sums of all samples until `time`. angle: of the turn rates, rad, body. gained: of the
-    specific forces, m/s, body. seconds: the integration time. rates, force: the last sample."""
+    """The integrals of all samples until `time`, body frame. angle: the integral of the body rates,
+    rad. gained: the integral of the specific force, m/s. seconds: the integration time. rates,
+    force: the last sample."""
 
     time: Time
     angle: Vec3
@@ -27,7 +29,7 @@ class ImuSum(NamedTuple):
 
 
 class ImuSums:
-    """delay: of the measured motion behind its stamp, s."""
+    """Integrates IMU samples. delay: how much older the measured motion is than its stamp, s."""
 
     def __init__(self, delay: float) -> None:
         self._behind = round(delay * NS)
@@ -39,7 +41,8 @@ class ImuSums:
         self._sums.append(_added(self._sums[-1], time - self._behind, dt, rates, force))
 
     def until(self, time: Time) -> ImuSum:
-        """Return the sums at a time: between samples by the next one, after the last by that."""
+        """Return the sums at a time, extrapolated by the next sample, or by the last one if the
+        time is later."""
         found = self._sums[-1]
         for earlier in reversed(self._sums):
             if earlier.time < time:
@@ -49,7 +52,7 @@ class ImuSums:
 
 
 def _added(before: ImuSum, time: Time, dt: float, rates: Vec3, force: Vec3) -> ImuSum:
-    """Return the sums plus a sample of `dt` seconds, which may be negative."""
+    """Return the sums plus a sample of `dt` seconds, which may be negative, at `time`."""
     _, summed, reached, seconds, _, _ = before
     ax, ay, az = summed
     px, py, pz = reached

@@ -1,13 +1,14 @@
-"""Measures by the gyroscope how much too late poses are stamped.
+"""Estimates from the gyroscope how much too late poses are stamped.
 
-A clock offset, or a stamp of the arrival, shifts all poses in time. The measured attitude of a
-vehicle that turns with w then lags its gyroscope: with e its difference from an attitude that
-integrates the gyroscope and follows the measured one within 1 / K,
+All poses are shifted in time if there is a clock offset, or if they are stamped on arrival. The
+measured attitude of a vehicle that turns at the rate w then lags its gyroscope. Let e be the
+difference of the measured attitude from one that integrates the gyroscope and follows the measured
+one with the time constant 1 / K. Then
 
     e = h(constant - offset w) + noise,    h: the high-pass s / (s + K),
 
-where the constant holds the body's rotation and the gyroscope's drift. Least squares over a memory,
-with a prior of zero weighted by `SURE`, gives
+where the constant contains the body's rotation and the gyroscope's drift. Least squares over a
+memory, with a prior of zero weighted by `SURE`, gives
 
     offset = -sum(e . h(w)) / (sum(h(w)^2) + SURE)
 
@@ -40,11 +41,13 @@ squared."""
 MOST = 0.02
 """The largest offset, s."""
 ASTRAY = 0.1
-"""A larger difference from the integrated attitude restarts the integration, rad."""
+"""A difference from the integrated attitude that is larger than this (rad) restarts the
+integration."""
 
 
 class StampOffset:
-    """seconds: the estimate; zero until the vehicle has turned. memory: seconds."""
+    """Estimates the offset of the stamps. seconds: the estimated offset (s), zero until the vehicle
+    has turned. memory: the time over which it is estimated (s)."""
 
     def __init__(self, memory: float, sums: ImuSums) -> None:
         self.seconds = 0.0
@@ -56,7 +59,7 @@ class StampOffset:
         self._product = self._square = 0.0
 
     def look(self, time: Time, seen: Quat) -> None:
-        """Process the attitude of another pose, with its original stamp."""
+        """Process the attitude of a new pose. time: its uncorrected stamp."""
         self._poses += 1
         if self._poses < EVERY:
             return

@@ -41,8 +41,8 @@ from kybflow.runtime.estimators._stamp_offset import StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
 COARSEST = 0.0125
-"""Longest interval (s) of an IMU sample. Autopilots send momentary ones, 25 times a second unless a
-tracker requests more, whose integral is late by half of that interval."""
+"""Longest interval (s) of usable IMU samples. Autopilots send instantaneous samples, 25 times a
+second unless a tracker requests more, and their integral is late by half of that interval."""
 
 
 @params
@@ -131,8 +131,8 @@ class Mocap(Estimator[MocapParams]):
         return Pose(time, position, attitude)
 
     def _judge(self, pose: Pose, dt: float, flown: Estimate | None, velocity: Vec3) -> None:
-        """Process a pose that passes the gate; start at the first one, and at one for which the
-        gate opens."""
+        """Process a pose that passes the gate. Restart the filter if the pose is the first one, or
+        if the gate opens for it; drop it otherwise."""
         track, gate, p = self._track, self._gate, self.params
         bounds = Bounds(p.gate, p.widest_gate, p.settled)
         own = self._believed(dt)
@@ -148,8 +148,8 @@ class Mocap(Estimator[MocapParams]):
         track.take(pose, velocity)
 
     def _is_near(self, pose: Pose, dt: float) -> bool:
-        """Return whether a pose is where it is predicted: a cheap test that settles nearly every
-        pose."""
+        """Return whether a pose is close to its prediction. This cheap test suffices for nearly
+        every pose."""
         track = self._track
         x, y, z = track.position
         vx, vy, vz = track.velocity

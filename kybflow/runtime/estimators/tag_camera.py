@@ -45,12 +45,12 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Prediction
 
 SURE = 3
-"""Tags that must agree on a pose that needs no other evidence."""
+"""Number of tags that must agree on a pose for it to need no other evidence."""
 PLACE, TURN, UNKNOWN_RATE = 0.01, 0.01, 0.5
-"""Standard deviations of a prediction at its start, metres and radians, and of its rates, rad/s, by
-which that of the attitude grows."""
+"""Initial standard deviations of a prediction's position (m) and attitude (rad), and the standard
+deviation of its rates (rad/s), with which that of the attitude grows."""
 START_PLACE, START_TURN = 0.05, 0.05
-"""The error of the declared start, metres and radians, standard deviations."""
+"""Standard deviations of the declared start's position (m) and attitude (rad)."""
 
 
 @params
@@ -107,7 +107,7 @@ class TagCamera(Estimator[TagCameraParams]):
             self._track.take(pose, velocity)
 
     def _spread_of(self, located: Located, prediction: Prediction | None) -> float:
-        """Standard deviation of a pose's position along an axis, metres."""
+        """Return the standard deviation (m) of a pose's position along an axis."""
         from kybflow.vision.locating.sight import AT_REST
         from kybflow.vision.locating.systematic import systematic
 
@@ -117,8 +117,9 @@ class TagCamera(Estimator[TagCameraParams]):
         return sqrt(variance / 3.0)
 
     def _velocity(self, pose: Pose, t: float, is_sure: bool) -> Vec3 | None:
-        """Return the velocity with which the filter starts at this pose, None if the pose is
-        dropped."""
+        """Return the velocity with which the filter starts if it starts at this pose, or None if
+        the pose must be dropped. t: seconds since the last pose. is_sure: whether enough tags agree
+        on the pose."""
         track, gate = self._track, self._gate
         if track.count == 0:
             return ZERO
@@ -134,8 +135,8 @@ class TagCamera(Estimator[TagCameraParams]):
         return velocity
 
     def _predicted(self, time: Time, t: float) -> Prediction | None:
-        """Return where the vehicle is when a frame is taken: at its declared start before the first
-        pose, None once it is unknown."""
+        """Return the predicted pose of the vehicle when a frame is taken: the declared start before
+        the first pose, None once the pose is unknown. t: seconds since the last pose."""
         from kybflow.vision.locating.locator import Prediction
         from kybflow.vision.locating.sight import BodyMotion
 

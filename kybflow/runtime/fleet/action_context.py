@@ -1,4 +1,5 @@
-"""What a mission's callbacks may do to the vehicles, options, events and flows of a run."""
+"""The actions that a mission's callbacks can take on the vehicles, options, events and flows of a
+run."""
 
 from __future__ import annotations
 
@@ -14,13 +15,18 @@ from kybflow.runtime.options import Options
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "callback"
-"""The requester, as it appears in events."""
+"""The name of the requester in events."""
 _OPERATOR = "operator."
 
 
 class RunControls(NamedTuple):
-    """The parts of a run that callbacks may use. phase(flow, phase, requester, mission line) enters
-    a phase and returns why it can't; stop(reason, mission line) ends the run."""
+    """The parts of a run that callbacks and the operator may use.
+
+    requests: the requests to each vehicle, by its name.
+    phase: phase(flow, phase, requester, mission line) enters a phase; returns why that is refused,
+    or None.
+    stop: stop(reason, mission line) ends the run.
+    """
 
     requests: Mapping[str, Requests]
     options: Options
@@ -30,7 +36,7 @@ class RunControls(NamedTuple):
 
 
 class CallbackContext:
-    """The context (`kybflow.parts.ActionContext`) of the callback at one line of the mission."""
+    """The `kybflow.parts.ActionContext` of one callback. at: the callback's mission line."""
 
     def __init__(self, controls: RunControls, at: str) -> None:
         self._controls, self._at = controls, at
@@ -49,7 +55,7 @@ class CallbackContext:
         self._controls.requests[vehicle].enable(label, on, BY, self._at)
 
     def emit(self, name: str) -> None:
-        """Raises ValueError for the events of kybflow and of the operator."""
+        """Emit the event `name`. Raises ValueError for an event of kybflow or of the operator."""
         if name in AWAITED_EVENTS or name.startswith(_OPERATOR):
             raise ValueError(f"an action can't emit `{name}`")
         self._controls.events.emit(Custom(name), at=self._at)

@@ -1,8 +1,9 @@
-"""What vehicles publish to each other: estimate, setpoint and what the behavior says.
+"""The messages that vehicles publish to each other: their estimate, their setpoint and a message of
+their behavior.
 
-Every vehicle publishes at the end of a tick, so that none receives in a tick what was published in
-it, whatever the order in which vehicles act. The receiver chooses how old the news must be, which
-simulates the delay of a radio.
+Every vehicle publishes at the end of a tick, so that no vehicle receives a message in the tick in
+which it was published, regardless of the order in which the vehicles act. The receiver chooses how
+old a message must be, which simulates the delay of a radio.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ _KEPT = NS // 2
 
 
 class Broadcasts:
-    """The news of the last half second, by vehicle, and the newest before it."""
+    """Each vehicle's messages of the last half second, and its newest message before that."""
 
     def __init__(self) -> None:
         self._kept: dict[str, deque[NeighbourState]] = {}
@@ -25,7 +26,7 @@ class Broadcasts:
         self._answers: dict[Hashable, Any] = {}
 
     def note(self, vehicle: str, news: NeighbourState) -> None:
-        """Keep what a vehicle publishes."""
+        """Keep a message that a vehicle publishes."""
         kept = self._kept.setdefault(vehicle, deque())
         kept.append(news)
         while len(kept) > 1 and kept[1].time < news.time - _KEPT:
@@ -35,7 +36,7 @@ class Broadcasts:
             self._answers.clear()
 
     def heard(self, vehicle: str, by: Time) -> NeighbourState | None:
-        """Return the newest news of `vehicle` at `by` or before."""
+        """Return the newest message that `vehicle` published at `by` or before, or None."""
         key = (vehicle, by)
         if key not in self._found:
             kept = reversed(self._kept.get(vehicle, ()))
@@ -43,7 +44,8 @@ class Broadcasts:
         return self._found[key]
 
     def once(self, question: Hashable, answer: Callable[[], Answer]) -> Answer:
-        """Return the answer to a question, which is computed once until there is other news."""
+        """Return the cached answer to a question, or compute it by `answer`. The cache is cleared
+        when a new message arrives."""
         if question not in self._answers:
             self._answers[question] = answer()
         found: Answer = self._answers[question]

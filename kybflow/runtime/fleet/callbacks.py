@@ -1,8 +1,8 @@
-"""Callbacks: a mission's actions on events, and on conditions that begin to hold.
+"""Callbacks: the actions of a mission on events, and on conditions that begin to hold.
 
-At the end of each tick, callbacks handle every event since the last one, in order. Vehicles answer
-their requests in the next tick, in which the events that they emit are handled too: one round a
-tick, so that a loop of events can't block the flight.
+At the end of each tick, callbacks handle all events since the previous tick, in order. Vehicles
+answer the callbacks' requests in the next tick, and the events that result are handled in that tick
+too. There is only one round a tick, so that a loop of events can't block the flight.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from kybflow.runtime.fleet.action_context import CallbackContext, RunControls
 
 Do = Callable[[Event], None]
 _NO_EVENT = Event(0, "", "", {})
-"""The event that the actions of a condition receive."""
+"""The event that the actions of a callback on a condition receive."""
 
 
 class Callbacks:
@@ -58,25 +58,25 @@ class Callbacks:
                 self._listening.setdefault((vehicle, plan.event), []).append(callback)
 
     def step(self) -> None:
-        """Handle the events since the last step."""
+        """Carry out the callbacks on all events since the last step."""
         for event in self._events.take_unanswered():
             for callback in self._listening.get((event.vehicle, event.name), ()):
                 callback.answer(event, self._events)
 
     def watch(self) -> None:
-        """Answer the conditions that have begun to hold."""
+        """Carry out the callbacks whose conditions have begun to hold."""
         for watched in self.watching:
             watched.look(self._events)
 
     @property
     def pending(self) -> bool:
-        """Whether a callback listens to an event that the next step will handle."""
+        """Whether a callback waits for an event that the next step will handle."""
         return any((e.vehicle, e.name) in self._listening for e in self._events.unanswered)
 
 
 class _Watch:
-    """A callback on a condition: answered when that has held for `hold`, and again only after it
-    has not held."""
+    """A callback on a condition. It is carried out when the condition has held for `hold`, and
+    again only after the condition has ceased to hold."""
 
     def __init__(self, callback: _Callback, hold: Time) -> None:
         self._callback, self._hold = callback, hold
@@ -95,7 +95,7 @@ class _Watch:
 
 
 class _Callback:
-    """One entry of `on:`. An action that raises is reported and removed."""
+    """One entry of `on:` in a mission. An action that raises is reported and removed."""
 
     def __init__(
         self, plan: CallbackPlan, when: Callable[[], bool] | None, context: ActionContext
@@ -111,7 +111,7 @@ class _Callback:
             self.act(event, events)
 
     def act(self, event: Event, events: Events) -> None:
-        """Carry out the actions without a check."""
+        """Carry out the actions, without checking whether the event matches."""
         for name, do in tuple(self._actions):
             try:
                 do(event)
@@ -136,7 +136,7 @@ class _Callback:
 
 
 def _bound(action: ActionPlan, context: ActionContext) -> Do:
-    """Return the action as a function of the event that it handles."""
+    """Return a function that carries out the action for an event."""
     match action:
         case Switch() | Enable() | Perform():
             return _of_vehicle(action, context)
@@ -181,14 +181,14 @@ def filled(text: str, event: Event) -> str:
 
 
 class _Known(dict[str, str]):
-    """The values of an event; one that it doesn't carry reads `none`."""
+    """The values of an event by name. A name that the event lacks has the value `none`."""
 
     def __missing__(self, name: str) -> str:
         return shown(None)
 
 
 def shown(value: FieldValue) -> str:
-    """Return a field's value as filters compare it and texts show it."""
+    """Return a field's value as the text that filters compare and that `log` shows."""
     if value is None:
         return "none"
     if isinstance(value, bool):

@@ -1,12 +1,14 @@
 """Flows: phases over several vehicles, stepped once a tick after every vehicle has acted.
 
-Each flow has a state machine, whose states are its phases. On entry a phase gives vehicles to other
-flows, sets options and asks vehicles to enter states, which they decide on in the next tick. One
-flow at a time drives a vehicle: requests of another are refused with an event. If a phase lets its
-vehicles arrive in turns, each is asked once the one before has left the requested state, and has
-landed if the failsafe lands it; if together, their behaviors begin at a common pace. A flow that
-ends returns the vehicles that it was given. Its time stands still while a vehicle that it drives is
-paused. When a person lands every vehicle, every flow ends.
+Each flow has a state machine, whose states are its phases. When a phase is entered, it gives
+vehicles to other flows, sets options, and requests vehicles to enter states; the vehicles answer in
+the next tick. Only one flow at a time drives a vehicle: requests of another are refused with an
+event. A phase may let its vehicles arrive in turns or together. In turns, each vehicle is requested
+once the previous one has left the requested state, and has landed if the failsafe lands it.
+Together, their behaviors begin at a common pace.
+
+A flow that ends returns the vehicles that it was given. The time of a flow stands still while a
+vehicle that it drives is paused. When a person lands every vehicle, every flow ends.
 """
 
 from __future__ import annotations
@@ -43,29 +45,29 @@ _NOTHING: frozenset[str] = frozenset()
 
 
 class Driven(Protocol):
-    """A vehicle, as a flow sees it."""
+    """The part of a vehicle that a flow uses."""
 
     name: str
 
     @property
     def state(self) -> str:
-        """The name of the state that it is in."""
+        """The name of the vehicle's active state."""
 
     @property
     def requests(self) -> Requests:
-        """The requests that the flow may make."""
+        """The object that receives requests to the vehicle."""
 
 
 class FlowOptions(Protocol):
-    """The options, as a flow sees them."""
+    """The part of the options that a flow uses."""
 
     def set(self, name: str, value: Any, by: str, at: str = "") -> None:
-        """Ask for a change. Raises OptionRefused after the event `option_refused`."""
+        """Request a change. If it is refused, emits `option_refused` and raises OptionRefused."""
 
 
 class PhaseVisit(NamedTuple):
-    """One time that a phase was entered; `ended` is next, within, done, asked, operator, failed or
-    run_ended."""
+    """One visit to a phase. ended: how it ended: next, within, done, asked, operator, failed or
+    run_ended; None while it lasts, as `end_s`."""
 
     name: str
     start_s: float
@@ -74,11 +76,14 @@ class PhaseVisit(NamedTuple):
 
 
 class RunningFlow:
-    """One flow: its machine, when it entered its phase, and the phases that it has been in.
+    """The state of one flow.
 
-    unpaced: whether its vehicles arrive together and begin in this tick. turn: the vehicle whose
-    turn it is. waiting: those whose turn comes. missed: the events that were emitted while a turn
-    passed.
+    entered: when the current phase was entered.
+    visits: the visits to phases so far.
+    unpaced: whether the vehicles of the phase arrive together and don't have their pace yet.
+    turn: the vehicle whose turn it is.
+    waiting: the vehicles that still wait for their turn.
+    missed: the events of ticks in which the turn passed, to be handled later.
     """
 
     def __init__(self, plan: FlowPlan, machine: FlowMachine) -> None:
@@ -92,7 +97,7 @@ class RunningFlow:
 
     @property
     def active(self) -> bool:
-        """Whether the flow is in a phase: it has begun and not ended."""
+        """Whether the flow is in a phase, so that it has begun and not ended."""
         return self.machine.state != END
 
     @property
@@ -105,25 +110,26 @@ class RunningFlow:
         self.visits.append(PhaseVisit(self.phase.name, rounded(now / NS)))
 
     def paced(self) -> None:
-        """Note that the vehicles that begin together have their common pace."""
+        """Record that the vehicles of the phase have their common pace."""
         self.unpaced = False
 
     def next_turn(self) -> str:
-        """Pass the turn to the next vehicle that waits; return its name."""
+        """Pass the turn to the next waiting vehicle; return its name."""
         self.turn = self.waiting.popleft()
         return self.turn
 
     def keep_for_later(self, heard: AbstractSet[str]) -> None:
-        """Keep the events of a tick in which the phase is not left."""
+        """Keep the events of a tick in which the phase handles none."""
         self.missed |= heard
 
     def heard_with_missed(self, heard: AbstractSet[str]) -> AbstractSet[str]:
-        """Return the events of a tick and those that were kept before."""
+        """Return the events of this tick and those kept before, and clear the latter."""
         missed, self.missed = self.missed, _NOTHING
         return heard | missed
 
     def is_in_its_state(self, vehicle: str, state: str) -> bool:
-        """Return whether a vehicle in `state` does what the phase requested."""
+        """Return whether `state` is the state, or is in the chain, that the phase requested of the
+        vehicle."""
         request = self.phase.run[vehicle]
         return is_in(state, request.chain or request.state)
 
@@ -133,12 +139,12 @@ class RunningFlow:
         self.missed = _NOTHING
 
     def wait(self, dt: float) -> None:
-        """Let a tick of `dt` seconds pass in which the phase's time stands still."""
+        """Stop the phase's time for a tick of `dt` seconds."""
         self.entered += round(dt * NS)
 
 
 class Flows:
-    """The flows of a plan. ended: none of them will request anything by itself any more."""
+    """The flows of a plan. ended: whether all flows have ended, or the plan has none."""
 
     def __init__(
         self,
@@ -162,12 +168,12 @@ class Flows:
         return self._begun and not any(flow.active for flow in self._flows.values())
 
     def driver(self, vehicle: str) -> str | None:
-        """The flow that drives a vehicle now."""
+        """Return the name of the flow that drives a vehicle now, or None."""
         drivers = self._drivers.get(vehicle)
         return drivers[-1] if drivers else None
 
     def step(self, now: Time, dt: float) -> None:
-        """One period of every flow."""
+        """Step every active flow for one tick, or begin the flows in the first one."""
         if not self._begun:
             self._begin()
             return
@@ -177,8 +183,8 @@ class Flows:
             self._guarded(flow, now, dt)
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
-        """Enter a phase that a callback or a person requests. A flow that waits for vehicles and
-        has none refuses with an event; return why."""
+        """Enter a phase at the request of a callback or a person. Return why it is refused, which
+        an event reports too, or None. A flow that waits for vehicles and has none refuses."""
         reason = self.objection(flow)
         if reason is None:
             self._flows[flow].machine.switch(phase, at)
@@ -187,35 +193,35 @@ class Flows:
         return reason
 
     def objection(self, flow: str) -> str | None:
-        """Return why no phase of a flow can be entered now, None if each can."""
+        """Return why no phase of a flow can be entered now, or None if any can."""
         running = self._flows[flow]
         if running.active or not running.plan.waits:
             return None
         return f"no flow has given `{flow}` a vehicle"
 
     def running(self, flow: str) -> RunningFlow:
-        """Return a flow."""
+        """Return the flow of this name."""
         return self._flows[flow]
 
     def driven(self, flow: str) -> list[str]:
-        """Return the vehicles that a flow drives now."""
+        """Return the names of the vehicles that a flow drives now."""
         return [v for v, drivers in self._drivers.items() if drivers[-1] == flow]
 
     def give_up(self) -> None:
-        """End every flow, because a person lands every vehicle: none may start it again."""
+        """End every flow for good, because a person lands every vehicle."""
         self._begun = True
         for flow in self._flows.values():
             if flow.active:
                 flow.machine.end("operator")
 
     def close(self, now: Time) -> None:
-        """End the visits that still last, because the run is over."""
+        """End the current visits, because the run is over."""
         for flow in self._flows.values():
             if flow.active:
                 flow.left("run_ended", now)
 
     def record(self) -> dict[str, Any]:
-        """Return the flows as they stand in `summary.json`."""
+        """Return the flows' entries in `summary.json`, by name."""
         return {
             name: {"phases": [visit._asdict() for visit in flow.visits]}
             for name, flow in self._flows.items()
@@ -233,14 +239,14 @@ class Flows:
         return flow
 
     def _begin(self) -> None:
-        """Begin every flow that waits for no vehicle and that no other flow has begun."""
+        """Begin every flow that doesn't wait for vehicles and is not active yet."""
         self._begun = True
         for flow in self._flows.values():
             if not (flow.plan.waits or flow.active):
                 flow.machine.begin()
 
     def _guarded(self, flow: RunningFlow, now: Time, dt: float) -> None:
-        """Step one flow. A flow that raises ends alone; its vehicles continue what they do."""
+        """Step one flow. If it raises, only this flow ends; its vehicles continue what they do."""
         try:
             self._step(flow, now, dt)
         except Exception as error:  # a lab's own link may show anything
@@ -269,11 +275,12 @@ class Flows:
             flow.machine.end("done")
 
     def _passes_turn(self, flow: RunningFlow) -> bool:
-        """Pass the turn to the next vehicle if it is due; return whether it did.
+        """Pass the turn to the next vehicle if the current one has left the requested state; return
+        whether the turn was passed. The turn waits for a vehicle that the failsafe brings down.
 
-        In that tick the next vehicle has not begun yet while the one before is in its place, so
-        that `all swarm in hover` may hold too early: the phase is not left, and events are kept.
-        The turn waits for a vehicle that the failsafe brings down.
+        In the tick in which the turn passes, the next vehicle has not begun yet although the
+        previous one has already arrived, so that `all swarm in hover` may hold too early. In that
+        tick the phase is therefore not left, and the events are kept for later.
         """
         turn = self._vehicles[flow.turn]
         if flow.is_in_its_state(flow.turn, turn.state) or turn.requests.comes_down:
@@ -283,13 +290,15 @@ class Flows:
         return True
 
     def _ask_next(self, flow: RunningFlow) -> None:
-        """Ask the next vehicle whose turn it is; one that the flow doesn't drive is skipped."""
+        """Pass the turn and make the request to the next vehicle; skip vehicles that the flow
+        doesn't drive."""
         while flow.waiting:
             if self._ask(flow, flow.next_turn()):
                 return
 
     def _pace(self, flow: RunningFlow) -> None:
-        """Let the behaviors that begin in this tick arrive together: at the pace of the slowest."""
+        """Make the behaviors that begin in this tick arrive together, at the pace of the slowest
+        one."""
         flow.paced()
         requests = [self._vehicles[vehicle].requests for vehicle in flow.phase.run]
         paces = [(one, pace) for one in requests if (pace := one.pace) is not None]
@@ -319,7 +328,8 @@ class Flows:
                 self._ask(flow, vehicle)
 
     def _ask(self, flow: RunningFlow, vehicle: str) -> bool:
-        """Request what the phase runs on a vehicle; return whether the flow drives it."""
+        """Request the state that the phase runs on a vehicle; return whether the flow drives that
+        vehicle, else emit a refusal."""
         phase, reason = flow.phase, self._not_mine(flow, vehicle)
         request = phase.run[vehicle]
         if reason is None:
@@ -331,7 +341,7 @@ class Flows:
         return reason is None
 
     def _give(self, flow: RunningFlow, vehicle: str, to: str) -> bool:
-        """Return whether another flow drives the vehicle now."""
+        """Give the vehicle to the flow `to`; return whether it was given. A refusal is emitted."""
         name, at = flow.plan.name, flow.phase.at
         reason = self._not_mine(flow, vehicle)
         if reason is not None:
@@ -342,7 +352,7 @@ class Flows:
         return True
 
     def _not_mine(self, flow: RunningFlow, vehicle: str) -> str | None:
-        """Return why a flow may request nothing of a vehicle now, None if it may."""
+        """Return why a flow may not make requests to a vehicle now, or None if it may."""
         driver = self.driver(vehicle)
         if driver == flow.plan.name:
             return None
@@ -356,7 +366,7 @@ class Flows:
             self._events.emit(Custom(reason.transition.emit), at=reason.at)
 
     def _end(self, flow: RunningFlow) -> None:
-        """End the flow; vehicles that it was given return to the flow that gave them."""
+        """End the flow, and return the vehicles that it was given to the flows that gave them."""
         name = flow.plan.name
         for vehicle, drivers in self._drivers.items():
             if vehicle in flow.plan.vehicles or name not in drivers:

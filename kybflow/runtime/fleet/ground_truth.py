@@ -1,5 +1,5 @@
-"""Publishes what only a simulator knows: collisions, hard landings, and where released payloads
-come to rest.
+"""Publishes events that only a simulator can detect: collisions, hard landings, and payloads that
+come to rest after their release.
 
 Listeners such as a recording receive these events; vehicles, flows and callbacks don't.
 """
@@ -18,20 +18,20 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 HARD = 1.5
-"""The vertical speed (m/s) above which a touch-down is too hard."""
+"""The sink rate (m/s) above which a touch-down is too hard."""
 _STILL = 0.001
-"""Metres that a payload at rest moves at most between two steps."""
+"""Largest distance (m) that a payload at rest moves between two steps."""
 _STEPS = 10
-"""Steps in a row that must find a payload at rest."""
+"""Number of consecutive steps in which a payload must be at rest."""
 
 
 class Impacts:
-    """Publishes what vehicles run into (`collided`) and landings that are too fast (`landed_hard`).
-    `first` describes the first of them, None without one; any of them fails the run.
+    """Publishes collisions (`collided`) and landings that are too fast (`landed_hard`). Each of
+    them fails the run. first: a description of the first one, or None.
 
-    What carries a vehicle that comes down to land is where it touches down. Every other touch is a
-    collision, of the floor too, unless the mission allows it (`touchable`). The speed is that of
-    the tick before the touch.
+    If a vehicle that may touch down touches a surface that can carry it, it touches down there.
+    Every other touch is a collision, even with the floor, unless the mission allows it
+    (`touchable`). The speed of a landing is that in the tick before the touch.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class PayloadDrops:
         self._falling = [_PayloadDrop(v, events) for v in vehicles if v.plan.payload is not None]
 
     def step(self) -> None:
-        """Publish the payloads that came to rest in this step."""
+        """Publish an event for each payload that has come to rest in this step."""
         for drop in self._falling:
             drop.look()
 

@@ -1,5 +1,6 @@
 """Fault injection: starts each fault of the plan at its time or when its condition first holds, and
-ends it after its duration. A fault that raises is reported and removed, and the flight goes on."""
+ends it after its duration. A fault that raises is reported and removed, and the flight
+continues."""
 
 from __future__ import annotations
 
@@ -19,13 +20,13 @@ from kybflow.parts.fault import Air
 from kybflow.runtime.events import Events
 
 Conditions = Callable[[str], Callable[[Expression], Callable[[], bool]]]
-"""Returns, for a vehicle's name, the function that compiles that vehicle's conditions."""
+"""Takes a vehicle's name; returns a function that compiles conditions of that vehicle."""
 
 
 class Injection:
-    """The engine calls `step` once a tick, before the vehicles sense. Each fault's random generator
-    is seeded by `seed` and the fault's place in the mission. `failure` says which fault failed last
-    and why, None without a failure."""
+    """Injects the faults of a plan. The engine calls `step` once a tick, before the vehicles sense.
+    Each fault's random generator is seeded with `seed` and the fault's index and name. failure:
+    which fault failed last and why, or None."""
 
     def __init__(
         self,
@@ -102,8 +103,8 @@ class _Waiting:
 
 
 class _Working:
-    """An active fault. When one of its effects raises, it calls `fail`, has no effect from then on
-    and ends in the next tick."""
+    """An active fault. If one of its effects raises, the fault calls `fail`, has no effect from
+    then on, and ends in the next tick."""
 
     def __init__(
         self, plan: FaultPlan, began: Time, fail: Callable[[FaultPlan, str, Exception], None]
@@ -118,7 +119,7 @@ class _Working:
         return self._until is not None and now >= self._until
 
     def guarded(self, effect: Effect) -> Effect:
-        """Return `effect` with guarded functions: what they raise fails this fault alone."""
+        """Return `effect` with its functions wrapped so that an exception fails only this fault."""
         change, blow = effect.filter, effect.wind
         return replace(
             effect,
@@ -156,7 +157,8 @@ class _Working:
 
 
 def _measured(given: Measurement | None, taken: Measurement) -> Measurement | None:
-    """Return what a filter gave. Raises TypeError unless it is None or of the type of `taken`."""
+    """Return `given`, the output of a filter for `taken`. Raises TypeError unless it is None or has
+    the type of `taken`."""
     if given is not None and type(given) is not type(taken):
         raise TypeError(f"its filter returned {given!r} for a {type(taken).__name__}")
     return given
@@ -171,7 +173,7 @@ def _moving(wind: Vec3) -> Vec3:
 
 
 def _due(plan: FaultPlan, conditions: Conditions) -> Callable[[Time], bool]:
-    """Return a function that says whether the fault is due at a time."""
+    """Return a function that returns whether the fault is due at a given time."""
     if plan.when is not None:
         holds = conditions(plan.vehicle)(plan.when)
         return lambda _: holds()

@@ -1,13 +1,14 @@
-"""The mission's inputs: read and checked once a tick; changes become events.
+"""The mission's input devices, which are read and checked once a tick; changes become events.
 
-    device ─► link ─► is it well? ─► readings, which behaviors and conditions see
-                                └──► events: INPUT.BUTTON, input_lost, input_recovered
+    device ─► link ─► checks ─► readings for behaviors and conditions
+                           └──► events: INPUT.BUTTON, input_lost, input_recovered
 
-An input is lost while its link knows of a problem (unplugged), while it has been silent for
-`silent_after`, while an axis is no number from -1 to 1, and while an axis away from its centre has
-not changed for `stuck_after`. A lost input has no reading. It has recovered when it has been well
-for half a second. A button emits its event when it is pressed, also while an axis is broken, since
-it may be the button that lands; one that is held through a silence was not pressed again.
+An input is lost while its link reports a problem (such as an unplugged device), while it has been
+silent for longer than `silent_after`, while an axis is not a number from -1 to 1, and while the
+axes are off their centres and have not changed for `stuck_after`. A lost input has no reading. It
+has recovered once it has been free of problems for half a second. A button emits its event when it
+is pressed, even while an axis is broken, since it may be the button that lands. A button that was
+held during a silence doesn't count as pressed again.
 """
 
 from __future__ import annotations
@@ -32,20 +33,22 @@ if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
 
 RECOVERED: Time = NS // 2
-"""How long an input must be well until it counts again."""
+"""How long a lost input must be free of problems before it is used again."""
 _NOTHING: frozenset[str] = frozenset()
 _SILENT = (None, _NOTHING)
 
 NoteInput = Callable[[str, Time, InputReading | None, str], None]
-"""Receives an input's name, the time, and its reading, or None and the reason."""
+"""Receives an input's name, the time, its reading, and an empty string; or, if there is no reading,
+None and the reason."""
 
 
 def unnoted(name: str, now: Time, reading: InputReading | None, why: str) -> None:
-    """Ignore a reading that is not recorded."""
+    """Ignore the reading, because nothing is recorded."""
 
 
 class InputTrouble(NamedTuple):
-    """Why an input is lost; the measured value and its bound, None where there is no number."""
+    """Why an input is lost. value, bound: the measured value and its bound, each None if there is
+    no such number."""
 
     reason: str
     value: float | None = None
@@ -53,7 +56,8 @@ class InputTrouble(NamedTuple):
 
 
 class Inputs:
-    """readings: of each input, by name, None while it is lost."""
+    """The input devices of a mission. readings: the reading of each input, by name; None while the
+    input is lost."""
 
     def __init__(
         self,
@@ -72,8 +76,8 @@ class Inputs:
         return len(self._inputs)
 
     def step(self, now: Time, vehicles: Iterable[Vehicle] = (), *, flying: bool = True) -> None:
-        """Read every input, emit its events in flight, and apply the force of the vehicles in the
-        last tick to each hand. Called at the start of a tick."""
+        """Read every input, emit its events in flight, and apply to each hand the force that the
+        vehicles requested in the last tick. Called at the start of a tick."""
         for one in self._inputs:
             self._heard[one.plan.name] = one.step(now, flying)
         if self._felt:
@@ -85,19 +89,19 @@ class Inputs:
 
     def end(self, now: Time, why: str) -> None:
         """Record the end of all inputs, so that the last deflection doesn't continue when the
-        record steers another flight. now: after the last step."""
+        recording is replayed to steer another flight. now: a time after the last step."""
         for one in self._inputs:
             one.end(now, why)
 
     def objections(self) -> Iterator[tuple[InputPlan, str | None]]:
-        """Yield each input with why it can't be used now, None where it can."""
+        """Yield each input and why it can't be used now, or None if it can."""
         for one in self._inputs:
             yield one.plan, one.trouble and one.trouble.reason
 
 
 def _felt(pushes: list[Vec3 | None]) -> Vec3 | None:
-    """Return the force for a hand: the mean over the vehicles that it steers and that are not held;
-    None if all are."""
+    """Return the force on a hand: the mean over the steered vehicles that are not held, None if all
+    are held. pushes: the force of each steered vehicle, None if it is held."""
     if not pushes:
         return ZERO
     free = tuple(push for push in pushes if push is not None)
@@ -105,7 +109,7 @@ def _felt(pushes: list[Vec3 | None]) -> Vec3 | None:
 
 
 class _Input:
-    """One input: its reading, and whether it is well."""
+    """Reads and checks one input. trouble: why it can't be used, or None."""
 
     def __init__(self, plan: InputPlan, link: InputLink, events: Events, note: NoteInput) -> None:
         self.plan = plan
@@ -146,7 +150,8 @@ class _Input:
             self._note(self.plan.name, now, None, why)
 
     def _read(self, now: Time) -> tuple[InputReading | None, InputTrouble | None]:
-        """Return the reading with the mission's names of its buttons, or why there is none."""
+        """Return the reading, with its buttons named as in the mission, and None; or None and the
+        reason if there is a problem."""
         try:
             reading, known = self._link.read(now), self._link.trouble()
         except DriverError as error:
@@ -169,14 +174,14 @@ class _Input:
     def _record(
         self, reading: InputReading | None, silence: InputTrouble | None, now: Time
     ) -> None:
-        """Record a reading that has changed."""
+        """Record the reading, or that there is none, if it has changed."""
         new = _SILENT if reading is None else (reading.axes, reading.held)
         if new != self._noted and (reading is not None or silence is not None):
             self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
             self._noted = new
 
     def _doubt(self, reading: InputReading | None, now: Time) -> InputTrouble | None:
-        """Return why the reading is implausible, None if it is not."""
+        """Return why the reading is missing or implausible, or None if it is good."""
         if reading is None:
             return self.trouble or InputTrouble("nothing has been heard of it yet")
         for axis, value in reading.axes.items():
@@ -199,7 +204,7 @@ class _Input:
             self.trouble = None
 
     def _emit(self) -> None:
-        """Emit once that the input is lost, and once that it has recovered."""
+        """Emit an event when the input is lost, and another when it has recovered."""
         name, at = self.plan.name, self.plan.at
         if self.trouble is not None and not self._reported:
             reason, *numbers = self.trouble

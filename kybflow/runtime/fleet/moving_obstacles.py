@@ -1,11 +1,11 @@
-"""Where the moving obstacles are, read once a tick for all vehicles.
+"""The positions of moving obstacles, read once a tick for all vehicles.
 
-Motion capture measures them like vehicles, late and with noise; no vehicle knows where they really
-are. The velocity of an obstacle is that of its last twentieth of a second, and at most the declared
-speed. One that is not seen for half a second emits `obstacle_lost`, and `obstacle_found` when it is
-seen again; meanwhile it counts as larger by how far it can have gone. A pose that repeats the last
-one bit by bit, of an obstacle whose poses have wavered, means that motion capture has lost the body
-and counts as not seen. World frame, SI.
+Motion capture measures obstacles like vehicles, late and with noise; no vehicle knows their true
+positions. The velocity of an obstacle is its mean velocity over the last twentieth of a second, and
+at most the declared speed. `obstacle_lost` is emitted when an obstacle has not been seen for half a
+second, and `obstacle_found` when it is seen again; in between it counts as larger by the distance
+it can have moved. If an obstacle's poses have wavered before, a pose that repeats the last one bit
+by bit means that motion capture has lost the body, and is ignored. World frame, SI.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _OVER: Time = NS // 20
 
 
 class MovingObstacles:
-    """The moving obstacles of a mission. seen: each as it was last seen. watching: the stream of
-    each one's poses."""
+    """The moving obstacles of a mission. seen: the last observation of each obstacle, by name.
+    watching: the stream of each obstacle's poses, by name."""
 
     def __init__(
         self, moving: Mapping[str, MovingSphere], events: Events, watching: Mapping[str, Stream]
@@ -56,8 +56,8 @@ class MovingObstacles:
                 self._events.emit(ObstacleLost(obstacle=name, reason=reason))
 
     def objections(self, now: Time) -> Iterator[tuple[str, str | None]]:
-        """Yield each obstacle with why no vehicle may take off because of it, None if it is
-        seen."""
+        """Yield the name of each obstacle and why no vehicle may take off because of it; None if
+        the obstacle is seen."""
         for name, watched in self._watched.items():
             unseen = name not in self.seen or self._unseen(name, now) > LOST
             yield name, _because("it is not seen", watched.trouble()) if unseen else None
@@ -76,7 +76,7 @@ class _Watched:
         self._wavered = 0
 
     def look(self, now: Time) -> SeenObstacle | None:
-        """Return the obstacle as it was last seen, None without a new pose."""
+        """Read the stream; return the obstacle's new observation, or None without a new pose."""
         came: Sequence[Measurement] = ()
         try:
             came, self._failure = self._stream.read(now), None
@@ -86,11 +86,12 @@ class _Watched:
         return self._seen() if news else None
 
     def trouble(self) -> str | None:
-        """Return why it can't be seen, None without a known reason."""
+        """Return why the obstacle can't be seen, or None if no reason is known."""
         return self._failure or self._stream.trouble()
 
     def _is_new(self, pose: Measurement, now: Time) -> bool:
-        """Note a pose; return whether it is valid and newer than the last."""
+        """Add a pose to the track if it is valid, newer than the last one, and not a repetition
+        that shows a lost body. Return whether it was added."""
         if type(pose) is not Pose or not all(map(isfinite, pose.position)):
             return False
         if self._track:

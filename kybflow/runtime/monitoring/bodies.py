@@ -1,20 +1,21 @@
-"""Monitors the bodies of motion capture by their poses alone, for any system that gives them.
+"""Monitors motion-capture bodies. It uses only their poses, and so works for any system.
 
 lost: no pose for longer than a bound, or than three intervals of the stream if that is longer.
-froze: fresh stamps with bit-identical poses while the vehicle is in the air, which noise and motion
-make impossible for a body that is seen. It also counts on the ground if the poses have wavered
-there before, as real ones do: a vehicle whose take-off is not seen would go on to climb. Poses that
-have never wavered come from a simulator without noise.
-jumped: three poses in a row are where no flight could have brought the vehicle since the last one
-(`kybflow.flight.pose_track`).
-swapped: the body jumped to within `near` + `pace` t of where another body was t seconds before, or
-of the place that the other has just left; or it returns after more than `MEMORY` where another
-vehicle's estimate is. Its poses are withheld until it jumps again or is lost.
+froze: new time stamps with bit-identical poses while the vehicle is in the air, which noise and
+motion make impossible for a tracked body. On the ground this counts only if the poses have wavered
+there before, as real ones do: if the take-off were not measured, the vehicle would keep climbing.
+Poses that have never wavered come from a simulator without noise.
+jumped: three consecutive poses are at positions that the vehicle cannot have reached by flight
+since the last pose (`kybflow.flight.pose_track`).
+swapped: the body jumped to within `near` + `pace` t of the position at which another body was t
+seconds before, or of the position that the other body has just left; or the body returns after more
+than `MEMORY` seconds at the position of another vehicle's estimate. Its poses are then withheld
+until it jumps again or is lost.
 
-A repeated pose is no measurement and is withheld from the first one on, so that the estimate ages
-from when its body froze and not from the report. On the ground it is withheld only after the
-report, until the pose changes. All other poses pass: the estimators decide whether the vehicle can
-be there (`kybflow.flight.pose_gate`).
+A repeated pose is no measurement. In the air even the first repetition is withheld, so that the
+estimate ages from the time when the body froze, not from the report. On the ground repetitions are
+withheld only if the poses have wavered before or the body was reported as frozen. All other poses
+are passed on: the estimators decide whether the vehicle can be there (`kybflow.flight.pose_gate`).
 """
 
 from __future__ import annotations
@@ -33,17 +34,20 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.findings import Trouble, nearest
 
 WAVERS = 30
-"""Poses in a row on the ground, each a little off the last one, that show a noisy measurement."""
+"""Number of consecutive poses on the ground, each slightly off the previous one, that prove the
+measurement to be noisy."""
 STILL = 0.01
-"""Metres between two poses of a vehicle that stands."""
+"""Largest distance (m) between two consecutive poses of a vehicle that stands still."""
 MEMORY = 0.25
-"""Seconds for which the last place of a body counts."""
+"""Seconds for which the last position of a body is taken into account."""
 _MEMORY = round(MEMORY * NS)
 _NO_ATTITUDE: Quat = (0.0, 0.0, 0.0, 0.0)
 
 
 class BodyBounds(NamedTuple):
-    """Seconds, metres, m/s. unknown: in place of `lost` until three poses have come."""
+    """The bounds of the findings. lost: seconds without a pose. unknown: replaces `lost` until
+    three poses have arrived (s). frozen: seconds of identical poses. near (m), pace (m/s): the
+    distance at which a body counts as swapped."""
 
     lost: float = 0.25
     unknown: float = 0.6
@@ -62,14 +66,14 @@ class Bodies:
         self._believed: dict[str, Callable[[], Estimate | None]] = {}
 
     def know(self, name: str, estimate: Callable[[], Estimate | None]) -> None:
-        """Register what returns the estimate that a vehicle flies on."""
+        """Register a vehicle. estimate: returns the estimate that the vehicle flies on."""
         self._believed[name] = estimate
 
     def judge(
         self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
     ) -> tuple[list[Pose], list[VehicleEvent]]:
-        """Judge the new poses of a body, oldest first; return those that are measurements, and the
-        findings. Called whenever poses arrive, and without any from `due` on."""
+        """Judge the new poses of a body, oldest first; return the poses to pass on and the
+        findings. Must be called whenever poses arrive, and from `due` on even without poses."""
         body = self._bodies.get(name)
         if body is None:
             body = self._bodies[name] = _Body(now)
@@ -92,7 +96,7 @@ class Bodies:
         return passed, findings
 
     def due(self, name: str) -> Time:
-        """Return when a body that was judged counts as lost if no pose arrives."""
+        """Return when a body counts as lost if no pose arrives. It must have been judged before."""
         return self._bodies[name].due
 
     def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
@@ -124,8 +128,8 @@ class Bodies:
         body.left, body.of = last, self._believer(name, first) if body.of else other
 
     def _believer(self, name: str, pose: Pose) -> str:
-        """Return the other vehicle whose estimate is at `pose`; empty if there is none, or the
-        body's own vehicle is nearer."""
+        """Return the name of the other vehicle whose estimate is at `pose`; empty if there is none,
+        or if the body's own vehicle is nearer."""
         believed = ((other, estimate()) for other, estimate in self._believed.items())
         near = self._bounds.near
         places = ((o, e.position, near + 4.0 * e.spread) for o, e in believed if e is not None)
@@ -133,7 +137,8 @@ class Bodies:
         return "" if whose == name else whose
 
     def _others(self, name: str, pose: Pose) -> Iterator[tuple[str, Vec3, float]]:
-        """Yield where the other bodies were at about the time of `pose`."""
+        """Yield (name, position, radius) of the other bodies at about the time of `pose`, as
+        `nearest` expects them."""
         for other, body in self._bodies.items():
             for place in () if other == name else (body.track.last, body.left):
                 t = 0.0 if place is None else abs(pose.time - place.time) / NS
@@ -142,10 +147,15 @@ class Bodies:
 
 
 class _Body:
-    """The state of one body. stamp: the time of its newest pose. interval: the shorter one of the
-    last two between poses, None before the third. due: when it is lost if no pose arrives. changed:
-    when the pose last changed. left: where it was before it jumped. of: the vehicle whose poses it
-    receives, empty if they are its own."""
+    """The state of one body.
+
+    stamp: the time of its newest pose.
+    interval: the shorter of the last two intervals between poses, None before the third pose.
+    due: when the body is lost if no pose arrives.
+    changed: when the pose last changed.
+    left: its last pose before it jumped.
+    of: the name of the vehicle whose poses this body receives, empty if they are its own.
+    """
 
     __slots__ = (
         "_before", "_last", "_wavered", "began", "changed", "due", "interval", "left", "of",
@@ -166,8 +176,9 @@ class _Body:
         self._wavered = 0
 
     def expect(self, unknown: Time, lost: Time) -> Time:
-        """Set `due`: three intervals and at least `lost` after the last pose, or `unknown` without
-        an interval. Return the time of the last pose."""
+        """Set `due` to three intervals, but at least `lost`, after the last pose; or to `unknown`
+        after it if the interval is not known yet. Return the time of the last pose, or of the
+        beginning."""
         newest = self.stamp if self.stamp > self.began else self.began
         timeout = unknown
         if self.interval is not None:
@@ -177,7 +188,7 @@ class _Body:
         return newest
 
     def repeats(self, pose: Pose, in_air: bool) -> bool:
-        """Note a newer pose; return whether it repeats the last one and must be withheld."""
+        """Process a newer pose; return whether it repeats the last one and must be withheld."""
         stamp, position, attitude = pose
         last, self._last = self._last, pose
         if last is not None:
@@ -202,10 +213,13 @@ def _is_sound(pose: Pose) -> bool:
 
 
 class BodyMonitor:
-    """Emits the findings on one vehicle's body and withholds the poses that are no measurements.
-    `bodies` judges those of the whole fleet; `estimate` returns what the vehicle flies on. Poses
-    that no estimator uses are judged too, but are never lost. due: when `measured` must be called
-    even without poses."""
+    """Emits the findings on one vehicle's body and withholds poses that are no measurements. Poses
+    that no estimator uses are judged too, but the body is then never reported as lost.
+
+    bodies: judges the bodies of the whole fleet.
+    estimate: returns the estimate that the vehicle flies on.
+    due: when `measured` must be called even without poses.
+    """
 
     def __init__(
         self,

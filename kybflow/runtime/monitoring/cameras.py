@@ -1,35 +1,37 @@
-"""Monitors the cameras of a vehicle: their frames, and the poses that are found in them.
+"""Monitors the cameras of a vehicle: their frames, and the poses that are found in the frames.
 
-By the times and the images of a camera's frames. lost: no frame for longer than
+These findings depend on the times and the images of a camera's frames. lost: no frame for longer
+than
 
     max(SILENT, 3 / rate),   rate = the camera's frames a second
 
-froze: in the air, frames with fresh times and identical images for longer than
+froze: in the air, frames with new times but identical images for longer than
 
     max(SAME, 1.5 / rate)
 
-The noise of a sensor makes two equal images impossible, so that comparing some 1,200 pixels of each
-is enough. An image of uniform brightness has not frozen: it is dark, or blinded. On the ground
-images may repeat, as those of a simulated sensor without noise do. A camera counts from its first
-frame on; its sensor reports why there was none.
+Sensor noise makes two equal images impossible, so comparing some 1,200 pixels of each suffices. An
+image of uniform brightness doesn't count as frozen, because the camera may be in the dark or
+dazzled. On the ground images may repeat, as those of a simulated sensor without noise do. A camera
+is monitored from its first frame on; if there is none, its sensor reports why.
 
-By the poses that were found in the frames. tags lost: frames arrive in the air, and for longer than
+These findings depend on the poses that were found in the frames. tags lost: frames arrive in the
+air, and for longer than
 
     max(BLIND, 2.5 / rate),   rate = frames a second of the fastest camera
 
-no pose was found in them; found: poses are found again. jumped: a pose is further than
+no pose was found in them. found: poses are found again. jumped: a pose is further than
 
     NEAR + 4 s + 4 p
 
 from the vehicle's estimate at the time of the frame (s: the estimate's spread, p: the pose's
-standard deviation), and the next poses go on from there; a single one is a measurement error. That
-estimate did not include the frame yet: in most vehicles it is what the IMU predicts. A camera that
-was knocked aside looks like this, and so does a floor that was moved. swapped: it jumped, and the
-pose is within that distance of another vehicle's estimate.
+standard deviation), and the next poses continue from there; a single such pose is a measurement
+error. That estimate did not include the frame yet; in most vehicles it is predicted by the IMU. A
+camera that was knocked aside causes a jump, and so does a map of tags that was moved. swapped: the
+pose jumped to within that distance of another vehicle's estimate.
 
-recovered: `CONFIRMED` good frames in a row after a loss or a freeze. After a jump: the poses went
-back, or were lost meanwhile, and as many in a row agree with the vehicle's estimate. If an
-estimator followed the camera they don't, and another jump is reported.
+recovered: after a loss or a freeze, `CONFIRMED` good frames in a row. After a jump, the poses must
+have jumped back or been lost for a while, and then as many in a row must agree with the vehicle's
+estimate. If an estimator followed the camera, they don't agree, and another jump is reported.
 """
 
 from __future__ import annotations
@@ -65,15 +67,17 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
 
 SILENT, SAME = 0.15, 0.1
-"""Seconds. Both are reported before the estimate is a quarter of a second old, from 15 Hz on."""
+"""Least times (s) after which a camera is lost, and after which it froze. From 15 Hz on, both are
+reported before the estimate is a quarter of a second old."""
 _ACROSS = 40
-"""Pixels of a row that are compared."""
+"""Number of pixels of a row that are compared."""
 BLIND, NEAR = 0.15, 0.2
 _AND = ", "
 
 
 class CameraStreams:
-    """The frames of one vehicle's cameras. due: when the next one is lost if no frame arrives."""
+    """The frames of one vehicle's cameras. due: when the next camera is lost if no frame arrives
+    before."""
 
     def __init__(self, cameras: Mapping[str, Camera]) -> None:
         self._cameras = cameras
@@ -87,8 +91,8 @@ class CameraStreams:
         return {name: finding for name, finding in found.items() if finding is not None}
 
     def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[VehicleEvent]:
-        """Judge new frames; return the findings. Called whenever frames arrive, and without any
-        from `due` on."""
+        """Judge new frames; return the findings. Must be called whenever frames arrive, and from
+        `due` on even without frames."""
         findings: list[VehicleEvent] = []
         for frame in frames:
             stream = self._streams.get(frame.camera)
@@ -105,8 +109,8 @@ class CameraStreams:
 
 
 class _CameraStream:
-    """The frames of one camera. timeout, freeze_timeout: seconds without a frame, or without a new
-    image, at most. last: when its last frame arrived."""
+    """The frames of one camera. timeout, freeze_timeout: the longest times (s) without a frame and
+    without a new image. last: when its last frame arrived."""
 
     __slots__ = ("_changed", "_name", "_sample", "freeze_timeout", "last", "timeout", "trouble")
 
@@ -132,7 +136,7 @@ class _CameraStream:
             yield CameraRecovered(camera=self._name)
 
     def miss(self, now: Time) -> Iterator[VehicleEvent]:
-        """Report a camera whose frames stay away."""
+        """Report the camera as lost if no frame has arrived for too long."""
         silence = (now - self.last) / NS
         if silence > self.timeout and not self.trouble.is_known(CameraLostEvent):
             self.trouble.count_anew()
@@ -140,7 +144,7 @@ class _CameraStream:
             yield self.trouble.found(lost)
 
     def _repeats(self, frame: Frame) -> bool:
-        """Note a frame; return whether its image repeats the one before it."""
+        """Remember a frame's image; return whether it repeats the previous one."""
         step = max(1, frame.image.shape[1] // _ACROSS)
         sample, last = frame.image[::step, ::step], self._sample
         if last is None or not numpy.array_equal(sample, last):
@@ -150,8 +154,8 @@ class _CameraStream:
 
 
 class _Place(NamedTuple):
-    """Where a camera's frames show the vehicle. value, bound: its distance from the estimate, and
-    the largest plausible one, metres."""
+    """The position (world, m) at which a camera's frames show the vehicle. value: its distance from
+    the estimate (m). bound: the largest plausible distance (m)."""
 
     time: Time
     position: Vec3
@@ -159,13 +163,13 @@ class _Place(NamedTuple):
     bound: float
 
     def follows(self, last: _Place) -> bool:
-        """Return whether a vehicle can have come here from `last`."""
+        """Return whether a vehicle can have flown here from `last`."""
         return distance(self.position, last.position) <= reach((self.time - last.time) / NS)
 
 
 class Sightings:
-    """The poses that one vehicle's cameras show. lost: no tags were found for too long. is_blind:
-    no pose was found in the newest frames."""
+    """The poses of a vehicle that were found in its cameras' frames. lost: whether no tags have
+    been found for too long. is_blind: whether no pose was found in the newest frames."""
 
     def __init__(self, vehicle: str, cameras: Mapping[str, Camera], fleet: EstimateHistory) -> None:
         self._vehicle, self._fleet = vehicle, fleet
@@ -204,7 +208,8 @@ class Sightings:
         return findings
 
     def _agreed(self, cameras: str) -> Iterator[VehicleEvent]:
-        """Note a good pose that several cameras gave together for each of them alone."""
+        """Count a good pose that several cameras gave together as a good observation of each of
+        these cameras."""
         for name, track in self._tracks.items():
             if name != cameras and name in cameras.split(_AND) and track.trouble.is_over():
                 yield CameraRecovered(camera=name)
@@ -228,14 +233,14 @@ class Sightings:
         return _Place(time, located.position, off, NEAR + 4.0 * (believed.spread + deviation))
 
     def _whose(self, place: _Place) -> str:
-        """Return the other vehicle whose estimate was at `place`, empty if none was."""
+        """Return the name of the other vehicle whose estimate was at `place`, empty if none was."""
         others = self._fleet.others(self._vehicle, place.time)
         return nearest(place.position, ((o, b.position, NEAR + 4.0 * b.spread) for o, b in others))
 
 
 class _Track:
-    """The poses of one camera, or of several that gave them together. `trouble.good` counts since
-    they went back, or returned after `timeout` seconds."""
+    """The poses that one camera gave, or several together. After a jump, good poses are counted
+    only once the poses have jumped back, or return after `timeout` seconds without any."""
 
     def __init__(self, timeout: float) -> None:
         self._timeout = round(timeout * NS)
@@ -246,7 +251,8 @@ class _Track:
     def follow(
         self, place: _Place, camera: str, whose: Callable[[_Place], str]
     ) -> Iterator[VehicleEvent]:
-        """Judge the next place. whose: returns the other vehicle that is there."""
+        """Judge the next position; yield the findings. whose: returns the name of the other vehicle
+        at a position."""
         trouble, elsewhere = self.trouble, self._elsewhere
         last, self._last = self._last, place
         went = last is not None and (
@@ -273,13 +279,13 @@ class _Track:
 
 
 def _names(located: Located) -> str:
-    """Return the cameras whose frames gave this pose."""
+    """Return the names of the cameras whose frames gave this pose, joined by commas."""
     names = (view.camera.name for view in located.views if len(view.tags))
     return _AND.join(dict.fromkeys(names))
 
 
 class SeeingEstimator(Protocol):
-    """One of a vehicle's estimators, by its name in the mission."""
+    """One of a vehicle's estimators. name: its name in the mission."""
 
     name: str
     part: Estimator[Any]
@@ -302,12 +308,12 @@ class CameraMonitor:
 
     @property
     def is_blind(self) -> bool:
-        """Whether frames arrive, but no pose was found in the newest."""
+        """Whether frames arrive, but no pose was found in the newest ones."""
         return self._sightings.is_blind
 
     @property
     def trouble(self) -> str | None:
-        """The present faults in words, None without any."""
+        """A description of the present faults, or None without any."""
         said = []
         for name, event in self._streams.wrong.items():
             if isinstance(event, CameraFroze):
@@ -339,7 +345,8 @@ class CameraMonitor:
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
 
     def judge(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
-        """Judge the poses that estimators found in the frames, except for frozen ones."""
+        """Judge the poses that the estimators found in new frames, except frames of a faulty
+        camera."""
         fresh = []
         for estimator in estimators:
             sighting = estimator.part.sighting

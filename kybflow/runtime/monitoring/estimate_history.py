@@ -1,5 +1,5 @@
-"""The recent estimates of a fleet. A camera's frame arrives late and is compared with the estimate
-at the time when it was taken."""
+"""The recent estimates of a fleet. A camera's frame arrives late, so it is compared with the
+estimate from the time when it was taken."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from kybflow.core.signals import NS, Estimate, Time
 
 _KEPT = 512
 CURRENT = NS // 20
-"""Largest age of an estimate that still counts."""
+"""An estimate counts as the estimate at a given time if it is at most this much older."""
 
 
 class EstimateHistory:
-    """The estimates that the vehicles flew on. is_asked: whether they are used; else none are kept,
-    because that would fill the processor's caches."""
+    """The recent estimates that the vehicles flew on. is_asked: whether a monitor uses the history;
+    otherwise nothing is kept, to spare the CPU's caches."""
 
     def __init__(self) -> None:
         self.is_asked = False
@@ -29,14 +29,14 @@ class EstimateHistory:
         kept.append(estimate)
 
     def at(self, vehicle: str, time: Time) -> Estimate | None:
-        """Return the vehicle's estimate at `time` or shortly before, None if it had none."""
+        """Return the vehicle's estimate at `time` or shortly before, or None."""
         for estimate in reversed(self._kept.get(vehicle, ())):
             if estimate.time <= time:
                 return estimate if time - estimate.time <= CURRENT else None
         return None
 
     def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
-        """Yield the estimate of each other vehicle that had one at `time`."""
+        """Yield (name, estimate) of each other vehicle that had an estimate at `time`."""
         for other in self._kept:
             estimate = None if other == vehicle else self.at(other, time)
             if estimate is not None:

@@ -1,8 +1,8 @@
-"""When a fault of a motion-capture body or of a camera counts as found, and when as over.
+"""Rules for when a fault of a motion-capture body or of a camera begins and when it is over.
 
-A single odd observation is a measurement error. `CONFIRMED` observations in a row that agree with
-one another are a jump (`kybflow.flight.pose_track`); as many good ones in a row end a fault
-(`Trouble`). A jump to where another vehicle was is a swap (`nearest`).
+A single odd observation is a measurement error. `CONFIRMED` consecutive observations that agree
+with one another are a jump (`kybflow.flight.pose_track`); as many consecutive good observations end
+a fault (`Trouble`). A jump to the position of another vehicle is a swap (`nearest`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from kybflow.flight.pose_track import CONFIRMED
 
 
 class Trouble:
-    """finding: the present fault, None without one. good: the good observations in a row since."""
+    """The fault of one body or camera. finding: the present fault, or None. good: the number of
+    consecutive good observations so far."""
 
     __slots__ = ("finding", "good")
 
@@ -29,15 +30,15 @@ class Trouble:
         return finding
 
     def count_anew(self) -> None:
-        """Restart the count of good observations after one that was not."""
+        """Reset the count of good observations after a bad one."""
         self.good = 0
 
     def is_known(self, event: type[VehicleEvent]) -> bool:
-        """Return whether this is the present fault."""
+        """Return whether the present fault is of this kind."""
         return isinstance(self.finding, event)
 
     def is_over(self) -> bool:
-        """Note a good observation; return whether it ends the fault."""
+        """Count a good observation; return whether it ends the fault."""
         self.good += 1
         if self.finding is None or self.good < CONFIRMED:
             return False
@@ -46,8 +47,9 @@ class Trouble:
 
 
 def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:
-    """Return the vehicle that was at `position`, empty if none was. others: (vehicle, its position,
-    the distance that still counts); of several, the nearest relative to that distance."""
+    """Return the name of the vehicle that was at `position` (m), empty if none was. others: for
+    each vehicle its name, its position and the radius within which it counts as being there. Of
+    several, the one whose distance is the smallest fraction of its radius is returned."""
     best, whose = 1.0, ""
     for vehicle, place, room in others:
         share = distance(position, place) / room

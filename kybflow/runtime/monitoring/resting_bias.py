@@ -1,5 +1,5 @@
 """Measures the accelerometer's bias along body z while the rotors rest, for a descent without a
-position. It includes the effect of a sloping floor."""
+position. The measured bias includes the effect of a sloping floor."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ MAX_BIAS = 1.5
 class RestingBias:
     """Averages the specific force along body z while the rotors rest.
 
-    rotors_turn: whether the last command armed the rotors. The measurement starts anew whenever
-    the rotors come to rest.
+    The measurement starts anew whenever the rotors come to rest. rotors_turn: whether the last
+    command let the rotors turn.
     """
 
     __slots__ = ("_felt", "_time", "rotors_turn")
@@ -26,7 +26,7 @@ class RestingBias:
         self._felt = self._time = 0.0
 
     def turn(self, rotors_turn: bool) -> None:
-        """Note that the rotors start or stop."""
+        """Record that the rotors start or stop turning."""
         if not rotors_turn:
             self._felt = self._time = 0.0
         self.rotors_turn = rotors_turn
@@ -43,7 +43,8 @@ class RestingBias:
 
     @property
     def specific_force(self) -> float:
-        """The specific force along body z at rest, m/s^2; gravity where that is not known."""
+        """The specific force along body z at rest, m/s^2; gravity if it is unknown or
+        implausible."""
         if not self.is_known:
             return GRAVITY
         lift = self._felt / self._time

@@ -1,13 +1,14 @@
-"""The sensors of one vehicle beside its link.
+"""The sensors that a vehicle has besides its link.
 
-Their measurements replace those of the link of the same kinds. A sensor that fails is reported
-once, until it works again; its estimators age, and the link is not affected. It has failed if it
-raises, or if it gives no measurements and knows why: once it has worked, or `CONNECTING` seconds
-after the start.
+Their measurements replace the link's measurements of the same kinds. A sensor's failure is reported
+once until the sensor works again. The estimates that depend on the sensor then grow old; the link
+is not affected. A sensor has failed if it raises, or if it gives no measurements and reports a
+reason; the latter counts only once the sensor has worked, or `CONNECTING` seconds after the start.
 
-Implausible measurements of the link and of sensors are refused: those stamped more than `AHEAD` in
-the future, because an estimator that took one would take no others until then; frames of a camera
-that the vehicle doesn't have, and frames without a grey image. The first of each is reported.
+Implausible measurements of the link and of sensors are refused: measurements stamped more than
+`AHEAD` in the future, because an estimator that accepted one would ignore all others until then;
+frames of a camera that the vehicle doesn't have; and frames without a grey image. The first refusal
+of each sort is reported.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from kybflow.runtime.events import Events
 CONNECTING = 1.0
 """Seconds that a sensor may need to connect."""
 AHEAD: Time = NS // 200
-"""How far a stamp may be in the future: the offset of a clock is estimated, and a tick can be
+"""How far a time stamp may be in the future, since clock offsets are estimates and ticks can be
 late."""
 _BY_TIME = attrgetter("time")
 _Note = Callable[[Sequence[Measurement], Time], None]
@@ -40,7 +41,8 @@ class OpenSensor(NamedTuple):
 
 
 class Sensing:
-    """streams: the open streams by the label of their sensor."""
+    """Reads one vehicle's sensors and reports their failures. streams: the open streams, by the
+    label of their sensor."""
 
     def __init__(self, plan: VehiclePlan, opened: Sequence[OpenSensor], events: Events) -> None:
         self._vehicle, self._driver = plan.name, plan.driver
@@ -54,7 +56,7 @@ class Sensing:
         self.streams: dict[str, Stream] = {s.plan.part.label: s.stream for s in opened}
 
     def of_link(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
-        """Return the measurements of the link that count."""
+        """Return the link's measurements that are plausible and that no sensor replaces."""
         if self._replaced:
             measurements = [m for m in measurements if type(m) not in self._replaced]
         return self._admission.admitted(measurements, now, self._driver.name, self._driver.at)
@@ -62,8 +64,8 @@ class Sensing:
     def merged(
         self, measurements: Sequence[Measurement], now: Time, note: _Note
     ) -> Sequence[Measurement]:
-        """Return the measurements of the link and of the sensors, oldest first. Those of the
-        sensors are noted."""
+        """Return the given measurements of the link and the new ones of the sensors, oldest first.
+        note: is called with the sensors' measurements."""
         found = list(measurements)
         for sensor in self._opened:
             found += self._read(sensor, now, note)
@@ -74,7 +76,7 @@ class Sensing:
         return self._admission.refused(kind)
 
     def trouble(self, kind: MeasurementKind) -> str | None:
-        """Return why a sensor can't give measurements of `kind`, None if it knows no reason."""
+        """Return why a sensor can't give measurements of `kind`, or None if no reason is known."""
         for sensor in self._opened:
             if kind in sensor.plan.part.cls.provides:
                 trouble = _trouble(sensor) or self._failed.get(_name(sensor))
@@ -107,12 +109,12 @@ class Sensing:
         return found
 
     def _is_late(self, now: Time) -> bool:
-        """Return whether a sensor that has not worked yet should have."""
+        """Return whether a sensor that has not worked yet has had enough time to connect."""
         self._began = now if self._began is None else self._began
         return now - self._began >= CONNECTING * NS
 
     def _fail(self, sensor: OpenSensor, reason: str) -> None:
-        """Report a failure, once until the sensor works again."""
+        """Report a sensor's failure, but only once until the sensor works again."""
         name = _name(sensor)
         if name not in self._failed:
             self._failed[name] = reason
@@ -121,7 +123,7 @@ class Sensing:
 
 
 def _trouble(sensor: OpenSensor) -> str | None:
-    """Return why the sensor gives nothing, None if it knows no reason."""
+    """Return why the sensor gives no measurements, or None if it knows no reason."""
     try:
         return sensor.stream.trouble()
     except Exception as error:  # a part may raise anything
@@ -129,7 +131,7 @@ def _trouble(sensor: OpenSensor) -> str | None:
 
 
 def _name(sensor: OpenSensor) -> str:
-    """Return the name of the sensor in events."""
+    """Return the sensor's name, as used in events."""
     return sensor.plan.part.label.partition(".")[2]
 
 
@@ -144,7 +146,8 @@ class Admission:
     def admitted(
         self, measurements: Sequence[Measurement], now: Time, source: str, at: str
     ) -> Sequence[Measurement]:
-        """Return the measurements that count. source: their sensor or driver, at its line `at`."""
+        """Return the plausible measurements. source: the name of the sensor or driver that gave
+        them. at: its mission line."""
         latest = now + AHEAD
         for measurement in measurements:
             if measurement.time > latest or type(measurement) is Frame:
@@ -164,7 +167,7 @@ class Admission:
         return self._counts.get(kind, 0)
 
     def _wrong(self, measurement: Measurement, now: Time) -> tuple[str, str] | None:
-        """Return (what is wrong, the reason in words), None if nothing is."""
+        """Return (sort of fault, reason for an event) of an implausible measurement, or None."""
         ahead = measurement.time - now
         if ahead > AHEAD:
             return "time", f"stamped {ahead / NS:.3g} s in the future"

@@ -1,9 +1,11 @@
-"""How far a vehicle in the air is from what its behavior wants, tick by tick, for the score.
+"""Measures the distance of a vehicle in the air from its behavior's setpoint in each tick, for the
+score.
 
-While the ground carries the vehicle, what it does is no error. In a take-off that is until it is 2
-cm higher than where it stood. In a landing the setpoint goes on below the ground: the ground
-carries the vehicle once it stays 3 cm above a sinking setpoint, with less than a quarter of its
-vertical speed, unless it sinks another 2 cm. The failsafe and the landing judge this by themselves.
+While the vehicle is carried by the ground, no error is counted. In a take-off this ends when the
+vehicle is 2 cm above the height at which it stood. In a landing the setpoint sinks below the
+ground: the ground carries the vehicle once it is more than 3 cm above a sinking setpoint and sinks
+with less than a quarter of the setpoint's speed. If it then sinks another 2 cm, it flies after all.
+The failsafe and the landing use their own criteria.
 """
 
 from __future__ import annotations
@@ -14,9 +16,10 @@ from kybflow.parts import AIR, GROUND, Flight, Leg
 from kybflow.runtime.scores import VehicleScore
 
 _LIFTED, _BEHIND = 0.02, 0.03
-"""Metres."""
+"""Heights above the ground and above the setpoint, m."""
 _SINKS, _STAYS = -0.05, 0.25
-"""The vertical speed (m/s) of a setpoint that sinks; the share of it that the vehicle has."""
+"""The vertical velocity (m/s) below which a setpoint sinks, and the fraction of the setpoint's
+velocity that the vehicle stays under while the ground carries it."""
 
 
 class TrackingErrors:
@@ -35,8 +38,12 @@ class TrackingErrors:
         flight: Flight,
         leg: Leg,
     ) -> Setpoint | None:
-        """Add the errors of a tick; return what is wanted, None while the ground carries the
-        vehicle. state: the truth, or the estimate on hardware. flight, leg: of its behavior."""
+        """Add the errors of a tick; return `wanted`, or None while the ground carries the vehicle.
+
+        wanted: the behavior's setpoint.
+        state: the ground truth in simulation, the estimate on hardware.
+        flight, leg: the flight phase, and the leg of the active behavior.
+        """
         flies = flight is AIR or self._flies_off(wanted, state, flight, leg)
         if flies is not self._flies:
             self._flies = flies
@@ -64,15 +71,17 @@ class TrackingErrors:
 
 
 class GroundContact:
-    """Judges one take-off or landing, the `leg`, which begins at the height `stood`, metres."""
+    """Judges when the ground carries a vehicle in one take-off or landing. leg: the take-off or
+    landing. stood: the height at which it begins (m)."""
 
     def __init__(self, leg: Leg, stood: float) -> None:
         self.leg, self._stood = leg, stood
         self._met: float | None = None
 
     def carries(self, wanted: Setpoint | None, height: float, climb: float) -> bool:
-        """Return whether the ground carries the vehicle now; call it once a tick. wanted: what the
-        behavior asks for, height and climb: what the vehicle does, m and m/s."""
+        """Return whether the ground carries the vehicle now. Must be called once a tick. wanted:
+        the behavior's setpoint. height, climb: the vehicle's height (m) and vertical velocity
+        (m/s)."""
         if self.leg.end is not GROUND:
             return self.leg.start is GROUND and height < self._stood + _LIFTED
         if self._met is not None and height < self._met - _LIFTED:
@@ -83,7 +92,7 @@ class GroundContact:
 
 
 def _leaves_behind(wanted: Setpoint, height: float, climb: float) -> bool:
-    """Return whether a setpoint sinks away below a vehicle that does not follow it."""
+    """Return whether the setpoint sinks below the vehicle and the vehicle doesn't follow it."""
     if wanted.position is None or wanted.velocity is None:
         return False
     sinks = wanted.velocity[2]

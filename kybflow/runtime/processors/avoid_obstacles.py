@@ -3,15 +3,15 @@
 A control-barrier filter (Wang, Ames, Egerstedt: Safety Barrier Certificates for Collisions-Free
 Multirobot Systems, T-RO 2017) changes the acceleration of the setpoint as little as keeps `keep`
 between the hulls, with a deceleration of `braking`; solved exactly, as a small quadratic program.
-The rules: `kybflow.flight.avoidance`, `barrier` and `following`. What needs no change passes bit
-for bit; what was kept back catches up at up to `speed`. A vehicle whose way is blocked turns to the
-right until it goes on: two that meet head on pass each other, and those who meet in a point go
-round it one way, so that none waits for long. Put it behind `limit_speed` and `limit_acceleration`,
-which would hold back its evasions.
+The rules are in `kybflow.flight.avoidance`, `barrier` and `following`. A setpoint that needs no
+change passes bit for bit; a vehicle that was held back catches up at up to `speed`. A vehicle whose
+path is blocked turns to the right until it can go on: two that meet head on pass each other, and
+several that meet at one point circle it in the same direction, so that none waits for long. List it
+after `limit_speed` and `limit_acceleration`, which would otherwise limit its evasions.
 
 It keeps away from all other vehicles, by their estimates, or only from those in
 `treat_as_obstacles`: in a formation, those that have left it. It doesn't rely on others to give
-way. If no way is left it brakes, gives way to the strongest demand, and emits `avoidance_blocked`.
+way. If no path is left, it brakes, yields to the strongest demand, and emits `avoidance_blocked`.
 It acts in behaviors that stay in the air. Metres, world frame.
 """
 
@@ -29,9 +29,9 @@ from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 _WANDERS = 0.02
-"""Usual distance of a vehicle from its setpoint, metres."""
+"""Usual deviation of a vehicle from its setpoint, m."""
 _SLACK = 0.5
-"""The share of `keep` that the vehicle itself may lack."""
+"""The fraction of `keep` by which the vehicle itself may come closer than its setpoint."""
 
 
 @params

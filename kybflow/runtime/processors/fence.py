@@ -80,7 +80,7 @@ class FenceProcessor(Processor[FenceProcessorParams]):
 
 
 def _shrunk(fence: Box, margin: float) -> Box:
-    """The fence without its margin, which the floor does not have."""
+    """Return the fence shrunk by the margin on every side but the floor."""
     low, high = list(fence.low), list(fence.high)
     for i, below in enumerate((margin, margin, 0.0)):
         low[i], high[i] = low[i] + below, high[i] - margin
@@ -108,8 +108,8 @@ def _clamped(setpoint: Setpoint, position: Vec3, room: Box) -> Setpoint:
 
 
 def _stoppable(setpoint: Setpoint, known: Estimate, room: Box) -> Setpoint:
-    """The setpoint of velocity, cut on each axis to what still stops before the face that it goes
-    for, and braking as hard as that takes."""
+    """Return the velocity setpoint, limited on each axis to the speed that can still stop before
+    the face it approaches, with the deceleration that this requires."""
     wanted = setpoint.velocity or ZERO
     velocity, acceleration, jerk = list(wanted), list(setpoint.acceleration or ZERO), list(ZERO)
     for i in range(3):
@@ -127,8 +127,8 @@ def _stoppable(setpoint: Setpoint, known: Estimate, room: Box) -> Setpoint:
 
 
 def _closing(left: float) -> tuple[float, float]:
-    """The speed towards a face that is `left` metres away, and how fast it falls with the way.
-    Beyond the face it leads back."""
+    """Return the allowed speed (m/s) towards a face `left` metres away, and by how much it falls
+    per metre (1/s). Beyond the face the speed is negative, so that it leads back."""
     linear = 0.5 * _STOPPING / (_GAIN * _GAIN)
     if left <= linear:
         return max(_GAIN * left, -_BACK), _GAIN if left > 0.0 else 0.0

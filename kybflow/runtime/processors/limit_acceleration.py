@@ -63,7 +63,8 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
         return motion.setpoint_like(setpoint)
 
     def _is_near(self, position: Vec3, velocity: Vec3, dt: float) -> bool:
-        """Whether the limit lets the last tick's motion go on with this position and velocity."""
+        """Return whether the motion of the last tick can continue with this position and velocity
+        without exceeding the limit."""
         before, most = self._follower, self.params.acceleration * _SLACK * dt
         if distance(velocity, before.velocity) > most + 1e-9:
             return False

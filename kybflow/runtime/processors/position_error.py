@@ -24,7 +24,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _LATELY = 2.0
 _TRACKED = 0.02
-"""Metres from its setpoint within which a vehicle is kept in still air, most of the time."""
+"""Distance (m) from its setpoint within which a vehicle mostly stays in still air."""
 
 
 @params
@@ -72,7 +72,7 @@ class PositionError(Processor[PositionErrorParams]):
         return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit)
 
     def _lag(self, wanted: Vec3 | None, tick: Tick) -> float:
-        """Return how far the vehicle has fallen behind a setpoint of velocity, a tick later."""
+        """Return by how many metres the vehicle has recently fallen behind a velocity setpoint."""
         if wanted is None:
             self._behind = ZERO
             return 0.0

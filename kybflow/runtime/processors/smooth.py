@@ -30,11 +30,12 @@ from kybflow.world.vehicle_context import VehicleContext
 _SETTLED = 7.5
 """k t at which (1 + k t + (k t)^2 / 2) exp(-k t) is 2 %."""
 _GAP = 1.5
-"""Ticks without a call after which a flight goes on from what the tracker follows."""
+"""Ticks without a call after which the smoothing starts anew from the setpoint that the tracker
+follows."""
 
 
 class _Course(NamedTuple):
-    """What is followed, and its first two derivatives: of the position, or of the velocity."""
+    """The position or the velocity of a setpoint, with its first two derivatives."""
 
     value: Vec3
     slope: Vec3
@@ -51,7 +52,7 @@ class _Course(NamedTuple):
         return _Course(add(p, q), add(v, w), add(a, b))
 
     def ahead(self, jolt: Vec3, dt: float) -> _Course:
-        """Where it is `dt` later with the third derivative `jolt`."""
+        """Return the course `dt` seconds later, with the third derivative `jolt`."""
         position, velocity, acceleration = self
         px, py, pz = position
         vx, vy, vz = velocity
@@ -75,9 +76,9 @@ _STEPS = {
     SetpointKind.POSITION: (1e-3, 1e-2, 0.1),
     SetpointKind.VELOCITY: (1e-2, 0.1, 10.0),
 }
-"""The largest steps that pass, of what is followed and its derivatives."""
+"""The largest steps that pass unchanged: of the position or velocity, and of its derivatives."""
 _SPENT = 0.01
-"""The share of those steps below which an error has died out."""
+"""The fraction of those steps below which an error has died out."""
 
 
 @params
@@ -129,7 +130,7 @@ class Smooth(Processor[SmoothParams]):
 
 
 def _course(setpoint: Setpoint, kind: SetpointKind) -> tuple[_Course, Vec3]:
-    """What is followed where the kind is `kind`, with two derivatives, and the third."""
+    """Return the course of a setpoint of this kind, and its third derivative."""
     _, position, velocity, acceleration, jerk, _, _ = setpoint
     if kind is SetpointKind.VELOCITY:
         return _Course(velocity or ZERO, acceleration or ZERO, jerk or ZERO), ZERO
@@ -137,7 +138,8 @@ def _course(setpoint: Setpoint, kind: SetpointKind) -> tuple[_Course, Vec3]:
 
 
 def _followed(tick: Tick, kind: SetpointKind) -> Setpoint | None:
-    """What the tracker followed last, where it is of use for a setpoint of `kind`."""
+    """Return the setpoint that the tracker followed last, or None if it lacks the fields that a
+    setpoint of `kind` needs."""
     last = tick.setpoint
     if last is None or last.velocity is None:
         return None
@@ -151,7 +153,7 @@ def _exceeds(course: _Course, kind: SetpointKind, share: float) -> bool:
 
 
 def _decayed(error: _Course, k: float, dt: float) -> _Course:
-    """The error `dt` later: (c0 + c1 t + c2 t^2) exp(-k t), exactly."""
+    """Return the error `dt` seconds later: (c0 + c1 t + c2 t^2) exp(-k t), exactly."""
     if error is _NOTHING:
         return error
     e, slope, bend = error

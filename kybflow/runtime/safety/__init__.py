@@ -1,3 +1,3 @@
-"""What keeps a vehicle safe: the failsafe, the hold of pause and brake, a vehicle's land mode, the
-clamps of its setpoint, and the tolerance of its start position.
+"""The safety functions of a vehicle: the failsafe, the hold of pause and brake, the vehicle's land
+mode, the clamps of its setpoint, and the tolerance of its start position.
 """

@@ -1,10 +1,11 @@
-"""The clamps of a vehicle: which processor keeps its setpoint from its behavior's goal.
+"""Detects clamps: processors that keep a vehicle's setpoint from its behavior's goal.
 
-A processor that `clamps`, like the fence, cuts off what lies beyond its bound, so that the vehicle
-never gets there. (With `limit_speed`, `limit_acceleration` and `smooth` it arrives later, and with
-an avoidance on another way: that shows in the errors alone.) A clamp counts from 2 cm on, or from 5
-cm/s for setpoints of velocity. It emits `clamp_started` when it begins, and `clamp_ended` with its
-largest deviation and its duration once it has changed nothing for half a second.
+A processor that `clamps`, like the fence, cuts off the setpoint at its bound, so that the vehicle
+never reaches a goal beyond it. (With `limit_speed`, `limit_acceleration` and `smooth` the vehicle
+only arrives later, and with an avoidance by a different path; that shows only in the errors.) A
+deviation counts as a clamp from 2 cm on, or from 5 cm/s for velocity setpoints. `clamp_started` is
+emitted when a clamp begins, and `clamp_ended`, with its largest deviation and its duration, once
+the clamp has changed nothing for half a second.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from kybflow.parts.events import ClampEnded, ClampStarted
 from kybflow.runtime.events import Events
 
 _LEAST, _LEAST_SPEED = 0.02, 0.05
-"""Metres, metres per second."""
+"""Least deviations that count as a clamp, m and m/s."""
 _QUIET = NS // 2
 
 
 class _Clamp:
-    """An active clamp: when it began, when it last changed a setpoint, and by how much at most."""
+    """An active clamp. since: when it began. last: when it last changed a setpoint. most: its
+    largest deviation, in `unit`."""
 
     def __init__(self, now: Time) -> None:
         self.since = self.last = now
@@ -31,7 +33,8 @@ class _Clamp:
 
 
 class Clamps:
-    """The clamps of one vehicle. names, lines: of its processors, by label. active: by label."""
+    """The clamps of one vehicle. names, lines: the names and mission lines of its processors, by
+    label. active: the active clamps, by the label of the processor."""
 
     def __init__(
         self, vehicle: str, names: Mapping[str, str], lines: Mapping[str, str], events: Events
@@ -40,8 +43,8 @@ class Clamps:
         self._vehicle, self._names, self._lines, self._events = vehicle, names, lines, events
 
     def note(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> str | None:
-        """Compare the setpoint before and after a clamp. Return in words how it keeps the vehicle
-        from its goal, None if it doesn't."""
+        """Compare the setpoints before and after a clamping processor. Return a description of how
+        it keeps the vehicle from its goal, or None if it doesn't."""
         off, least, unit = _off(asked, given)
         if off < least:
             return None
@@ -69,7 +72,8 @@ class Clamps:
 
 
 def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:
-    """Return how far `given` is off, the least that counts, and the unit of both."""
+    """Return the deviation of `given` from `asked`, the least deviation that counts, and the unit
+    of both."""
     if asked.position is not None and given.position is not None:
         return distance(asked.position, given.position), _LEAST, "m"
     return distance(asked.velocity or ZERO, given.velocity or ZERO), _LEAST_SPEED, "m/s"

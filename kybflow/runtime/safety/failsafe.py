@@ -1,15 +1,16 @@
 """The failsafe of one vehicle: decides which reaction follows an alarm.
 
-`RESPONSES` lists what each reaction does; the rules that depend on what came before are these:
+`RESPONSES` lists what each reaction does. These rules depend on what happened before:
 
 - An alarm that persists is reported once.
-- A latched reaction gives way only to a severer one, until the vehicle is reset in `fault`, on the
-  ground. A `brake` on the way home becomes `land`.
+- A latched reaction is replaced only by a severer one, until the vehicle is reset in `fault`, on
+  the ground. A `brake` on the way home becomes `land`.
 - A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
   returns within 5 s of that holds the vehicle for good.
-- A vehicle that lands blind lands by its estimate (`land`) once there has been one for 0.5 s, and
-  no alarm that asks for `land_blind`: the IMU, by which it lands, may be wrong too. It stays blind
-  where a landing by the estimate failed or a person asked for `land_blind`.
+- A vehicle that lands blind changes to a landing by its estimate (`land`) once there has been an
+  estimate, and no alarm with the reaction `land_blind`, for 0.5 s: the IMU, by which it lands
+  blind, may be wrong too. It continues to land blind if a landing by the estimate has failed or a
+  person requested `land_blind`.
 - A part that raises lands its vehicle. A supervisor that raises is not called again.
 """
 
@@ -27,13 +28,17 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_alarm
 
 HOLD = "hold"
-"""In place of a state: the vehicle comes to rest and holds, with its state frozen."""
+"""Given in place of a state: the vehicle comes to rest and holds, with its state frozen."""
 
 
 class Response(NamedTuple):
-    """What a reaction does. on_ground, in_air: the built-in state that the vehicle enters, empty
-    where the alarm changes nothing. without_estimate: the reaction that replaces it in the air.
-    latches: only a severer reaction takes effect afterwards."""
+    """The effects of a reaction.
+
+    on_ground, in_air: the built-in state that the vehicle enters, empty if the state doesn't
+    change.
+    without_estimate: the reaction that replaces this one in the air without an estimate.
+    latches: whether only a severer reaction can take effect afterwards.
+    """
 
     on_ground: str
     in_air: str
@@ -50,20 +55,22 @@ RESPONSES = {  # severest last
     Reaction.LAND_BLIND: Response("fault",       "land_blind", Reaction.LAND_BLIND, True),
     Reaction.CUT:        Response("fault",       "fault",      Reaction.CUT,        True),
 }  # fmt: skip
-"""For `LAND` and `LAND_BLIND`, the vehicle's own land mode replaces the state if it can be used
-(`LinkOut.prefers_land_mode`). `CUT` stops the rotors first: the vehicle counts as on the ground."""
+"""The response to each reaction. For `LAND` and `LAND_BLIND`, the vehicle's own land mode replaces
+the state if it can be used (`LinkOut.prefers_land_mode`). `CUT` stops the rotors first, so that the
+vehicle counts as on the ground."""
 RELEASED_AFTER = 1.0
-"""Seconds of silence of every braking alarm that end a brake."""
+"""Seconds for which every braking alarm must be silent before a brake ends."""
 AGAIN = 5.0
 """Seconds after a release within which a returning alarm holds the vehicle for good."""
 SEEN: Time = NS // 2
-"""How long there must be an estimate, and no alarm, before a vehicle stops to land blind."""
+"""How long there must be an estimate and no alarm before a vehicle stops landing blind."""
 _UNHURRIED = NS // 50
-"""Period of the calls of an unhurried supervisor."""
+"""Period at which unhurried supervisors are called."""
 _QUIET = NS // 2
-"""Silence after which an alarm is reported again."""
+"""An alarm that was silent for longer than this is reported again."""
 _NOT_BRAKED = frozenset({"brake", "hover", "auto_land", "land_blind", "fault"})
-"""Built-in states that `brake` doesn't interrupt: the vehicle holds already, or must come down."""
+"""Built-in states that `brake` doesn't interrupt, because the vehicle already holds or must come
+down."""
 
 
 _Check = tuple[str, Callable[[Tick, bool], Alarm | None]]
@@ -78,15 +85,19 @@ class RaisedAlarm(NamedTuple):
 
 
 class _Brake(NamedTuple):
-    """A braking alarm: when it was last raised, and its reason then."""
+    """A braking alarm. last: when it was last raised. reason: its reason at that time."""
 
     last: Time
     reason: str
 
 
 class Failsafe:
-    """latched: the reaction that only a severer one can replace in the air, None without one. due:
-    when a supervisor must be called next. lines: the mission lines of the parts, by label."""
+    """Calls a vehicle's supervisors and decides on the reactions to their alarms.
+
+    latched: the reaction that only a severer one can replace in the air, or None.
+    due: when a supervisor must be called next.
+    lines: the mission lines of the parts, by label.
+    """
 
     def __init__(
         self,
@@ -111,7 +122,8 @@ class Failsafe:
         self._for_good = False
 
     def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
-        """Call every supervisor that is due; return the severest alarm, None without one."""
+        """Call every supervisor that is due; return the alarm with the severest reaction, or
+        None."""
         worst, self._failed = self._failed, None
         asked = self._hurried
         if tick.now >= self._all_due:
@@ -132,8 +144,8 @@ class Failsafe:
         return worst
 
     def foresee(self, tick: Tick) -> list[tuple[str, str, str]]:
-        """Return each (supervisor, reason, mission line) that would end the mission at once if
-        the vehicle flew now."""
+        """Return (supervisor, reason, mission line) of each alarm that would end the mission at
+        once if the vehicle flew now."""
         found = []
         for label, check in self._checks:
             at = self._lines.get(label, "")
@@ -147,7 +159,8 @@ class Failsafe:
         return found
 
     def report(self, failure: PartFailed) -> None:
-        """Note the failure of a part that a landing doesn't need; `check` returns its alarm."""
+        """Publish the failure of a part without which the vehicle can still land. The next `check`
+        takes its alarm into account."""
         self._failed = self.failure(failure, Reaction.LAND)
         self.due = 0
 
@@ -159,7 +172,8 @@ class Failsafe:
         return RaisedAlarm(alarm, at)
 
     def emit(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
-        """Publish an alarm of the part `label` as an event, once for as long as it persists."""
+        """Publish an alarm of the part `label` as an event, but only once while it persists. Return
+        it with the part's mission line."""
         raised = RaisedAlarm(alarm, self._lines.get(label, ""))
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
@@ -185,7 +199,8 @@ class Failsafe:
     def decide(
         self, raised: RaisedAlarm, tick: Tick, airborne: bool, state: str
     ) -> Reaction | None:
-        """Return the reaction to an alarm, None if it changes nothing."""
+        """Return the reaction to an alarm, or None if the alarm changes nothing. state: the active
+        state of the vehicle."""
         alarm, reaction = raised.alarm, raised.alarm.reaction
         response = RESPONSES[reaction]
         if not airborne:
@@ -210,8 +225,8 @@ class Failsafe:
         return reaction
 
     def sees_again(self, tick: Tick) -> bool:
-        """Return whether a vehicle that lands blind can land by its estimate again; the reaction is
-        then `land`."""
+        """Return whether a vehicle that lands blind can land by its estimate again. If so, the
+        latched reaction becomes `land`."""
         if self.latched is not Reaction.LAND_BLIND or not self._may_see:
             return False
         if tick.estimate is None:
@@ -225,7 +240,7 @@ class Failsafe:
         return True
 
     def _brakes(self, alarm: Alarm, now: Time) -> bool:
-        """Note a braking alarm; return whether the vehicle was braked already."""
+        """Record a braking alarm; return whether the vehicle was already braked."""
         event = alarm.event
         braked, released = bool(self._braking), self._released.get(event)
         if released is not None and now - released <= AGAIN * NS:
@@ -235,12 +250,12 @@ class Failsafe:
 
     @property
     def braking(self) -> str | None:
-        """The names of the braking alarms, None without any."""
+        """The names of the braking alarms, or None without any."""
         return " and ".join(self._braking) or None
 
     @property
     def brakes_because(self) -> str:
-        """The last reasons of the braking alarms."""
+        """The latest reasons of the braking alarms."""
         return " and ".join(brake.reason for brake in self._braking.values())
 
     def release(self, now: Time) -> bool:
@@ -255,24 +270,24 @@ class Failsafe:
         return True
 
     def clear_brake(self) -> None:
-        """End the brake without an event: the vehicle does something else now."""
+        """End the brake without an event, because the vehicle does something else now."""
         self._braking.clear()
         self._for_good = False
 
     def give_way(self, safer: Reaction | None) -> None:
-        """End the brake, because a request brings the vehicle down: the present braking alarms
-        brake it again only after they have been silent. A latched reaction becomes `safer`, the
-        reaction that equals the request."""
+        """End the brake, because a request brings the vehicle down. The current braking alarms
+        can brake it again only after they have been silent. A latched reaction is replaced by
+        `safer`, the reaction that corresponds to the requested state."""
         self._waived = {event: brake.last for event, brake in self._braking.items()}
         self.clear_brake()
         if self.latched is not None:
             self.latched = safer
 
     def is_latched(self) -> bool:
-        """Return whether a reaction holds that only a severer one can replace."""
+        """Return whether a reaction is in effect that only a severer one can replace."""
         return self.latched is not None
 
     def reset(self) -> None:
-        """Release every reaction: a person has checked the vehicle on the ground."""
+        """Clear every reaction, because a person has checked the vehicle on the ground."""
         self.latched = None
         self.clear_brake()

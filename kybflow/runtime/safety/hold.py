@@ -1,9 +1,9 @@
-"""The hold of `pause` and `brake`: the vehicle comes to rest and holds, its behavior is frozen.
+"""The hold of `pause` and `brake`: the vehicle comes to rest and holds, with its behavior frozen.
 
-On release the vehicle flies back to the behavior's last setpoint, or as far ahead of it as it needs
-to regain that setpoint's velocity. There the behavior resumes, and `SetpointBlend` closes the gap.
-Thus the setpoint that the processors receive has no step in position or velocity, wherever the
-vehicle was pushed meanwhile. World frame.
+On release the vehicle flies back to the behavior's last setpoint. If that setpoint moves, the
+vehicle goes to a point ahead of it, at the distance needed to regain its velocity. There the
+behavior resumes, and `SetpointBlend` closes the gap. Thus the setpoint that the processors receive
+has no step in position or velocity, even if the vehicle was pushed during the hold. World frame.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Holder = Literal["brake", "pause", "pilot"]
 _DECELERATION = 2.0
 """Deceleration to rest, and largest acceleration of the blend, m/s^2."""
 _SPEED, _ACCELERATION, _TURN_RATE = 0.5, 0.7, 1.0
-"""Limits on the way back: m/s, m/s^2, rad/s."""
+"""Limits during the flight back: m/s, m/s^2, rad/s."""
 _SHORTEST = 0.4
 
 
 class Hold:
-    """Holds a vehicle while it has a holder. wanted: the frozen behavior's last setpoint, None
-    without one. since: when the hold began."""
+    """Holds a vehicle for as long as it has a holder. wanted: the frozen behavior's last setpoint,
+    or None. since: when the hold began."""
 
     def __init__(
         self, holders: set[Holder], entry: Entry, wanted: Setpoint | None, grounded: bool
@@ -42,7 +42,7 @@ class Hold:
 
     @property
     def lasts(self) -> bool:
-        """Whether the vehicle still has a holder."""
+        """Whether a holder is left."""
         return bool(self.holders)
 
     def join(self, holder: Holder) -> None:
@@ -50,14 +50,14 @@ class Hold:
         self.holders.add(holder)
 
     def leave(self, holder: Holder, now: Time) -> None:
-        """Remove a holder; after the last one, the way back begins."""
+        """Remove a holder. When the last one leaves, a vehicle in the air starts to fly back."""
         self.holders.discard(holder)
         if not self.holders and not self._grounded:
             motion = self._coast.at((now - self.since) / NS)
             self._back = _WayBack(now, motion, self._heading, self.wanted)
 
     def update(self, now: Time) -> Setpoint | None:
-        """Return the setpoint, None once the vehicle is back and its behavior resumes."""
+        """Return the setpoint, or None once the flight back is over and the behavior resumes."""
         if self._grounded:
             return IDLE if self.holders else None
         if self._back is not None:
@@ -66,7 +66,7 @@ class Hold:
 
 
 class _WayBack:
-    """The way from a motion to rest at the frozen setpoint, with its heading."""
+    """The flight from the present motion to rest at the frozen setpoint and its heading."""
 
     def __init__(self, now: Time, motion: Motion, heading: float, goal: Setpoint | None) -> None:
         self._began = now
@@ -88,14 +88,15 @@ class _WayBack:
 
 
 class SetpointBlend:
-    """Blends from the setpoint that the tracker followed last to those of a behavior.
+    """Blends from the setpoint that the tracker followed last to the setpoints of a behavior.
 
-    With the initial position gap d, the initial velocity difference w, and s = t / T,
+    With the initial position gap d, the initial velocity difference w, and s = t / T, the added
+    offset is
 
         added(t) = d (1 - 10 s^3 + 15 s^4 - 6 s^5) + w T (s - 6 s^3 + 8 s^4 - 3 s^5),
 
-    T at least 0.4 s and 15/8 |w| / (2 m/s^2). A gap d = -w T / 2 is closed without a detour, as
-    |added'| falls from |w| to zero; any difference from that is closed at 0.5 m/s at most.
+    where T is at least 0.4 s and 15/8 |w| / (2 m/s^2). A gap d = -w T / 2 is closed without a
+    detour, as |added'| falls from |w| to zero; the rest of the gap is closed at 0.5 m/s at most.
     """
 
     def __init__(self, now: Time, followed: Setpoint | None, asked: Setpoint) -> None:
@@ -109,7 +110,7 @@ class SetpointBlend:
         self._span = max(self._span, STEEPEST * detour / _SPEED)
 
     def added(self, setpoint: Setpoint, now: Time) -> Setpoint | None:
-        """Return `setpoint` plus the remaining offset, None once nothing is left of it."""
+        """Return `setpoint` with the remaining offset added, or None once the blend is over."""
         s = (now - self._began) / (NS * self._span)
         if s >= 1.0 or setpoint.velocity is None:
             return None
@@ -142,12 +143,13 @@ class SetpointBlend:
 
 
 def _span(excess: Vec3) -> float:
-    """Return the seconds that a blend needs for this velocity difference."""
+    """Return the seconds that a blend needs at least for this velocity difference (m/s)."""
     return max(STEEPEST * norm(excess) / _DECELERATION, _SHORTEST)
 
 
 def _meeting(goal: Setpoint) -> Vec3 | None:
-    """Return where to rest for the behavior to resume at `goal`: half a blend ahead of it."""
+    """Return the position at which to rest before the behavior resumes at `goal`: as far ahead of
+    `goal` as the blend takes to regain its velocity. None without a position."""
     if goal.position is None or goal.velocity is None:
         return goal.position
     return add(goal.position, scale(goal.velocity, 0.5 * _span(goal.velocity)))

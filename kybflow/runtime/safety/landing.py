@@ -1,4 +1,4 @@
-"""A landing: by the vehicle's own land mode, and whether a vehicle has touched down."""
+"""Landing by the vehicle's own land mode, and judging whether a vehicle has touched down."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from kybflow.world.ground import height_in_the_air
 from kybflow.world.vehicle_context import VehicleContext
 
 TIMEOUT, SLOWEST = 10.0, 0.2
-"""Seconds, and m/s: a landing may take `TIMEOUT` plus the height divided by `SLOWEST`."""
+"""A landing may take `TIMEOUT` seconds plus the height divided by `SLOWEST` (m/s)."""
 UNCHARTED = 1.0
 LONG: Time = 5 * NS
 STILL = 0.03
 BREAK: Time = NS // 10
-"""Time without a claim after which the next one begins anew."""
+"""Time without a claim after which the next claim starts a new series."""
 
 
 class LandMode:
-    """A landing by the vehicle's own land mode, which the failsafe prefers for the reaction `land`,
-    and for `land_blind` where the mode needs no position.
+    """A landing by the vehicle's own land mode. The failsafe prefers it for the reaction `land`,
+    and for `land_blind` if the mode needs no position.
 
-    The autopilot lands by its own estimate; the runtime sends no command meanwhile and requests the
-    mode in every tick. If the vehicle refuses, leaves the mode, or has not landed in time (10 s
+    The autopilot lands by its own estimate, while the runtime sends no commands and requests the
+    mode in every tick. If the vehicle refuses or leaves the mode, or has not landed in time (10 s
     plus its height at 0.2 m/s), the state `auto_land` or `land_blind` lands it. land: the link's
-    method. height: metres above the expected ground.
+    method that requests the mode. height: the vehicle's height above the expected ground (m).
     """
 
     def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
@@ -35,8 +35,8 @@ class LandMode:
         self._until = now + round(self._timeout * NS)
 
     def has_landed(self, now: Time) -> bool:
-        """Request the land mode; return whether the vehicle has landed. Called once a tick. Raises
-        Refused."""
+        """Request the land mode, once a tick; return whether the vehicle has landed. Raises Refused
+        if the vehicle refuses or has not landed in time."""
         if now > self._until:
             raise Refused(f"it has not landed within {self._timeout:.0f} s")
         return self._land(now)
@@ -45,16 +45,18 @@ class LandMode:
 class TouchDown:
     """Judges claims of a behavior or of the vehicle's land mode that the vehicle has touched down.
 
-    A claim is refused while a fresh estimate has the vehicle in the air: more than 5 cm, and twice
-    the spread, above everything on which it could stand: the floor, an obstacle of the world, what
-    it started from, and where the landing expects the ground. If the estimate was above the start
-    when the vehicle stood there, it is corrected by as much. Less than `UNCHARTED` above all this
-    there may be something that the mission does not name: there a claim counts that is repeated for
-    `LONG` without a break while the vehicle is pushed down and its height stays within `STILL`,
-    which no vehicle does in the air.
+    A claim is refused while a fresh estimate shows the vehicle in the air: more than 5 cm plus
+    twice the spread above everything on which it could stand. These are the floor, the obstacles of
+    the world, the surface it started from, and the ground that the landing expects. If the estimate
+    was too high while the vehicle stood at its start, it is corrected by that error.
 
-    expected: the heights at which the landing expects the ground (m). off: how far the estimate had
-    the vehicle above its start when it stood there (m).
+    The vehicle may have landed on an object that the mission doesn't name. Up to `UNCHARTED` metres
+    above the known surfaces, a claim is therefore accepted if it is repeated for `LONG` without a
+    break while the vehicle is pushed down and its height stays within `STILL` metres, which is
+    impossible in the air.
+
+    expected: the heights at which the landing expects the ground (m).
+    off: the estimate's height above the start while the vehicle stood there (m).
     """
 
     def __init__(
@@ -68,12 +70,12 @@ class TouchDown:
         self._height = 0.0
 
     def refused_for(self, now: Time) -> Time:
-        """Return how long ago a claim was refused first, zero before that."""
+        """Return the time since a claim was first refused, zero if none has been."""
         return 0 if self._refused is None else now - self._refused
 
     def refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
-        """Return why a claim that is made now is refused, empty if it counts. is_pushed: whether
-        the vehicle is made to come down."""
+        """Return why a claim made now is refused, empty if it is accepted. is_pushed: whether the
+        vehicle is commanded to descend."""
         if estimate is None:
             return ""
         x, y, z = estimate.position
@@ -86,7 +88,8 @@ class TouchDown:
         return f"its estimate has it {above:.2f} m above the ground"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
-        """Return whether the claim has lasted at one height although the vehicle is pushed down."""
+        """Return whether the claim has lasted for `LONG` at a constant height, although the vehicle
+        is commanded to descend."""
         last, self._last = self._last, now
         if (
             not is_pushed

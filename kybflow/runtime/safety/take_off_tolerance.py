@@ -1,8 +1,8 @@
-"""How far a vehicle's estimate may be from its declared start before take-off.
+"""The allowed distance of a vehicle's estimate from its declared start before take-off:
 
     allowed = max(25 cm, min(3 spread, 2 m))
 
-with the spread of the estimate: one from GPS alone can't be as accurate as motion capture.
+It grows with the spread of the estimate, because GPS alone is less accurate than motion capture.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def allowed(estimate: Estimate) -> float:
 
 
 def said(estimate: Estimate) -> str:
-    """Describe the allowed distance in words, for a message."""
+    """Return a description of the allowed distance, for a message."""
     metres = allowed(estimate)
     if metres <= LEAST:
         return f"{metres:.2f} m allowed"

@@ -1,2 +1,2 @@
-"""Trackers: from a setpoint to a command, one control law a file. The catalog finds them; a
-vehicle's control calls the one that the mission or the target names."""
+"""Trackers: control laws that turn a setpoint into a command, one per file. The catalog finds them;
+a vehicle's control calls the tracker that the mission or the target names."""

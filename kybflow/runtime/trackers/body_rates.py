@@ -1,16 +1,16 @@
 """Attitude control in this program, for an on-board controller that follows body rates and thrust.
 
-Force, thrust and the attitude to have are those of `geometric`. With the attitude error as the
-rotation vector e that turns the estimated attitude into that one, body frame, and the rates w_des
-at which that one turns itself, its own body frame,
+Force, thrust and the desired attitude are those of `geometric`. Let e be the attitude error: the
+rotation vector that turns the estimated attitude into the desired one, in the body frame. Let w_des
+be the rates at which the desired attitude turns, in its own body frame. The commanded rates are
 
     w = k e + R_e w_des,
 
 where k is `attitude` about body x and y and `turn` about body z, and R_e takes a vector from the
 desired body frame to the estimated one. Rates are cut to `fastest`, as a whole vector, rad/s.
-There is no integral: rates that the on-board loop misses leave the attitude off, against which the
-`trim` works. The loop is closed on the estimate's own attitude, so that must be as fast as an
-attitude loop asks (some 100 Hz, no more than some 20 ms old); one that lags makes it shake.
+There is no integral: if the on-board loop misses the rates, an attitude error remains, which the
+`trim` removes. The loop is closed on the estimate's attitude, which must therefore be as fast as an
+attitude loop requires (about 100 Hz, at most about 20 ms old); a late one makes the vehicle shake.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class BodyRates(Tracker[BodyRatesParams]):
 
 
 def _turn(q: Quat) -> Vec3:
-    """Return the rotation vector of `q`, the shorter way."""
+    """Return the rotation vector (rad) of `q`, for the shorter of the two rotations."""
     w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
     size = norm((x, y, z))
     k = 2.0 * atan2(size, w) / size if size > 1e-9 else 2.0

@@ -2,10 +2,10 @@
 
 The law of TeleKyb's standard tracker, per axis, with its gains:
 a = a_des + D (v_des - v) + P (p_des - p) + I integral(p_des - p) + drag v_des, where the last two
-are horizontal: drag v_des gives back what the rotors' drag takes, and vertically the estimated mass
-does what an integral would, without winding up against it. A VELOCITY setpoint has no P term, an
-ACCELERATION setpoint only its own; the integral is kept meanwhile, because it stands for a
-disturbance that does not end with the kind.
+are horizontal: drag v_des compensates the rotors' drag. Vertically the estimated mass takes the
+place of an integral, which would wind up against it. A VELOCITY setpoint has no P term, an
+ACCELERATION setpoint only the term a_des. The integral is kept when the kind of setpoint changes,
+because the disturbance that it compensates continues.
 
 With `position_gain` P is a matrix K, so that the axes differ, or are coupled:
 
@@ -85,7 +85,7 @@ class Cascade(Tracker[CascadeParams]):
         return steering.command(force, attitude, rates, estimate, up)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
-        """Return the desired specific force, world."""
+        """Return the desired specific force, world frame, m/s^2."""
         p = self.params
         _, position, velocity, acceleration, _, _, _ = setpoint
         ax, ay, az = acceleration or ZERO

@@ -61,7 +61,7 @@ _COMMANDS = {
     SetpointKind.ACCELERATION: CommandKind.ACCELERATION,
 }
 LEAST_UPRIGHT = 0.5
-"""The cosine of 60 degrees."""
+"""Cosine of the largest tilt (60 degrees) at which the tilt correction is applied."""
 LIFT = 1.5
 """Ratio of the integral gain along z to that along x and y."""
 KEPT = (0.5, 0.25, 0.0)
@@ -158,7 +158,8 @@ class OnBoard(Tracker[OnBoardParams]):
         return add(asked, shortened(scale(gap, p.proportional), p.correction))
 
     def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[Vec3, bool]:
-        """Return the acceleration, and whether the airframe's limits leave it uncut."""
+        """Return the acceleration (m/s^2, world), and whether the airframe's limits don't reduce
+        it."""
         p, drag = self.params, self._airframe.drag
         _, goal, velocity, acceleration, _, _, _ = setpoint
         position = px, py, pz = estimate.position
@@ -186,8 +187,8 @@ class OnBoard(Tracker[OnBoardParams]):
         return sent, bounded == total and sent == tilted
 
     def _tilted(self, wanted: Vec3, attitude: Quat) -> Vec3:
-        """An acceleration with what the tilt lacks of it; as it is where the vehicle lies on its
-        side."""
+        """Return the acceleration with the correction for the estimated tilt added; unchanged if
+        the vehicle is tilted by more than 60 degrees."""
         zx, zy, zz = rotate(attitude, UP)
         if zz < LEAST_UPRIGHT:
             return wanted
@@ -201,7 +202,7 @@ class OnBoard(Tracker[OnBoardParams]):
         return height > self._floor + self.params.lift_off
 
     def _bounded(self, acceleration: Vec3) -> Vec3:
-        """The acceleration within the airframe's thrust and tilt."""
+        """Return the acceleration, limited to the airframe's thrust and tilt."""
         x, y, z = acceleration
         z = max((LEAST_LIFT - 1.0) * GRAVITY, min(self._most_climb, z))
         widest, level = (GRAVITY + z) * self._steepest, hypot(x, y)

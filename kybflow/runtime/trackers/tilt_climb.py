@@ -1,6 +1,6 @@
 """Position control by tilt, climb rate and heading rate, for a vehicle that keeps its own height.
 
-Horizontally, with e = p_des - p, world frame,
+The commanded horizontal acceleration, with e = p_des - p, world frame, is
 
     a = a_des + t j_des + D e' + P e + I integral(e) + drag v_des
 
@@ -11,8 +11,8 @@ limit and where the tilt is limited. Vertically and about the vertical
 
     climb = v_des + T a_des + `height` e,    turn = heading rate + `heading` (heading_des - heading)
 
-where T is the time constant with which the vehicle follows climb rates. Where a setpoint has no
-heading, it turns at the heading rate alone. A VELOCITY setpoint has no P, I and `height` term.
+where T is the time constant with which the vehicle follows climb rates. If a setpoint has no
+heading, turn is its heading rate. A VELOCITY setpoint has no P, I and `height` terms.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
         self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
 
     def _level(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[float, float]:
-        """Return the horizontal acceleration, within the tilt."""
+        """Return the horizontal acceleration (m/s^2, world), limited by the largest tilt."""
         p, drag, lead = self.params, self._airframe.drag, self._lead
         k, d, i = self._gains
         _, position, velocity, acceleration, jerk, _, _ = setpoint
@@ -125,7 +125,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
         return (ax * widest / size, ay * widest / size) if self._limited else (ax, ay)
 
     def _climb(self, setpoint: Setpoint, estimate: Estimate) -> float:
-        """Return the climb rate, within the airframe's."""
+        """Return the climb rate (m/s), limited to the airframe's."""
         speed = (setpoint.velocity or ZERO)[2]
         speed += self._climb_time * (setpoint.acceleration or ZERO)[2]
         if setpoint.position is not None:
@@ -139,7 +139,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
 
 
 def delay(inner: InnerLoop) -> float:
-    """Return the lag (s) of a slow change of the tilt: of the on-board loop and of the command
-    link."""
+    """Return the lag (s) of the tilt behind a slowly changing command, due to the on-board loop and
+    the command link."""
     loop = inner.attitude
     return loop.derivative / loop.proportional + inner.dead_time + inner.command_latency

@@ -56,7 +56,8 @@ class Velocity(Tracker[VelocityParams]):
     def outer_loop(
         cls, params: VelocityParams, airframe: Airframe, inner: InnerLoop | None, period: float
     ) -> OuterLoop:
-        """With the wanted velocity P e, D and I are those of `cascade` with D P + I, D and I P."""
+        """Return the equivalent outer loop of `cascade`: with v_cmd = P e, its gains are D P + I,
+        D and I P."""
         p, k, d, i = params, params.proportional, params.derivative, params.integral
         return OuterLoop(d * k + i, d, i * k, p.trim, airframe.drag, period, turning=0.0)
 
@@ -73,7 +74,7 @@ class Velocity(Tracker[VelocityParams]):
         return steering.command(force, attitude, rates, estimate, up)
 
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
-        """Return the desired specific force, world."""
+        """Return the desired specific force, world frame, m/s^2."""
         p = self.params
         _, position, velocity, acceleration, _, _, _ = setpoint
         wx, wy, wz = velocity or ZERO

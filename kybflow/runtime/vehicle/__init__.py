@@ -1,3 +1,3 @@
-"""One vehicle, composed of what it knows, what it decides and what it sends. The engine calls
+"""One vehicle, composed of its knowledge, its decisions and its output. The engine calls
 `Vehicle.sense` and `Vehicle.act`.
 """

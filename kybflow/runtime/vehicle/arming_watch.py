@@ -1,14 +1,15 @@
-"""Compares whether a vehicle reports itself armed with whether its rotors should turn.
+"""Compares the vehicle's report of being armed with whether its rotors should turn.
 
-In the air: a vehicle that reports itself disarmed and falls has disarmed in the air. It falls if a
-fresh estimate has it above everything that could carry it, sinking faster than any landing. Its
-rotors are then cut, and it does not count as landed. From a low height it is on the ground before
-it reports itself disarmed, so that a fall counts for `LATE` after its end.
+In the air, a vehicle that reports itself disarmed while it falls has disarmed in flight. It counts
+as falling if a fresh estimate places it above everything that could carry it and shows it sinking
+faster than any landing. Its rotors are then cut, and it doesn't count as landed. A vehicle that
+falls from a low height is on the ground before it reports itself disarmed, so a fall is remembered
+for `LATE` after its end.
 
-On the ground: the driver asks a vehicle that has landed to disarm. One that is still armed after
-`SLOW` emits `stays_armed`. After `FORCED` it is disarmed by force if everything shows that it has
-touched down: a fresh estimate near the ground that has stood still for `STOOD`, and a vehicle that
-does not report that it flies. After `GIVEN_UP` the run no longer waits for it and has failed.
+On the ground, the driver requests a vehicle that has landed to disarm. If the vehicle is still
+armed after `SLOW`, `stays_armed` is emitted. After `FORCED` the vehicle is disarmed by force,
+provided a fresh estimate near the ground has stood still for `STOOD` and the vehicle doesn't report
+that it flies. After `GIVEN_UP` the run no longer waits for the vehicle and has failed.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.world.ground import FRESH, height_in_the_air
 
 FALLING = 1.2
-"""Metres a second; no landing sinks as fast."""
+"""Sink rate of a falling vehicle, m/s. No landing sinks as fast."""
 LATE: Time = NS // 2
 """How late a vehicle may report that its rotors have stopped."""
 SLOW: Time = 5 * NS
@@ -37,11 +38,12 @@ FORCED: Time = 10 * NS
 GIVEN_UP: Time = 30 * NS
 STOOD: Time = 3 * NS
 STILL = 0.03
-"""Metres that the estimate of a vehicle that stands still may move."""
+"""Metres by which the estimate may move while the vehicle stands still."""
 
 
 class ArmingWatch:
-    """gave_up: the vehicle stays armed on the ground, and the run no longer waits for it."""
+    """Compares reported and expected arming once a tick. gave_up: whether the vehicle stayed armed
+    on the ground for so long that the run no longer waits for it."""
 
     def __init__(
         self,
@@ -64,8 +66,8 @@ class ArmingWatch:
         self._reported = self._forced = False
 
     def update(self, tick: Tick, armed: bool) -> bool:
-        """Compare once a tick; return whether the vehicle was found to fall in this tick. armed:
-        what the vehicle reports."""
+        """Compare in this tick; return whether the vehicle was found to have disarmed in the air.
+        armed: whether the vehicle reports itself armed."""
         if armed is self._output.sent.armed:
             self._since = self._stands = None
             known = tick.estimate
@@ -80,19 +82,21 @@ class ArmingWatch:
         return False
 
     def may_fall(self, tick: Tick) -> bool:
-        """Return whether a vehicle whose rotors rest may be in the air without falling yet."""
+        """Return whether a vehicle whose rotors stopped just now may still be in the air, although
+        its estimate doesn't show a fall yet."""
         if self._since is None:
             self._since = tick.now
         return tick.now - self._since < UNCLEAR and self._above(tick.estimate) > 0.0
 
     def _note_fall(self, tick: Tick) -> None:
-        """Note the height of a vehicle that sinks faster than any landing."""
+        """Record the height of a vehicle that sinks faster than any landing."""
         above = self._above(tick.estimate)
         if above > 0.0:
             self._fell = tick.now, above
 
     def _has_fallen(self, tick: Tick) -> bool:
-        """Return whether a vehicle whose rotors rest falls or has just fallen; react if so."""
+        """Return whether the vehicle, whose rotors rest, falls or fell within the last `LATE`, and
+        the reaction to that changed anything."""
         known = tick.estimate
         if known is not None and known.velocity[2] < -FALLING:
             self._note_fall(tick)
@@ -105,7 +109,7 @@ class ArmingWatch:
         return self._reactions.react(RaisedAlarm(lost, self._at), tick)
 
     def _watch_landed(self, tick: Tick) -> None:
-        """Follow a vehicle that has landed and is armed."""
+        """Watch a vehicle that has landed and is still armed: report, disarm by force, give up."""
         if self._since is None:
             self._since, self._reported, self._forced = tick.now, False, False
         waited = tick.now - self._since
@@ -131,7 +135,7 @@ class ArmingWatch:
             self._emit("it stands still on the ground: disarmed by force")
 
     def _has_stood(self, known: Estimate | None, now: Time) -> bool:
-        """Return whether the estimate has stood still on the ground for long enough."""
+        """Return whether the estimate has stood still on the ground for `STOOD`."""
         if known is None or known.age > FRESH or self._above(known) > 0.0:
             self._stands = None
             return False
@@ -141,7 +145,7 @@ class ArmingWatch:
         return self._stood is not None and now - self._stood >= STOOD
 
     def _above(self, known: Estimate | None) -> float:
-        """Return how far the vehicle is above the ground at least, zero if it may stand there."""
+        """Return the vehicle's least height above the ground (m), zero if it may stand on it."""
         if known is None:
             return 0.0
         return height_in_the_air(self._runner.entry().context, known, ())

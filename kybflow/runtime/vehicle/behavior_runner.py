@@ -1,5 +1,5 @@
-"""Runs a vehicle's behaviors: the state of its machine, the behavior of that state, whether the
-vehicle flies, and the hold that freezes all of this."""
+"""Runs a vehicle's behaviors. Manages the state of its machine, the behavior of that state, whether
+the vehicle flies, and the hold that freezes all of these."""
 
 from __future__ import annotations
 
@@ -47,29 +47,30 @@ from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.tick_builder import TickBuilder
 
 LONGEST_REFUSAL: Time = 10 * NS
-"""How long a landing may be refused before it has failed."""
+"""How long a behavior's claims to have landed may be refused before the behavior fails."""
 UNCLEAR: Time = NS // 2
-"""How long after its rotors stopped it may not show yet that a vehicle falls."""
+"""How long after the rotors stopped the estimate may not show yet that the vehicle falls."""
 REPEATED: Time = NS // 10
-"""How long no transition may have been refused until another refusal is reported."""
+"""Refusals of transitions within this time of the previous one are not reported."""
 DESCENT_THRUST, DESCENT_DEPTH = 0.5, 0.05
-"""A share of the hover thrust, and a setpoint's depth below the vehicle (m), that bring down any
-vehicle in the air."""
+"""A fraction of the hover thrust, and a setpoint's depth below the vehicle (m), with which any
+vehicle in the air descends."""
 _SAFE = frozenset({"brake", "landed"})
-"""The states that a vehicle enters when nothing else starts."""
+"""The states that a vehicle enters when the behavior of no other state starts."""
 
 
 class BehaviorRunner:
     """Constructs a behavior when the machine enters a state, and drops it on exit. Only this class
     changes the machine, the behavior, `flight`, the hold and the land mode.
 
-    flight: GROUND, AIR, or MOVING while a take-off or a landing is under way or was broken off.
-    entries: how many states were entered. begun: whether the preflight has let the vehicle enter
-    its first state. hold: freezes the state, its behavior and its timers, None without one.
-    land_mode: the vehicle's own landing in place of the behavior's, None without one. grip: what
-    the behavior asks of the payload's servo in this tick, None for nothing. resting_place: where
-    the vehicle must be to take off (world, m), which is its start, later where it landed; None when
-    that is not known.
+    flight: GROUND, AIR, or MOVING while a take-off or a landing is under way or was interrupted.
+    entries: the number of states entered so far.
+    begun: whether the preflight has passed and the vehicle may enter its first state.
+    hold: the hold that freezes the state, its behavior and its timers, or None.
+    land_mode: the landing by the vehicle's own land mode, which replaces the behavior, or None.
+    grip: the behavior's request to the payload's servo in this tick, or None.
+    resting_place: where the vehicle must be to take off (world, m): its start, later where it
+    landed; None if unknown.
     """
 
     machine: VehicleMachine
@@ -134,7 +135,8 @@ class BehaviorRunner:
 
     @property
     def off_ground(self) -> bool:
-        """From the start of a take-off until touch-down, whether the rotors turn or not."""
+        """Whether the vehicle is between the start of a take-off and touch-down, even if its rotors
+        don't turn."""
         return self.flight is not GROUND
 
     @property
@@ -146,21 +148,21 @@ class BehaviorRunner:
         self.machine.step(tick.elapsed, self._events.heard(self._name), self._outcome, tick.dt)
 
     def go(self, goal: str, *, grounded: bool = False) -> None:
-        """Enter the built-in state `goal` at once, whatever the mission's transitions say.
-        grounded: the rotors are at rest, so the vehicle counts as on the ground. Raises Refused
-        where neither `brake` nor `landed` starts."""
+        """Enter the built-in state `goal` at once, regardless of the mission's transitions.
+        grounded: whether the rotors rest, so that the vehicle counts as on the ground. Raises
+        Refused if neither `goal` nor `brake` or `landed` can start."""
         if grounded:
             self.flight = GROUND
         self.machine.failsafe(goal)
 
     def reset(self) -> None:
-        """Forget where the vehicle landed and leave `fault`: a person has checked it."""
+        """Forget where the vehicle landed and leave `fault`, because a person has checked it."""
         self.resting_place = None
         if self.machine.state == "fault":
             self.go("landed")
 
     def start_land_mode(self, now: Time) -> None:
-        """Land by the vehicle's own land mode in place of the active behavior."""
+        """Start a landing by the vehicle's own land mode, which replaces the active behavior."""
         entry = self.entry()
         height = 0.0
         if entry.estimate is not None:
@@ -169,14 +171,14 @@ class BehaviorRunner:
         self._events.emit(LandModeStarted(), self._name, self.plan.driver.at)
 
     def params_of(self, state: str, values: Values = ()) -> Any:
-        """Return the parameters of a state's behavior, with `values` in place of its own."""
+        """Return the parameters of a state's behavior, overridden by `values`."""
         params = self._params[self.plan.states[state].behavior.label]
         return dataclasses.replace(params, **dict(values)) if values else params
 
     def switch(self, goal: str, at: str, values: Values = ()) -> None:
-        """Enter the state `goal` with `values` in place of its own, which the mission requests at
-        the line `at`, or a person where that is empty. Raises Refused when its behavior refuses to
-        start and PartFailed when that raises anything else; nothing has changed then."""
+        """Enter the requested state `goal`, with its parameters overridden by `values`. at: the
+        mission line of the request, empty for a request by a person. Raises Refused if the behavior
+        refuses to start, and PartFailed if it raises anything else; the state is then unchanged."""
         self._values = values
         try:
             self.machine.switch(goal, at)
@@ -184,14 +186,14 @@ class BehaviorRunner:
             self._started, self._values = None, ()
 
     def freeze(self, holder: Holder) -> None:
-        """Come to rest and hold until this holder and all others let go."""
+        """Bring the vehicle to rest and hold it until this holder and all others release it."""
         if self.hold is not None and self.hold.lasts:
             self.hold.join(holder)
         else:
             self.hold = Hold({holder}, self.entry(), self._wanted, not self.off_ground)
 
     def wait(self, dt: float) -> None:
-        """Let a tick of `dt` seconds pass in which the state's timers stand still."""
+        """Stop the state's timers for a tick of `dt` seconds."""
         self.entered += round(dt * NS)
 
     def update(self, tick: Tick) -> Setpoint | Command:
@@ -230,7 +232,8 @@ class BehaviorRunner:
         return emitting.output
 
     def _noted(self, output: Setpoint | Failed | Done | Grip, tick: Tick) -> Setpoint:
-        """Process the outcome or grip that an update carries; return its setpoint."""
+        """Process the outcome or the payload request in a behavior's output; return its
+        setpoint."""
         if isinstance(output, Setpoint):
             return output
         if isinstance(output, Failed):
@@ -255,23 +258,24 @@ class BehaviorRunner:
         return blended or asked
 
     def take_grip(self) -> Grip | None:
-        """Return what the behavior asks of the payload's servo, and forget it."""
+        """Return the behavior's request to the payload's servo, or None, and clear it."""
         grip, self.grip = self.grip, None
         return grip
 
     def fail(self, reason: str) -> None:
-        """Note that the behavior has failed, refused to start, or a part raised."""
+        """Mark the active behavior as failed: it failed, refused to start, or a part raised."""
         self._outcome, self._reason = "failed", reason
 
     def keep_from(self, reason: str) -> None:
-        """Note that the vehicle doesn't follow the behavior's setpoint in this tick. If the
-        behavior is done, it has failed, because the vehicle is not at its goal."""
+        """Note that a processor keeps the vehicle from the behavior's setpoint in this tick. If
+        the behavior is done, it has failed instead, because the vehicle is not at its goal."""
         if self._outcome == "done":
             self.fail(reason)
 
     def has_landed(self, now: Time, estimate: Estimate | None) -> bool:
-        """Let the vehicle land by its own land mode; return whether it has landed, which ends the
-        behavior. Raises Refused if the vehicle refuses the mode, leaves it or takes too long."""
+        """Continue the landing by the vehicle's own land mode; return whether the vehicle has
+        landed, which ends the behavior. Raises Refused if the vehicle refuses or leaves the mode,
+        or takes too long."""
         assert self.land_mode is not None
         landed = self.land_mode.has_landed(now)
         if landed:
@@ -286,8 +290,8 @@ class BehaviorRunner:
         return landed
 
     def _is_refused(self, tick: Tick) -> bool:
-        """Return whether a behavior's end is refused: the estimate contradicts its landing, or
-        there is no estimate and the vehicle's own failsafe is still landing it."""
+        """Return whether the behavior's claim to be done is refused: the estimate contradicts its
+        landing, or there is no estimate and the vehicle's own failsafe is still landing it."""
         if self._touch_down is not None and tick.estimate is None:
             override = self._link.override
             if override is not None and override.lands:
@@ -295,7 +299,8 @@ class BehaviorRunner:
         return bool(self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)))
 
     def _is_pushed(self, tick: Tick) -> bool:
-        """Return whether the last command must bring the vehicle down if it is in the air."""
+        """Return whether the last command or setpoint would make the vehicle descend if it were in
+        the air."""
         if self._given is not None:
             return self._given.thrust < DESCENT_THRUST * self.entry().context.airframe.hover_thrust
         followed, known = tick.setpoint, tick.estimate
@@ -304,7 +309,8 @@ class BehaviorRunner:
         return followed.position[2] < known.position[2] - DESCENT_DEPTH
 
     def _refusal(self, estimate: Estimate | None, now: Time, *, is_pushed: bool) -> str:
-        """Return why a claim that the vehicle has landed is refused; the first one is reported."""
+        """Return why a claim that the vehicle has landed is refused, empty if it is accepted. The
+        first refusal is reported."""
         claims = self._touch_down
         reason = "" if claims is None else claims.refusal(estimate, now, is_pushed=is_pushed)
         if claims is None or not reason:
@@ -318,7 +324,8 @@ class BehaviorRunner:
         return reason
 
     def _going_on(self, estimate: Estimate | None) -> Setpoint | Command:
-        """Return the last output of a behavior whose landing was refused, else a hold."""
+        """Return the last output of a behavior whose landing was refused. Without one, return a
+        setpoint that holds the position, or a command without thrust if there is no estimate."""
         before = self._given or self._wanted
         if before is not None:
             return before
@@ -327,7 +334,7 @@ class BehaviorRunner:
         return Motion(estimate.position, ZERO).setpoint(heading_of(estimate.attitude))
 
     def refuse(self, reason: str) -> None:
-        """Note that the vehicle refused to arm: it stays on the ground, and its behavior counts as
+        """Note that the vehicle refused to arm. It stays on the ground, and its behavior counts as
         refused."""
         self.flight = GROUND
         self.fail(reason)
@@ -335,7 +342,8 @@ class BehaviorRunner:
         self.machine.refuse({self.state.name})
 
     def thaw(self, holder: Holder) -> None:
-        """Release a holder that moved the vehicle: what was frozen resumes from where it is now."""
+        """Release a holder that moved the vehicle, such as a pilot. The frozen behavior resumes
+        from the vehicle's current position once no other holder is left."""
         before = self.hold
         if before is not None:
             entry = self.entry()
@@ -344,11 +352,11 @@ class BehaviorRunner:
             self.hold.leave(holder, entry.now)
 
     def close(self, now: Time) -> None:
-        """End the run: the figures of the active behavior are complete."""
+        """Complete the figures of the active behavior at the end of the run."""
         self._score.left("run_ended", now / NS)
 
     def _end(self, estimate: Estimate | None) -> None:
-        """Note that the behavior is done: the vehicle is at the end of its leg."""
+        """Mark the behavior as done: the vehicle has reached the end of its leg."""
         self._outcome = "done"
         start, end = self.leg
         if start is not end:
@@ -358,8 +366,8 @@ class BehaviorRunner:
                 self._events.emit(Landed() if end is GROUND else TookOff(), self._name)
 
     def _enter(self, name: str) -> None:
-        """Build the behavior of the state that the machine has entered. One that refuses to start
-        has failed, and the machine leaves the state again."""
+        """Construct the behavior of the state that the machine has entered. If the behavior refuses
+        to start, it has failed, and the machine leaves the state again."""
         state, entry = self.plan.states[name], self.entry()
         self.entered, self.entries = entry.now, self.entries + 1
         self._score.entered(name, state.behavior.name, entry.now / NS)
@@ -388,7 +396,7 @@ class BehaviorRunner:
             self.flight = MOVING
 
     def _exit(self, reason: Exit) -> None:
-        """Emit how the machine leaves the state, and clear what was kept for it."""
+        """Emit how the machine leaves the state, and clear the data kept for the state."""
         name = self.machine.state
         if self._outcome == "failed":
             failed = BehaviorFailed(behavior=name, reason=self._reason)
@@ -407,7 +415,8 @@ class BehaviorRunner:
         self._resumes, self.grip, self._waits_for = False, None, None
 
     def _starts(self, name: str) -> bool:
-        """Build the behavior of a requested state before the present one is left."""
+        """Construct the behavior of a requested state before the current state is left. Raises
+        Refused or PartFailed if it can't start."""
         state = self.plan.states[name]
         try:
             self._started = self._built(state, self.entry(), self._values)
@@ -418,7 +427,7 @@ class BehaviorRunner:
         return True
 
     def _built(self, state: StatePlan, entry: Entry, values: Values = ()) -> Behavior[Any]:
-        """Return the behavior of `state`. Raises Refused where it can't start."""
+        """Return the behavior of `state`. Raises Refused if it can't start."""
         reason = unfit(state, self.flight, entry.estimate is not None or self.off_ground)
         reason = reason or self.misplaced(state, entry.estimate) or self._doubted(state, entry)
         if reason is not None:
@@ -427,15 +436,15 @@ class BehaviorRunner:
         return behavior
 
     def entry_objection(self, state: StatePlan, values: Values = ()) -> str | None:
-        """Return why `state` should not be entered now, with `values` in place of its own; None
-        without a reason."""
+        """Return why `state` should not be entered now with its parameters overridden by `values`,
+        or None."""
         params = self.params_of(state.name, values)
         reason: str | None = state.behavior.cls.objection(params, self.entry())
         return reason
 
     def _is_welcome(self, name: str) -> bool:
-        """Return whether a `next` may lead to a state now. The first of several refusals in a row
-        is reported."""
+        """Return whether a transition of the mission may enter the state `name` now. Only the first
+        of several consecutive refusals is reported."""
         state, now = self.plan.states[name], self._events.now
         reason = self.entry_objection(state)
         if reason is not None:
@@ -446,7 +455,7 @@ class BehaviorRunner:
         return reason is None
 
     def misplaced(self, state: StatePlan, estimate: Estimate | None) -> str | None:
-        """Return why a take-off can't start from where the vehicle is, None when it can."""
+        """Return why a take-off can't start at the vehicle's position, or None if it can."""
         if estimate is None or self.resting_place is None or not self._leaves_ground(state):
             return None
         away = distance(estimate.position, self.resting_place)
@@ -456,19 +465,19 @@ class BehaviorRunner:
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
 
     def _doubted(self, state: StatePlan, entry: Entry) -> str | None:
-        """Return why a supervisor would end the flight right after a take-off, else None."""
+        """Return why a supervisor would end the flight right after a take-off, or None."""
         if entry.estimate is None or not self._leaves_ground(state):
             return None
         found = self.foreseen(self._ticks.fleet)
         return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
-        """Return each (supervisor, reason, mission line) that would end the mission at once if the
-        vehicle flew now."""
+        """Return (supervisor, reason, mission line) of each alarm that would end the mission at
+        once if the vehicle flew now."""
         return self._failsafe.foresee(self._ticks.standing(self.entered, fleet))
 
     def _leaves_ground(self, state: StatePlan) -> bool:
-        """Whether entering `state` now is a take-off."""
+        """Return whether entering `state` now is a take-off."""
         return self.flight is GROUND and any(leg == (GROUND, AIR) for leg in state.legs)
 
     def _score_unforeseen(self, reason: Exit) -> None:
@@ -481,7 +490,8 @@ class BehaviorRunner:
 
 
 def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:
-    """Return why the behavior of `state` can't start where the vehicle is, None if it can."""
+    """Return why the behavior of `state` can't start in this flight phase, or with or without an
+    estimate; None if it can."""
     name, cls = state.behavior.name, state.behavior.cls
     if all(leg.start is not flight for leg in state.legs):
         where = {GROUND: "on the ground", AIR: "in the air", MOVING: "between ground and air"}

@@ -1,20 +1,21 @@
 """Keeps the estimate continuous when a vehicle changes its estimator.
 
-The last output, extrapolated by a tick, differs from the new estimate by x in position and by v in
-velocity. Both are added to the new estimate and decay, critically damped, so that the output starts
-at the last position and velocity and its velocity is always the derivative of its position:
+The last output, extrapolated by a tick, differs from the new estimate by x0 in position and v0 in
+velocity. Both differences are added to the new estimate and decay, critically damped. Thus the
+output starts at the last position and velocity, and its velocity is always the derivative of its
+position:
 
-    x(t) = (x + (v + n x) t) exp(-n t),   n = 1.5 1/s
+    x(t) = (x0 + (v0 + n x0) t) exp(-n t),   n = 1.5 1/s
 
-The offset moves by at most n / e = 0.55 of x per second; a tracker with TeleKyb's gains (9.0, 7.5)
-follows that within 2 cm for the largest x. The heading is blended likewise, by a rotation about
-world z; the body rates stay unchanged.
+With v0 = 0 the offset moves by at most n / e = 0.55 of x0 per second; a tracker with TeleKyb's
+gains (9.0, 7.5) follows that within 2 cm for the largest x0. The heading is blended likewise, by a
+rotation about world z; the body rates stay unchanged.
 
-If the last output is more than 0.3 m or 20 degrees from the new estimate, it was wrong: nothing is
+If the last output is more than 0.3 m or 20 degrees off the new estimate, it was wrong: nothing is
 added, and the estimate steps. The processor `position_error` detects the step and brakes at the new
-position. 0.3 m is also the distance within which a new behavior trusts its last setpoint
+position. 0.3 m is also the distance within which a new behavior trusts the last setpoint
 (`Entry.position`). A velocity difference of more than 0.5 m/s is treated as noise: the new velocity
-counts at once, and the position offset decays from rest.
+is used at once, and the position offset decays with v0 = 0.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from kybflow.core.units import DEG
 DECAY = 1.5
 FARTHEST, FASTEST, WIDEST = 0.3, 0.5, 20.0 * DEG
 OVER = 8.0
-"""Seconds after which 20 micrometres of the largest offset are left."""
+"""Seconds after which a blend ends; 20 micrometres of the largest offset are left then."""
 
 
 class EstimateBlend:
@@ -54,8 +55,8 @@ class EstimateBlend:
 
     @classmethod
     def between(cls, last: Estimate, new: Estimate) -> tuple[float, EstimateBlend | None]:
-        """Return (metres from `new` to the extrapolated `last` output, their blend or None if the
-        estimate must step)."""
+        """Return the distance (m) from `new` to the extrapolated `last` output, and the blend
+        between them, or None if the estimate must step."""
         gone = (new.time - last.time) / NS
         position = sub(add(last.position, scale(last.velocity, gone)), new.position)
         velocity = sub(last.velocity, new.velocity)
@@ -68,7 +69,7 @@ class EstimateBlend:
         return far, cls(new.time, position, velocity, turn)
 
     def applied(self, estimate: Estimate) -> Estimate:
-        """Return `estimate` plus the offset that is left at its time."""
+        """Return `estimate` with the offset that remains at its time added."""
         t = (estimate.time - self.time) / NS
         fading = exp(-DECAY * t)
         pull = self._pull

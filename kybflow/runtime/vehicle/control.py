@@ -1,7 +1,7 @@
-"""Turns what a behavior asks for into a command: setpoint ─► processors ─► tracker ─► command.
+"""Turns a behavior's output into a command: setpoint ─► processors ─► tracker ─► command.
 
-Processors and tracker are constructed anew for each take-off, so that they keep no state of the
-last flight.
+Processors and tracker are constructed anew for each take-off, so that they keep no state from the
+previous flight.
 """
 
 from __future__ import annotations
@@ -25,39 +25,40 @@ from kybflow.world.vehicle_context import VehicleContext
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """The command of a vehicle on the ground: rotors at rest."""
 HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""What is recorded while a land mode, its watchdog or a pilot flies the vehicle: armed, no thrust
-requested."""
+"""The command recorded while the vehicle's land mode, its watchdog or a pilot flies it: armed,
+without thrust."""
 
 Commanded = tuple[Command, Setpoint | None]
-"""(the command of a tick, the setpoint before processing)."""
+"""(the command of a tick, the behavior's setpoint before the processors)."""
 
 OptionSetter = Callable[[str, Any, str, str], None]
-"""Asks for another value of an option: its name, the value (SI), who asks and the mission line.
-Raises OptionRefused after the event `option_refused`."""
+"""Requests a change of an option. Arguments: the option's name, the value (SI), the requester and
+its mission line. Emits `option_refused` and raises OptionRefused if the change is refused."""
 
 _Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Emitting | Retune]
 _MORE = (Emitting, Retune)
 _IDLE = SetpointKind.IDLE
 _LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
-"""Plausible range of a tracker's hover thrust, as a fraction of the airframe's weight."""
+"""Plausible range of a tracker's hover thrust, as a multiple of the airframe's weight."""
 
 
 class ProcessorReports(Protocol):
-    """Takes what processors report beside a setpoint."""
+    """Receives the alarms and clamps that processors report."""
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
         """React to an alarm of the part `label`; return whether that changed the state."""
 
     def clamped(self, reason: str) -> None:
-        """Note that the setpoint of this tick is not that of the behavior."""
+        """Note that a processor has changed the behavior's setpoint in this tick."""
 
 
 class Control:
     """Runs the processors and the tracker of a vehicle.
 
-    followed: the setpoint that the tracker followed last, None without one. clamps: the processors
-    that keep the vehicle from its behavior's setpoint. set_option: requests the options that a
-    processor retunes. Raises PartFailed for a part that can't be constructed.
+    followed: the setpoint that the tracker followed last, or None.
+    clamps: the processors that keep the vehicle from its behavior's setpoint.
+    set_option: requests the changes of options with which a processor retunes the tracker.
+    Raises PartFailed if a part can't be constructed.
     """
 
     def __init__(
@@ -94,8 +95,9 @@ class Control:
         self._active: tuple[tuple[str, _Process], ...] = ()
 
     def select(self, off: Set[str], *, in_air: bool) -> None:
-        """Select the processors of the active behavior: all if it stays in the air, only those for
-        safety if it takes off or lands; never those whose labels are in `off`."""
+        """Select the processors to run during the active behavior. in_air: the behavior stays in
+        the air, so all run; otherwise only those for safety. Those whose labels are in `off` never
+        run."""
         self._active = tuple(
             (label, processor.__call__)  # faster than calling the object
             for label, processor in self._processors.items()
@@ -103,15 +105,15 @@ class Control:
         )
 
     def rest(self) -> None:
-        """Forget what the tracker followed: it doesn't fly the vehicle now."""
+        """Forget the followed setpoint, because the tracker doesn't fly the vehicle now."""
         self.followed = None
 
     def follow(
         self, asked: Setpoint | Command, tick: Tick, reports: ProcessorReports, off_ground: bool
     ) -> Commanded | None:
-        """Return the command for what a behavior asks for, None if an alarm of a processor changed
-        the state. Raises whatever a part raises, and ValueError for a setpoint or a command that is
-        not finite or would stop the rotors in the air."""
+        """Return the command for a behavior's output, or None if an alarm of a processor changed
+        the state. Raises any exception of a part, and ValueError if a setpoint or command is not
+        finite or a command would stop the rotors in the air."""
         if isinstance(asked, Command):
             self.followed = None
             return _turning(checked_command(asked), off_ground), None
@@ -125,8 +127,8 @@ class Control:
         return (tracked if tracked.armed else _turning(tracked, off_ground)), asked
 
     def again(self, waiting: Command, tick: Tick) -> Command:
-        """Return the command that waits for arming, tracked anew: the vehicle may be on its way up,
-        where the wind takes it."""
+        """Return the command that waits for arming, recomputed by the tracker: the vehicle may
+        already be rising and drift with the wind."""
         if self.followed is None or tick.estimate is None:
             return waiting
         self._raised = self._tracker_label
@@ -162,9 +164,9 @@ class Control:
         return command
 
     def _granted(self, label: str, given: Emitting | Retune) -> Setpoint:
-        """Emit the event of a processor, or ask for the options of the tracker that it retunes, and
-        return its setpoint. A refused option emits that. Raises PartError for what the processor
-        doesn't declare."""
+        """Emit a processor's event, or request its changes of the tracker's options, and return its
+        setpoint. An event reports a refused change. Raises PartError for an event or option that
+        the processor doesn't declare."""
         part, vehicle, output = self._parts[label], self._plan.name, given.output
         if isinstance(given, Emitting):
             event = given.event
@@ -183,17 +185,17 @@ class Control:
         return output
 
     def attribute_failure(self, error: Exception, behavior: str) -> tuple[PartFailed, bool]:
-        """Return the failure of the part that raised `error`, that of the label `behavior` if no
-        processor and no tracker did, and whether the vehicle needs the part to fly. A processor is
-        not needed and is removed."""
+        """Return the failure of the part that raised `error`, and whether the vehicle needs that
+        part to fly. behavior: the label to which the error is attributed if neither a processor nor
+        the tracker raised it. A processor is not needed and is removed."""
         part, self._raised = self._raised or behavior, ""
         failure = error if isinstance(error, PartFailed) else PartFailed(part, error)
         self._active = tuple(active for active in self._active if active[0] != failure.part)
         return failure, self._processors.pop(failure.part, None) is None
 
     def hover_thrust(self) -> float:
-        """Return the thrust (N) that the tracker believes to hold the vehicle, if that is
-        plausible, else the airframe's weight."""
+        """Return the tracker's estimate of the hover thrust (N) if it is plausible, otherwise the
+        airframe's weight."""
         weight = self._context.airframe.hover_thrust
         try:
             believed = self._tracker.hover_thrust
@@ -207,7 +209,7 @@ class Control:
 
 
 def _turning(command: Command, off_ground: bool) -> Command:
-    """Return the command. Raises ValueError for one that would stop the rotors in the air."""
+    """Return `command`. Raises ValueError if it would stop the rotors in the air."""
     if off_ground and not command.armed:
         raise ValueError("the rotors can't rest in the air")
     return command

@@ -1,9 +1,10 @@
-"""Decides what a vehicle does in a tick: supervisors first, then requests, then the mission's
-transitions; then asks the behavior of the state for a command.
+"""Decides what a vehicle does in a tick. The supervisors come first, then requests, then the
+mission's transitions; then the behavior of the resulting state gives the command.
 
-Who lands a vehicle, from the strongest: its supervisors (`Failsafe.decide` names the reaction to an
-alarm, `Reactions.react` carries it out), a part that failed (`Reactions.react_to_failure`), a
-person, flow or callback (`Requests`), the mission (`BehaviorRunner.step`).
+A vehicle can be landed, in order of priority, by its supervisors (`Failsafe.decide` chooses the
+reaction to an alarm, `Reactions.react` carries it out), by a part that failed
+(`Reactions.react_to_failure`), by a person, flow or callback (`Requests`), and by the mission
+(`BehaviorRunner.step`).
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.runtime.vehicle.requests import Requests
 
 _ESCALATIONS = 5
-"""Attempts to find a command: `go_home`, `land`, `land_blind`, `fault`, and a last one to steer."""
+"""Attempts to compute a command: in `go_home`, `land`, `land_blind` and `fault`, and one more."""
 
 
 class Decision:
-    """Changes the state of the behavior runner, and adapts the other collaborators to each state
-    that was entered."""
+    """Changes the state of the behavior runner, and adapts the processors, measurements and
+    estimators to each state that is entered."""
 
     def __init__(
         self,
@@ -90,7 +91,8 @@ class Decision:
         return tick if runner.entries == self._settled else self._settle(tick)
 
     def _settle(self, tick: Tick) -> Tick:
-        """Adapt everything to the state that was entered; return the tick for its behavior."""
+        """Adapt processors, measurements and estimators to the state that was entered; return the
+        tick for its behavior."""
         runner = self._runner
         self._settled = runner.entries
         self._output.cancel_arming()
@@ -105,8 +107,8 @@ class Decision:
         self._control.select(self._requests.off, in_air=self._runner.stays_in_air)
 
     def _steer(self, tick: Tick) -> Commanded | None:
-        """Return the command of this tick, None if the state changed and `_steer` must be called
-        again. Raises whatever a part raises."""
+        """Return the command of this tick, or None if the state changed and `_steer` must be called
+        again. Raises any exception of a part."""
         runner, control = self._runner, self._control
         if control.clamps.active:
             control.clamps.settle(tick.now)
@@ -133,7 +135,7 @@ class Decision:
         return control.follow(asked, tick, self._reactions, runner.flight is not GROUND)
 
     def _resteered(self, tick: Tick) -> Commanded:
-        """Steer after a change of state, and after every further one, until there is a command."""
+        """Return the command of this tick after one or more changes of state."""
         commanded = None
         while commanded is None:
             if self._runner.entries != self._settled:
@@ -142,7 +144,7 @@ class Decision:
         return commanded
 
     def fail(self, error: Exception, tick: Tick) -> None:
-        """React to what a part raised."""
+        """React to an exception that a part raised."""
         behavior = self._runner.state.behavior.label
         failure, is_needed = self._control.attribute_failure(error, behavior)
         self._reactions.react_to_failure(failure, is_needed, tick)

@@ -1,13 +1,16 @@
-"""Selects the estimator that a vehicle flies on: the first healthy one listed, with hysteresis.
+"""Selects the estimator that a vehicle flies on: the first healthy one in the mission's list, with
+hysteresis.
 
-If none has been healthy for long enough, one that has just become healthy is used: hysteresis must
-not keep a vehicle from flying. It doesn't apply either to an estimator that contradicts the one in
-use, by more than `FARTHEST` and four times both spreads: one of them is wrong, and the mission
-lists the most trusted one first. An estimator that raises, or whose estimate is not finite, is
-removed. In every tick the others can align with the estimate in use (`Estimator.anchor`). An event
-reports when an estimator refuses measured positions, and when it accepts them again. A behavior may
-name the estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the change from one
-estimator to another.
+If no estimator has been healthy for long enough, one that has just become healthy is used:
+hysteresis must not leave a vehicle without an estimate. Hysteresis doesn't apply either if an
+estimator contradicts the one in use, by more than `FARTHEST` plus four times both spreads: one of
+them is wrong, and the mission lists the most trusted one first.
+
+An estimator that raises, or whose estimate is not finite, is removed. In every tick the estimators
+that are not in use can align themselves with the estimate in use (`Estimator.anchor`). An event
+reports when an estimator begins to refuse measured positions, and when it accepts them again. A
+behavior may name the estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the
+change from one estimator to another.
 """
 
 from __future__ import annotations
@@ -38,18 +41,19 @@ from kybflow.world.vehicle_context import VehicleContext
 
 Known = Callable[[frozenset[MeasurementKind]], str]
 _INERTIAL = frozenset({Imu})
-"""The measurements of dead reckoning."""
+"""The kinds of measurement that dead reckoning uses."""
 
 
 class Candidate:
-    """One estimator of the list with its health. Its health condition reads a view of its last
-    estimate.
+    """One estimator of a vehicle, and its health.
 
-    It is healthy while its condition holds. After a loss of health, the condition must hold for
-    `recover_after` seconds before the estimator is chosen over another; if there is no other, or
-    the other is contradicted, it is used at once. `for_at_most` limits the time of use, which is
-    counted up while this estimator is in use and down while another is. After the limit, it may be
-    used again once the count is zero, so that a moment on another estimator doesn't renew it.
+    An estimator is healthy while its health condition holds for its last estimate. After a loss of
+    health, the condition must hold for `recover_after` seconds before the estimator is preferred to
+    another; it is used at once if there is no other, or if it contradicts the one in use.
+
+    `for_at_most` limits the time of use, which counts up while this estimator is in use and down
+    while another is. An estimator that has reached the limit may be used again once the count is
+    back at zero, so that a moment on another estimator doesn't renew the limit.
     """
 
     def __init__(self, plan: EstimatorPlan, context: VehicleContext) -> None:
@@ -75,9 +79,9 @@ class Candidate:
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
     ) -> bool:
-        """Process the measurements; return whether the estimator may be used now. flown: what the
-        vehicle flew on until now. Raises whatever the part raises, and ValueError for an estimate
-        that is not finite."""
+        """Process the measurements; return whether the estimator may be used now. flown: the
+        estimate on which the vehicle flew until now. Raises any exception of the part, and
+        ValueError if the estimate is not finite."""
         self.estimate = estimate = self.part.update(measurements, now)
         if estimate is not None:
             checked_estimate(estimate)
@@ -94,11 +98,12 @@ class Candidate:
         return not self._is_spent
 
     def fail(self) -> None:
-        """Count as failed from now on: the part raised."""
+        """Mark the estimator as failed, because it raised."""
         self.has_failed = True
 
     def note_refusal(self, now: Time) -> PositionRefused | PositionAccepted:
-        """Note that the estimator begins or ends to refuse measured positions; return the event."""
+        """Record that the estimator has begun or stopped refusing measured positions; return the
+        event for it."""
         before, self.refusal = self.refusal, self.part.refusal
         if self.refusal is not None:
             return PositionRefused(estimator=self.name, reason=self.refusal.reason)
@@ -107,28 +112,29 @@ class Candidate:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether its time of use is limited."""
+        """Whether the estimator's time of use is limited."""
         return self._at_most is not None
 
     @property
     def is_usable(self) -> bool:
-        """Whether it is healthy, however briefly, and not spent."""
+        """Whether the estimator is healthy, however briefly, and within its time limit."""
         return self._healthy_since is not None and not self._is_spent
 
     def count(self, passed: Time, used: Candidate) -> None:
-        """Count `passed` nanoseconds in which `used` was in use. Requires `is_bounded`."""
+        """Update the time of use: `used` was in use for `passed` nanoseconds. Requires
+        `is_bounded`."""
         assert self._at_most is not None
         self._used = self._used + passed if used is self else max(self._used - passed, 0)
         self._is_spent = self._used >= self._at_most or (self._is_spent and self._used > 0)
 
     @property
     def is_starved(self) -> bool:
-        """Whether it is unhealthy because of its measurements and not because it raised."""
+        """Whether the estimator is unhealthy because of its measurements, not because it raised."""
         return not self.has_failed and self._healthy_since is None
 
     @property
     def trouble(self) -> str:
-        """Why it can't be used now, in words; empty if it can."""
+        """Why the estimator can't be used now, for an event; empty if it can."""
         estimate = self.estimate
         if self.has_failed:
             return f"`{self.name}` failed"
@@ -143,8 +149,8 @@ class Candidate:
 
 
 class Estimation:
-    """A vehicle's estimators. `report` is called with the failure of one. `known` returns the known
-    faults of the given kinds of measurements in words, empty without any."""
+    """A vehicle's estimators. report: is called with the failure of an estimator. known: returns a
+    description of the known faults of the given kinds of measurement, empty without any."""
 
     def __init__(
         self,
@@ -171,7 +177,8 @@ class Estimation:
         self._known = known
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
-        """Return the estimate of the first healthy estimator, None without a healthy one."""
+        """Process the measurements; return the estimate of the first healthy estimator, blended
+        after a change of estimator, or None if no estimator is healthy."""
         if self._bounded:
             self._count(now)
         chosen: Candidate | None = None
@@ -197,8 +204,8 @@ class Estimation:
         return self._flown
 
     def prefer(self, names: tuple[str, ...]) -> None:
-        """Put the estimators of these names first, in this order, before the others in that of the
-        mission."""
+        """Put the named estimators first, in the given order. The others follow in the mission's
+        order."""
         if names == self._preferred:
             return
         self._preferred, self._is_reordered = names, True
@@ -234,7 +241,7 @@ class Estimation:
                 candidate.count(passed, used)
 
     def _anchor(self, estimate: Estimate) -> None:
-        """Pass the estimate in use, without a blend's offset, to the other estimators."""
+        """Pass the estimate in use, without the offset of a blend, to the other estimators."""
         for candidate in self._others:
             try:
                 candidate.part.anchor(estimate)
@@ -250,7 +257,7 @@ class Estimation:
         self._report(PartFailed(failed.label, error))
 
     def _gain(self, name: str) -> str:
-        """Return why `name` replaces an estimator that is well."""
+        """Return why the estimator `name` replaces another that can still be used."""
         if not self._is_reordered:
             return f"`{name}` is healthy again"
         return f"`{name}` comes first {'in this behavior' if self._preferred else 'again'}"
@@ -264,7 +271,8 @@ class Estimation:
         return self._blend.applied(estimate)
 
     def _why(self, previous: Candidate) -> str:
-        """Return why `previous` can't be used any more and the known cause; empty if it can."""
+        """Return why `previous` can't be used any more, with the cause if it is known; empty if it
+        can still be used."""
         known = self._known(previous.uses) if previous.is_starved else ""
         return f"{previous.trouble}; {known}" if known else previous.trouble
 
@@ -298,10 +306,10 @@ class ExternalPosition:
     """Selects the estimate that is sent to a vehicle as its external position (an autopilot's
     external vision).
 
-    This is the estimate in use, unless it comes from the vehicle itself or from dead reckoning that
-    continues the vehicle's own: then it is that of the first usable external estimator. The
-    autopilot would take its own estimate for an independent one, and a lost position would go
-    unnoticed.
+    This is the estimate in use, unless that comes from the vehicle itself or from dead reckoning
+    that continues the vehicle's own estimate; then it is the estimate of the first usable external
+    estimator. Otherwise the autopilot would mistake its own estimate for an independent one, and
+    the loss of its position would go unnoticed.
     """
 
     def __init__(self, plan: VehiclePlan, estimation: Estimation) -> None:
@@ -316,7 +324,7 @@ class ExternalPosition:
                 self._inertial.add(name)
 
     def of(self, flown: Estimate | None) -> Estimate | None:
-        """Return the estimate to send in this tick, None for nothing. flown: the one in use."""
+        """Return the estimate to send in this tick, or None. flown: the estimate in use."""
         source = self._estimation.source
         if source is None:
             return None

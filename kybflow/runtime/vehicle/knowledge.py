@@ -1,4 +1,4 @@
-"""What a vehicle knows: measurements of its link and its sensors ─► monitors ─► estimate.
+"""Everything a vehicle knows: measurements of its link and sensors ─► monitors ─► estimate.
 
 This module only receives; `output` sends.
 """
@@ -40,8 +40,8 @@ _Take = Callable[[Any, Time], None]
 
 
 class _Stream:
-    """The measurements of one kind. began: when the first arrived. count: how many arrived. take:
-    called with each one."""
+    """The measurements of one kind. began: when the first one arrived. count: how many have
+    arrived. take: is called with each of them."""
 
     __slots__ = ("began", "count", "take")
 
@@ -51,10 +51,12 @@ class _Stream:
 
 
 class Knowledge:
-    """The estimate and the latest measurements of each kind, None before the first.
+    """The estimate and the latest battery, IMU and stick measurements, each None before the first.
 
-    resting: the accelerometer's bias at rest. needs: the kinds of measurement that the estimators
-    use. now: the time of the last update. `report` is called with the failure of a part.
+    resting: the accelerometer's bias at rest.
+    needs: the kinds of measurement that the estimators use.
+    now: the time of the last update.
+    report: is called with the failure of a part.
     """
 
     def __init__(
@@ -93,7 +95,8 @@ class Knowledge:
         link.subscribe(self.needs | tracker.cls.uses(tracker.params))
 
     def update(self, now: Time, in_air: bool) -> Estimate | None:
-        """Read the measurements, and update and return the estimate. in_air: the vehicle flies."""
+        """Read the measurements; update and return the estimate. in_air: whether the vehicle
+        flies."""
         self.now = now
         measurements = self._listen(now, self._accept)
         if self.sensing.streams:
@@ -123,14 +126,16 @@ class Knowledge:
         return self.estimation.parts()
 
     def _known(self, kinds: frozenset[MeasurementKind]) -> str:
-        """Return the known faults of the measurements of these kinds, in words."""
+        """Return a description of the known faults of these kinds of measurement; empty without
+        any."""
         found = [self.sensing.trouble(kind) for kind in sorted(kinds, key=kind_name)]
         if Frame in kinds:
             found.append(self.cameras.trouble)
         return "; ".join(dict.fromkeys(words for words in found if words))
 
     def _accepted(self, measurements: Sequence[Measurement], now: Time) -> Sequence[Measurement]:
-        """Note and return the plausible measurements of the link that no sensor replaces."""
+        """Record and return those measurements of the link that are plausible and that no sensor
+        replaces."""
         measurements = self.sensing.of_link(measurements, now)
         self._note(measurements, now)
         return measurements
@@ -146,8 +151,8 @@ class Knowledge:
                 stream.take(measurement, now)
 
     def _open_stream(self, kind: MeasurementKind, now: Time) -> _Stream:
-        """Start to count measurements of a kind. Kinds without a method here are used only by the
-        estimators."""
+        """Begin to count the measurements of a kind. Kinds that no `_take_` method handles are used
+        only by the estimators."""
         takers: dict[MeasurementKind, _Take] = {
             Imu: self._take_imu,
             Battery: self._take_battery,

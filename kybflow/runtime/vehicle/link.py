@@ -1,7 +1,7 @@
-"""Guards a vehicle's link against exceptions of its driver, for receiving and for sending.
+"""Wraps a vehicle's link, for receiving and for sending, to contain exceptions of its driver.
 
-Any exception fails this vehicle alone and is reported once; reading and sending are still attempted
-in every tick. `Refused` is not a failure: it is the vehicle's answer to a request.
+An exception fails only this vehicle and is reported once; reading and sending are still attempted
+in every tick. `Refused` is not a failure but the vehicle's answer to a request.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 SILENCE = 0.3
-"""Seconds without a message after which a link that delivers again has returned."""
+"""Seconds without a message after which the next message counts as the link's return."""
 ALIVE = 0.5
-"""Seconds since the last message within which a vehicle accepts requests."""
+"""Largest age (s) of the vehicle's last message at which the vehicle can take requests."""
 
 Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
@@ -55,7 +55,7 @@ Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 class LinkHealth:
     """Whether a link works.
 
-    error: the first exception of the link in words, None while it works.
+    error: a description of the link's first exception, None while it works.
     """
 
     __slots__ = ("_driver", "_report", "error")
@@ -71,7 +71,8 @@ class LinkHealth:
             self._report(PartFailed(self._driver, error))
 
     def attempt(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
-        """Call a method of the link. Report an exception and return None."""
+        """Call a method of the link and return its result. If it raises, report the exception and
+        return None."""
         try:
             return call(*args, **kwargs)
         except Exception as error:  # a driver may raise anything
@@ -90,10 +91,14 @@ class LinkHealth:
 
 
 class LinkIn:
-    """Receives measurements. truth: a simulator's ground truth, None on hardware. heard: when
-    measurements arrived last, None before the first read. age: seconds since the vehicle's last
-    message, or since the link was first read. delay: seconds of a round trip to the vehicle, zero
-    while unknown. faults: those that act on the vehicle, None on hardware."""
+    """Receives measurements.
+
+    truth: the simulator's ground truth, None on hardware.
+    heard: when measurements last arrived, None before the first read.
+    age: seconds since the vehicle's last message, or since the link was first read.
+    delay: the round-trip time to the vehicle in seconds, zero while unknown.
+    faults: the injected faults of the vehicle, None on hardware.
+    """
 
     def __init__(
         self,
@@ -145,7 +150,7 @@ class LinkIn:
         return measurements
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        """Subscribe to these kinds of measurement too."""
+        """Subscribe to these kinds of measurement, in addition to the previous ones."""
         if kinds <= self._subscribed:
             return
         self._subscribed |= kinds
@@ -159,7 +164,7 @@ class LinkIn:
         return self._health.attempt(self._link.checks, now) or ()
 
     def _note_alive(self, now: Time) -> None:
-        """Note a message of the vehicle itself; publish `link_returned` after a silence."""
+        """Record that the vehicle itself sent a message; emit `LinkReturned` after a silence."""
         if self._alive is not None and now - self._alive > SILENCE * NS:
             silence = (now - self._alive) / NS
             self._events.emit(LinkReturned(value=silence), self._vehicle, self._at)
@@ -167,7 +172,8 @@ class LinkIn:
 
 
 class LinkOut:
-    """Sends commands and requests. tells_position: the vehicle takes an external position."""
+    """Sends commands and requests. tells_position: whether the vehicle accepts an external
+    position."""
 
     def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth, link_in: LinkIn) -> None:
         self._link, self._health, self._send, self._in = link, health, link.send, link_in
@@ -184,7 +190,7 @@ class LinkOut:
 
     @property
     def override(self) -> Override | None:
-        """Why the vehicle doesn't follow commands over a working link, None while it does."""
+        """Why the vehicle doesn't follow commands although its link works, None while it does."""
         try:
             return self._link.override
         except Exception as error:  # a driver may raise anything
@@ -208,7 +214,8 @@ class LinkOut:
             self._health.fail(error)
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Request arming and command mode; return whether the vehicle is ready. Raises Refused."""
+        """Request arming and command mode; return whether the vehicle is armed and follows
+        commands. Raises Refused."""
         return self._arm is None or bool(self._health.ask(self._arm, command, now))
 
     def cut(self, now: Time) -> None:
@@ -228,7 +235,7 @@ class LinkOut:
             self._health.attempt(self._reclaim, now)
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
-        """Send the vehicle its position from outside."""
+        """Send the vehicle its externally measured position."""
         if self._tell_position is not None:
             self._health.attempt(self._tell_position, estimate, now)
 
@@ -239,18 +246,19 @@ class LinkOut:
         self._health.ask(self._grip, is_open, now)
 
     def perform(self, act: str, now: Time) -> None:
-        """Ask the vehicle for an act of its driver. Raises Refused."""
+        """Request one of the driver's actions. Raises Refused."""
         if self._perform is None:
             raise Refused(f"its driver performs no `{act}`")
         self._health.ask(self._perform, act, now)
 
     @property
     def can_land(self) -> bool:
-        """Whether the vehicle has its own land mode and can be requested to use it now."""
+        """Whether the vehicle has its own land mode and its link works, so that the mode can be
+        requested now."""
         return self._lands and self._health.error is None and self._in.age <= ALIVE
 
     def prefers_land_mode(self, reaction: Reaction) -> bool:
-        """Return whether the vehicle's own land mode replaces the state of `reaction`."""
+        """Return whether the vehicle's own land mode replaces the state for `reaction`."""
         fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and self._lands_blind)
         return fit and self.can_land
 

@@ -17,8 +17,9 @@ from kybflow.runtime.vehicle.payload import PayloadTracker
 class CommandOutput:
     """Arms the vehicle and sends its commands.
 
-    sent: the last command. arming: the command that waits for arming, None without one; the
-    behavior's time stands still meanwhile.
+    sent: the last command.
+    arming: the command that waits until the vehicle is armed, or None. While it waits, the
+    behavior's timers stand still.
     """
 
     def __init__(
@@ -36,9 +37,9 @@ class CommandOutput:
         self._payload, self._resting = payload, resting
 
     def deliver(self, command: Command, now: Time) -> Command:
-        """Send the command of a tick over the link; return what was sent. The first command with
-        thrust arms the vehicle, which may take seconds; meanwhile, and if the vehicle refuses, its
-        rotors rest."""
+        """Send the command of a tick over the link; return the command that was sent. The first
+        armed command arms the vehicle, which may take seconds; until then, and if the vehicle
+        refuses, nothing is sent and `RESTING` is returned."""
         runner = self._runner
         if runner.behavior.lets_go:
             command = HANDED_OVER
@@ -54,17 +55,17 @@ class CommandOutput:
         return command
 
     def hand_over(self) -> Command:
-        """Send nothing, because a pilot flies the vehicle; return what is recorded instead."""
+        """Send nothing, because a pilot flies the vehicle; return the command to record."""
         self.sent = HANDED_OVER
         return HANDED_OVER
 
     def cancel_arming(self) -> None:
-        """Arm no more for the command of a state that was left."""
+        """Stop arming for the command of a state that was left."""
         self.arming = None
 
     def grip(self, now: Time) -> None:
-        """Open or close the payload's servo if the behavior asks for it and it is necessary. A
-        refusal fails the behavior."""
+        """Open or close the payload's servo if the behavior requests it and it is necessary. If
+        the vehicle refuses, the behavior fails."""
         runner = self._runner
         asked = runner.take_grip()
         try:
@@ -74,8 +75,8 @@ class CommandOutput:
             runner.fail(str(refusal))
 
     def _armed(self, command: Command, now: Time) -> bool:
-        """Request arming; return whether the vehicle follows commands now. A vehicle that refuses
-        stays on the ground, and its behavior counts as refused."""
+        """Request arming; return whether the vehicle is armed and follows commands. If it refuses,
+        it stays on the ground and the behavior counts as refused."""
         self.arming = None
         try:
             if self._link.arm(command, now):

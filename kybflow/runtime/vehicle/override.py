@@ -1,8 +1,9 @@
-"""Who controls the vehicle: this program, a pilot, or the vehicle's own failsafe.
+"""Tracks who controls the vehicle: this program, a pilot, or the vehicle's own failsafe.
 
 While a pilot has control, the runtime sends no commands and freezes the behavior. `operator.resume`
-requests control back; the behavior then resumes from where the vehicle is, or an event gives the
-reason of the refusal. A vehicle whose own failsafe takes control is landed.
+requests control back: either the behavior resumes from the vehicle's current position, or an event
+reports why the request was refused. If the vehicle's own failsafe takes control, the runtime lands
+the vehicle.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from kybflow.runtime.vehicle.reactions import Reactions
 
 
 class ManualOverride:
-    """Follows who has control of a vehicle. away: a pilot has control."""
+    """Tracks who has control of a vehicle. away: whether a pilot has control."""
 
     def __init__(
         self,
@@ -60,8 +61,8 @@ class ManualOverride:
             self._link.reclaim(now)
 
     def update(self, tick: Tick, answer: Callable[[Time], None]) -> bool:
-        """Follow who has control in this tick, and whether the vehicle falls; return whether a
-        pilot has control. `answer` handles requests meanwhile."""
+        """Determine who has control in this tick and whether the vehicle falls. Return whether a
+        pilot has control. answer: handles the waiting requests while a pilot has control."""
         armed = self._link.armed
         if armed is not None and self._arming.update(tick, armed):
             self.away = False
@@ -110,7 +111,7 @@ class ManualOverride:
             runner.go("landed", grounded=True)
 
     def _bring_down(self, override: Override, now: Time) -> None:
-        """Request the land mode of a vehicle that follows no commands, once for each override."""
+        """Request the land mode of a vehicle that doesn't follow commands, once per override."""
         comes_down = self._runner.machine.state in ("auto_land", "land_blind")
         if override is self._landed_for or not (comes_down and self._link.can_land):
             return
@@ -119,7 +120,7 @@ class ManualOverride:
             self._runner.start_land_mode(now)
 
     def _take_back(self) -> None:
-        """Resume the frozen behavior from where the vehicle is now."""
+        """Resume the frozen behavior from the vehicle's current position."""
         if self.away:
             self.away = False
             self._runner.thaw("pilot")

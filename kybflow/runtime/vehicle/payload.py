@@ -1,4 +1,4 @@
-"""Tracks a vehicle's payload by the reports on its servo."""
+"""Tracks a vehicle's payload, based on the reports of its servo."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from kybflow.runtime.events import Events
 
 
 class PayloadTracker:
-    """state: its state as reported by the vehicle, None while unknown. releases: how often
-    the vehicle released it. After a release the servo opens again only once it has closed."""
+    """Tracks a vehicle's payload. After a release the servo opens again only once it has closed.
+
+    state: the payload's state according to the vehicle's reports, None while unknown.
+    releases: how often the vehicle has released its payload.
+    """
 
     def __init__(self, vehicle: str, events: Events) -> None:
         self.state: PayloadState | None = None
@@ -19,7 +22,8 @@ class PayloadTracker:
         self._requested: Time | None = None
 
     def wants(self, is_open: bool, now: Time, at: str) -> bool:
-        """Return whether to request the servo to open or to close; it may be so already."""
+        """Return whether the servo must still be requested to open or close; False if it already
+        has, or if the payload was released before."""
         if is_open and self.state is PayloadState.RELEASED:
             self._events.emit(PayloadAlreadyReleased(), self._vehicle, at)
             return False
@@ -30,7 +34,7 @@ class PayloadTracker:
         return self._report is None or self._report.is_open is not is_open
 
     def update(self, report: Payload, estimate: Estimate | None, now: Time) -> None:
-        """Process a report of the vehicle on its payload."""
+        """Process a report on the payload; emit an event if it was released or loaded."""
         self._report = report
         before, self.state = self.state, self._meant(report)
         if self.state is before:
@@ -45,8 +49,9 @@ class PayloadTracker:
             self._events.emit(PayloadLoaded(), self._vehicle)
 
     def _meant(self, report: Payload) -> PayloadState | None:
-        """Return the state that a report means. An open servo has released a payload that was
-        there or was to be released, unless the vehicle reports it as still there."""
+        """Return the payload state that a report implies, None if it is unclear. An open servo has
+        released a payload that was aboard or whose release was requested, unless the vehicle
+        reports the payload as still aboard."""
         if report.is_open and report.aboard:
             return self.state
         if report.is_open:

@@ -1,4 +1,5 @@
-"""Carries out the failsafe's reactions: as a state, a hold or the vehicle's own land mode."""
+"""Carries out the failsafe's reactions: enters a state, holds the vehicle, or starts its own land
+mode."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ _FALL = 2 * NS
 
 
 class Reactions:
-    """Turns alarms and failures into states, holds and landings, as the failsafe decides. It takes
-    what processors report (`control.ProcessorReports`)."""
+    """Turns alarms and failures into states, holds and landings, as the failsafe decides. It
+    implements `control.ProcessorReports`."""
 
     def __init__(
         self,
@@ -71,7 +72,8 @@ class Reactions:
         return True
 
     def _is_above_another(self, tick: Tick) -> bool:
-        """Return whether another vehicle is below, of which a land mode knows nothing."""
+        """Return whether another vehicle is below, which the vehicle's own land mode wouldn't
+        notice."""
         own, context = tick.estimate, self._runner.entry().context
         return own is not None and vehicle_below(context, own.position, tick.fleet) is not None
 
@@ -80,26 +82,27 @@ class Reactions:
         return self.react(self._failsafe.emit(label, alarm, tick.now), tick)
 
     def clamped(self, reason: str) -> None:
-        """Note that the vehicle doesn't follow what its behavior asks for in this tick."""
+        """Note that the vehicle doesn't follow its behavior's setpoint in this tick."""
         self._runner.keep_from(reason)
 
     def lost_estimate(self, tick: Tick) -> bool:
-        """React to the loss of the estimate that the behavior needs."""
+        """React to the loss of the estimate that the behavior needs; return whether the reaction
+        changed anything."""
         lost = Alarm("estimate_lost", Reaction.LAND_BLIND, "no estimate to fly by")
         return self.react(RaisedAlarm(lost, self._runner.state.at), tick)
 
     def regain_sight(self, tick: Tick) -> None:
-        """Land by the estimate again, where the vehicle lands blind and nothing speaks against the
-        estimate. Its own land mode finds that out by itself."""
+        """Return a vehicle that lands blind to a landing by its estimate once the failsafe allows
+        it. A vehicle in its own land mode is left alone: the mode adapts by itself."""
         runner = self._runner
         blind = runner.machine.state == "land_blind" and runner.land_mode is None
         if blind and runner.off_ground and self._failsafe.sees_again(tick):
             runner.go("auto_land")
 
     def react_to_failure(self, failure: PartFailed, is_needed: bool, tick: Tick) -> None:
-        """React to a part that raised: the vehicle lands, blind if a part that is needed to land
-        failed. The rotors rest if even that failed, or if they rested before. is_needed: the
-        vehicle can't fly without the part."""
+        """React to a part that raised: the vehicle lands. It lands blind if a needed part fails
+        during that landing, and the rotors stop if a needed part fails during the blind landing.
+        is_needed: whether the vehicle can't fly without the part."""
         runner, latched = self._runner, self._failsafe.latched
         reaction = Reaction.LAND
         if is_needed:
@@ -110,7 +113,8 @@ class Reactions:
         self.react(raised, tick, grounded=is_needed and latched is Reaction.LAND_BLIND)
 
     def update_hold(self, now: Time) -> None:
-        """Release a hold once its braking alarms are silent; land if it has lasted too long."""
+        """Release a brake once its alarms have been silent for long enough; land if the hold has
+        lasted longer than the mission's hover limit."""
         hold, failsafe = self._runner.hold, self._failsafe
         assert hold is not None
         if "brake" in hold.holders and failsafe.release(now):
@@ -124,8 +128,8 @@ class Reactions:
 
 
 def _keeps_landing(alarm: Alarm, runner: BehaviorRunner, tick: Tick) -> bool:
-    """Return whether an alarm would brake a descent because of its estimate, which gets no better
-    in the air."""
+    """Return whether the alarm is to be ignored: it would brake a descent because of a bad
+    estimate, which doesn't improve while the vehicle waits in the air."""
     if alarm.reaction is not Reaction.BRAKE or alarm.event != "estimate_lost":
         return False
     velocity = None if tick.setpoint is None else tick.setpoint.velocity

@@ -1,9 +1,9 @@
 """Requests of people, flows and callbacks: switch, pause, resume, enable, perform, reset, retire.
 
 A request waits for the vehicle's next `act`, which answers it after the supervisors and before the
-mission's transitions. A refusal is published as an event with its reason and changes nothing; the
-requester receives the answer too. With a latched reaction, a vehicle accepts only severer states;
-while braked, only those that land it.
+mission's transitions. A refused request has no effect. The requester receives the answer, and an
+event reports the reason of a refusal. While a reaction is latched, a vehicle accepts only severer
+states; while it is braked, only states that land it or take it home.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _SAFER = {
     "auto_land": Reaction.LAND,
     "land_blind": Reaction.LAND_BLIND,
 }
-"""The built-in states that make any vehicle safer, and the reaction that each one equals."""
+"""The built-in states that make any vehicle safer, and the reaction that leads to each."""
 _TAKEN = "somebody else has control, until `operator.resume`"
 _STAYS = frozenset({"auto_land", "landed", "fault"})
 
@@ -55,15 +55,15 @@ _STAYS = frozenset({"auto_land", "landed", "fault"})
 Answered = Callable[[str | None], None]
 """Receives the answer to a request: why it was refused, None when it was granted."""
 _Order = Callable[[Time], str | None]
-"""Does what a request asks for; returns why it was refused."""
+"""Carries out a request at the given time; returns why it is refused, None if it is granted."""
 
 
 def unheard(_: str | None) -> None:
-    """Take the answer of a requester who doesn't wait for it: the event says it too."""
+    """Ignore the answer to a request; an event reports it anyway."""
 
 
 class Requester(IntEnum):
-    """The source of a request; of several in one tick, the lowest value wins."""
+    """The source of a request. Among several requests in one tick, the lowest value wins."""
 
     OPERATOR = 0
     FLOW = 1
@@ -71,21 +71,21 @@ class Requester(IntEnum):
 
 
 class EntryJudge(Protocol):
-    """Judges the values that a state is to be entered with, as the compiler does and in its
-    words."""
+    """Checks the values with which a state is requested, with the compiler's checks and
+    messages."""
 
     def read(self, vehicle: str, state: str, written: Values) -> Values:
-        """Return the values (SI) of a person's command, which are text. Raises Refused."""
+        """Return the values (SI) of a person's command, given as text. Raises Refused."""
 
     def objection(
         self, vehicle: str, state: str, params: Any, points: Sequence[Vec3]
     ) -> str | None:
-        """Return what speaks against entering a state with these parameters at `points` (world),
-        None when nothing does."""
+        """Return why the state must not be entered with these parameters at `points` (world, m),
+        or None."""
 
 
 class NoJudge:
-    """The judge of a run that can't judge values: no state is entered with any."""
+    """The judge of a run that can't check values: it refuses every request with values."""
 
     def read(self, vehicle: str, state: str, written: Values) -> Values:
         raise Refused(_NOT_HERE)
@@ -98,12 +98,13 @@ class NoJudge:
 
 _NOT_HERE = "nothing here can judge values"
 _ACTS = 10
-"""Largest number of acts that a vehicle performs within a second: more would only delay its other
-messages."""
+"""Largest number of actions that a vehicle performs within a second. More would only delay its
+other messages."""
 
 
 class SwitchRequest(NamedTuple):
-    """A request to enter `state`, with `values` in place of its own, from the mission line `at`."""
+    """A request to enter a state. at: the mission line that makes the request. values: parameters
+    that replace those of the mission."""
 
     state: str
     by: Requester
@@ -117,10 +118,12 @@ class SwitchRequest(NamedTuple):
 
 
 class Requests:
-    """The requests to one vehicle, and the answers.
+    """Receives and answers the requests to one vehicle.
 
-    waiting: whether a request waits. off: the labels of the processors that are switched off.
-    retired: why the vehicle lands for the rest of the run, None while it flies its mission.
+    waiting: whether a request waits.
+    off: the labels of the processors that are switched off.
+    retired: why the run ends, so that the vehicle accepts only states that land it; None during
+    the mission.
     """
 
     def __init__(
@@ -153,12 +156,13 @@ class Requests:
         answered: Answered = unheard,
         values: Values = (),
     ) -> None:
-        """Request one of the vehicle's states."""
+        """Request to enter one of the vehicle's states."""
         self._switches.append(SwitchRequest(state, by, at, answered, values))
         self.waiting = True
 
     def track(self, point: PlannedPoint) -> str | None:
-        """Give the active behavior a point of a planner's trajectory; return why it is refused."""
+        """Give the active behavior a point of a planner's trajectory. Return why the point is
+        refused, or None."""
         runner = self._runner
         if runner.hold is not None:
             return "it is held"
@@ -166,7 +170,8 @@ class Requests:
 
     @property
     def comes_down(self) -> bool:
-        """Whether the failsafe brings it down, so that it may be in the way of others."""
+        """Whether the vehicle is in the air under a latched failsafe reaction, so that it may be
+        in the way of others."""
         return self._failsafe.latched is not None and self._runner.off_ground
 
     @property
@@ -177,19 +182,19 @@ class Requests:
         return runner.behavior.pace if begins else None
 
     def keep(self, pace: Pace) -> None:
-        """Let the behavior, which has a `pace`, fly at a slower one."""
+        """Make the behavior fly at a slower pace. The behavior must have a `pace`."""
         self._runner.behavior.keep(pace)
 
     def read(self, state: str, written: Values) -> Values:
-        """Return the values (SI) that a person wrote for a state. Raises Refused."""
+        """Return the values (SI) that a person gave as text for a state. Raises Refused."""
         return self._judge.read(self._plan.name, state, written) if written else ()
 
     def pause(self, by: str, at: str = "", answered: Answered = unheard) -> None:
-        """Request a hold, with the behavior and its timers frozen, until `resume`."""
+        """Request to hold the vehicle, with its behavior and timers frozen, until `resume`."""
         self._order(partial(self._pause, by, at), answered)
 
     def resume(self, by: str, at: str = "", answered: Answered = unheard) -> None:
-        """Request that the behavior resumes that a pause or a pilot interrupted."""
+        """Request to resume the behavior that a pause or a pilot interrupted."""
         self._order(partial(self._resume, by, at), answered)
 
     def enable(
@@ -199,22 +204,22 @@ class Requests:
         self._order(partial(self._enable, label, on, by, at), answered)
 
     def perform(self, act: str, by: str, at: str = "", answered: Answered = unheard) -> None:
-        """Request an act of the vehicle's driver."""
+        """Request one of the actions of the vehicle's driver."""
         self._order(partial(self._perform, act, by, at), answered)
 
     def reset(self, by: str, at: str = "", answered: Answered = unheard) -> None:
-        """Request to clear the fault and the resting place of a vehicle on the ground, after a
-        person has checked it."""
+        """Request to clear the fault and the recorded resting place of a vehicle on the ground,
+        after a person has checked the vehicle."""
         self._order(partial(self._reset, by, at), answered)
 
     def note_end(self, reason: str) -> None:
-        """Accept from now on only what lands the vehicle, because the run ends. The first reason
-        counts."""
+        """Accept only states that land the vehicle from now on, because the run ends. The first
+        reason is kept."""
         self.retired = self.retired or reason
 
     def retire(self, reason: str) -> None:
-        """Land and stay on the ground, because the run ends as planned. A landing that was paused
-        goes on."""
+        """Land and stay on the ground, because the run ends as planned. A paused landing is
+        continued."""
         self.retired = reason
         runner = self._runner
         stays = runner.machine.state in _STAYS and not self.paused
@@ -224,12 +229,13 @@ class Requests:
 
     @property
     def paused(self) -> bool:
-        """Whether the vehicle is paused."""
+        """Whether a pause holds the vehicle."""
         hold = self._runner.hold
         return hold is not None and "pause" in hold.holders
 
     def answer(self, now: Time) -> None:
-        """Answer the waiting requests: in order, then one switch of state."""
+        """Answer the waiting requests in order, and finally at most one request to switch the
+        state."""
         for _ in range(len(self._orders)):
             order, answered = self._orders.popleft()
             _answer(partial(order, now), [answered])
@@ -247,8 +253,8 @@ class Requests:
     def objection(
         self, state: str, by: Requester = Requester.OPERATOR, values: Values = ()
     ) -> str | None:
-        """Return why a request for `state`, with `values` in place of its own, would be refused
-        now, None if no reason is known. The behavior may still refuse to start."""
+        """Return why a request for `state` with these values would be refused now, or None if no
+        reason is known. The behavior may still refuse to start."""
         plan, latched = self._plan.states.get(state), self._failsafe.latched
         if self._override.is_taken:
             return _TAKEN
@@ -265,30 +271,32 @@ class Requests:
         return fit or (self._misled if values else self._runner.entry_objection)(plan, values)
 
     def pause_objection(self) -> str | None:
-        """Return why a pause would be refused now: the failsafe has the vehicle."""
+        """Return why a pause would be refused now, because the failsafe controls the vehicle, or
+        None if it would be granted."""
         latched = self._failsafe.latched
         if self._runner.machine.state == "fault":
             return "it is in `fault`"
         return None if latched is None else f"failsafe active ({latched.name.lower()})"
 
     def resume_objection(self) -> str | None:
-        """Return why there is nothing to resume now."""
+        """Return why there is nothing to resume now, or None if there is."""
         if self._override.is_taken or self.paused:
             return None
         braking = self._failsafe.braking
         return "it is not paused" if braking is None else f"the failsafe brakes it ({braking})"
 
     def land_objection(self) -> str | None:
-        """Return why a person can't land it now."""
+        """Return why a person can't land the vehicle now, or None."""
         return _TAKEN if self._override.is_taken else None
 
     def reset_objection(self, now: Time) -> str | None:
-        """Return why a reset would be refused now."""
+        """Return why a reset would be refused now, or None."""
         in_the_air = self._runner.off_ground or self._reactions.falls(now)
         return "it is in the air" if in_the_air else None
 
     def perform_objection(self, act: str) -> str | None:
-        """Return why an act would be refused now, None if the vehicle itself decides."""
+        """Return why the driver's action `act` would be refused now, or None if the decision is up
+        to the vehicle."""
         driver = self._plan.driver
         known = driver.cls.acts.get(act)
         if known is None:
@@ -306,7 +314,7 @@ class Requests:
         self.waiting = True
 
     def _switch(self, request: SwitchRequest) -> str | None:
-        """Enter the requested state; return why that is refused, None if it started."""
+        """Enter the requested state; return why that is refused, or None if it was entered."""
         reason = self.objection(request.state, request.by, request.values) or None
         if reason is None:
             try:
@@ -323,7 +331,8 @@ class Requests:
         return None
 
     def _held(self, by: Requester) -> str | None:
-        """Return why the vehicle may only enter states that land it, None if it may enter any."""
+        """Return why the vehicle may enter only states that land it or take it home, or None if it
+        may enter any state."""
         if self.retired is not None:
             return f"the run ends: {self.retired}"
         if self._failsafe.braking is not None:
@@ -333,8 +342,8 @@ class Requests:
         return None
 
     def _misled(self, state: StatePlan, values: Values) -> str | None:
-        """Return why the values of a request are refused, judged from where the vehicle is and
-        from where it would come to rest."""
+        """Return why a request with these values is refused, or None. The values are checked at the
+        vehicle's position and at the position where it would come to rest."""
         motion = self._runner.entry().motion
         points = tuple(dict.fromkeys((motion.position, Coast.after(motion).end)))
         try:
@@ -416,7 +425,7 @@ class Requests:
 
 
 def _answer(order: Callable[[], str | None], asking: Sequence[Answered]) -> None:
-    """Carry out a request and answer those who made it, also when a part raises."""
+    """Carry out a request and answer its requesters, even if a part raises."""
     try:
         reason = order()
     except Exception as error:

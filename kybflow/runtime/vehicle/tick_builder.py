@@ -1,4 +1,5 @@
-"""Builds what a vehicle's parts receive: a `Tick` every tick, an `Entry` when a behavior begins."""
+"""Builds the inputs of a vehicle's parts: a `Tick` in every tick, and an `Entry` when a behavior
+begins."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ from kybflow.world.vehicle_context import VehicleContext
 
 
 class TickBuilder:
-    """fleet: the estimates of all vehicles in the newest tick, None for one without."""
+    """Builds the ticks and entries of one vehicle. fleet: the estimate of each vehicle in the
+    newest tick, None for a vehicle without an estimate."""
 
     def __init__(
         self,
@@ -51,13 +53,14 @@ class TickBuilder:
         )  # fmt: skip
 
     def standing(self, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
-        """Return a tick of zero duration at the time of the newest measurements."""
+        """Return a tick of zero duration at the time of the newest measurements. fleet: the
+        estimates of all vehicles."""
         now = self._knowledge.now
         return self.tick(now, 0.0, entered, self.fleet)._replace(fleet=fleet)
 
     def entry(self, flight: Flight) -> Entry:
-        """Return the conditions in which a behavior would be entered now: in the air with the
-        thrust that the tracker believes to hold the vehicle, on the ground with its weight (N)."""
+        """Return the conditions in which a behavior would be entered now. The hover thrust (N) is
+        the tracker's estimate in the air, and the airframe's weight on the ground."""
         knowledge, control, context = self._knowledge, self._control, self._context
         thrust = context.airframe.hover_thrust if flight is GROUND else control.hover_thrust()
         lift = knowledge.resting.specific_force

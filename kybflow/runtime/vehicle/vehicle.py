@@ -1,4 +1,4 @@
-"""One vehicle, composed of collaborators that each receive only what they may use.
+"""One vehicle, composed of objects that each receive only the data they may use.
 
 measurements ─► `knowledge` ─► estimate ─► `decision` ─► `control` ─► command ─► `output` ─► link
 """
@@ -53,17 +53,20 @@ from kybflow.runtime.vehicle.tick_builder import TickBuilder
 from kybflow.world.vehicle_context import VehicleContext
 
 _SINKS = -0.05
-"""The vertical speed (m/s) of a setpoint that comes down."""
+"""The vertical velocity (m/s) below which a setpoint counts as descending."""
 _STALE = 10.0
-"""Seconds without a message after which the reported arming no longer counts."""
+"""Seconds without a message after which the vehicle's last report of being armed is ignored."""
 
 
 class Vehicle:
-    """In each tick the engine calls `sense` of every vehicle, then `act` of every vehicle.
+    """A vehicle. In each tick the engine first calls `sense` of every vehicle, then `act` of every
+    vehicle.
 
-    wanted: the setpoint of its behavior in the last tick, before processors; None
-    without one, and while the ground carries the vehicle. set_option: requests another value of an
-    option. judge: judges the values with which states are requested. moving: the moving obstacles.
+    wanted: the behavior's setpoint in the last tick, before the processors; None without one, and
+    while the vehicle stands on the ground.
+    set_option: requests a change of an option.
+    judge: checks the values with which people and flows request states.
+    moving: the moving obstacles.
     """
 
     def __init__(
@@ -141,7 +144,7 @@ class Vehicle:
 
     @property
     def followed(self) -> Setpoint | None:
-        """The setpoint that the tracker followed last, None while there is none."""
+        """The setpoint that the tracker follows, or None."""
         return self._control.followed
 
     @property
@@ -166,14 +169,14 @@ class Vehicle:
 
     @property
     def airborne(self) -> bool:
-        """Whether the rotors turn and the vehicle is not on the ground."""
+        """Whether the vehicle is off the ground and its rotors turn."""
         return self._reactions.airborne
 
     @property
     def may_touch_down(self) -> bool:
-        """Whether the vehicle may meet the ground now: its state has it there, it descends to land,
-        or somebody else has control. A landing vehicle may not before it descends or while it is
-        held."""
+        """Whether the vehicle may touch the ground now: it is on the ground, it descends in order
+        to land, it is in its own land mode, or somebody else has control. A landing vehicle may not
+        touch the ground before its descent begins or while it is held."""
         runner, link = self.runner, self.link_out
         if not runner.off_ground or runner.land_mode is not None or link.override is not None:
             return True
@@ -183,8 +186,8 @@ class Vehicle:
 
     @property
     def rests(self) -> bool:
-        """Whether nothing in this run will move the vehicle again: it is on the ground in a final
-        state and doesn't report itself armed; or the run ends while a pilot has control of it."""
+        """Whether this run will not move the vehicle again: the vehicle is on the ground in a final
+        state and doesn't report itself armed, or the run ends while a pilot has control."""
         if self._override.away and self.requests.retired is not None:
             return True
         if self.runner.flight is not GROUND or self.requests.waiting:
@@ -210,7 +213,7 @@ class Vehicle:
         return estimate
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
-        """Decide, steer, send and record."""
+        """Decide what to do in this tick, compute and send the command, and record the tick."""
         runner, output = self.runner, self._output
         tick = self._ticks.tick(now, dt, runner.entered, fleet)
         if self._override.update(tick, self._decision.answer):
@@ -227,11 +230,12 @@ class Vehicle:
 
     @property
     def publishes(self) -> bool:
-        """Whether a vehicle uses what others publish."""
+        """Whether the vehicle publishes its state, because some vehicle uses it."""
         return self._broadcasts is not None
 
     def publish(self) -> None:
-        """Publish to the neighbours, from the next tick on, and record what the behavior says."""
+        """Publish the estimate, the setpoint and the behavior's message to the neighbours, who
+        receive them from the next tick on. Record the message."""
         broadcasts, faults = self._broadcasts, self.knowledge.link_in.faults
         if broadcasts is None or (faults is not None and faults.silent):
             return
@@ -241,19 +245,19 @@ class Vehicle:
         broadcasts.note(self.name, NeighbourState(self.now, self.estimate, self.followed, said))
 
     def pushes(self) -> Iterator[tuple[str, Vec3 | None]]:
-        """Yield each input that steers it now, with the force for the hand, None while it is
-        held."""
+        """Yield each input device that steers the vehicle now, with the force that the device
+        should exert on the hand; None while the vehicle is held."""
         part, hold = self.runner.state.behavior, self.runner.hold
         for name in named_in(part.params, "input").values():
             yield name, self.runner.behavior.push if hold is None else None
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
-        """Return each (supervisor, reason, mission line) that would end the mission at once if the
-        vehicle flew now."""
+        """Return (supervisor, reason, mission line) of each alarm that would end the mission at
+        once if the vehicle flew now. fleet: the estimates of all vehicles."""
         return self.runner.foreseen(fleet)
 
     def land(self, reason: str) -> None:
-        """Land now, whatever the mission says, after an interrupt or at the time limit."""
+        """Land now, regardless of the mission: after an interrupt or at the time limit."""
         self.requests.note_end(reason)
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason)
@@ -265,8 +269,8 @@ class Vehicle:
         return self._params
 
     def change(self, label: str, name: str, value: Any) -> None:
-        """Replace the value of a part's parameter, also in the active part. A behavior keeps the
-        other values with which it was entered."""
+        """Replace the value of a part's parameter, also in the running part. An active behavior
+        keeps its other values, even those given only for this visit."""
         self._params[label] = replace(self._params[label], **{name: value})
         living = {**self._control.parts(), **self._supervisors, **self.knowledge.parts()}
         living[self.runner.state.behavior.label] = self.runner.behavior

@@ -1,8 +1,9 @@
-"""Runs libmotioncapture in a process of its own.
+"""Runs libmotioncapture in a separate process.
 
 The library's `connect` may block forever while it holds Python's lock, which would stop the
-vehicles' commands if it ran in a thread. It also prints to stdout. Each frame is written as a line
-of JSON, `[ns of the monotonic clock, {name: [x, y, z, qw, qx, qy, qz]}]`; an error as a string.
+vehicles' commands if it ran in a thread. It also prints to stdout. The process writes each frame as
+a line of JSON, `[ns of the monotonic clock, {name: [x, y, z, qw, qx, qy, qz]}]`, and an error as a
+JSON string.
 
     python -m kybflow.sensors.motion_capture.child SYSTEM SETTINGS
 """
@@ -22,7 +23,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def main(system: str, settings: dict[str, str]) -> None:
-    """Write frames until the reader has gone."""
+    """Write frames to stdout until the reader closes it."""
     _end_with_parent()
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # the library prints to stdout
@@ -44,7 +45,7 @@ def main(system: str, settings: dict[str, str]) -> None:
 
 
 def _end_with_parent() -> None:
-    """End with the thread that started this program, even if the library blocks forever."""
+    """Make this process end with the thread that started it, even if the library blocks forever."""
     with contextlib.suppress(AttributeError, OSError):  # Linux only
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 

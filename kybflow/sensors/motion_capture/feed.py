@@ -1,5 +1,5 @@
-"""The poses of a motion-capture system: one process and one thread a system, shared by all
-subscriptions. The process is restarted when it ends or falls silent."""
+"""Poses from motion-capture systems. Each system has one process and one thread, shared by all its
+subscriptions. The process is restarted when it ends or stops sending."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from kybflow.sensors._stream import TrackerPose
 from kybflow.sensors._waker import CHUNK, Waker
 
 SILENT = 10.0
-"""Seconds without a frame after which the program is restarted."""
+"""Seconds without data after which the process is restarted."""
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 8.0
-"""Seconds before a restart; doubled while no frame arrives."""
+"""Pauses before a restart, seconds; doubled as long as no frame arrives."""
 MOST_POSES = 2000
-"""Largest number of unread poses."""
+"""Largest number of unread poses; older ones are dropped."""
 
 
 class BodySubscription:
-    """A subscription to one body of a system; must be closed."""
+    """A subscription to one body of a system. It must be closed after use."""
 
     def __init__(self, feed: Feed, body: str) -> None:
         self.body = body
@@ -33,7 +33,7 @@ class BodySubscription:
         self._feed = feed
 
     def take(self) -> list[TrackerPose]:
-        """Return the poses since the last call, oldest first."""
+        """Return the poses that arrived since the last call, oldest first."""
         poses = self.poses
         return [poses.popleft() for _ in range(len(poses))]
 
@@ -51,7 +51,8 @@ class BodySubscription:
 
 
 class Feed:
-    """One system's program, and the thread that reads it. key: the system and its settings."""
+    """The process of one system, and the thread that reads its output. key: the system and its
+    settings."""
 
     def __init__(self, key: tuple[str, str]) -> None:
         self.key = key
@@ -100,7 +101,7 @@ class Feed:
         self._waker.close()
 
     def _run_program(self) -> None:
-        """Run the program and deliver its frames. Raises what goes wrong."""
+        """Run the process and deliver its frames until it ends. Exceptions are passed on."""
         program = [sys.executable, "-m", "kybflow.sensors.motion_capture.child", *self.key]
         process = subprocess.Popen(
             program,
@@ -113,7 +114,8 @@ class Feed:
             process.communicate()
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
-        """Deliver frames until the program ends or falls silent, or `end` is called."""
+        """Deliver frames until the process ends or sends nothing for `SILENT` seconds, or `end` is
+        called."""
         assert process.stdout is not None
         waiting = b""
         with selectors.DefaultSelector() as selector:
@@ -154,7 +156,7 @@ _lock = threading.Lock()
 
 
 def subscribe(system: str, settings: Mapping[str, str], body: str) -> BodySubscription:
-    """Subscribe to a body, through the one process for its system."""
+    """Return a subscription to a body, served by the single process of its system."""
     key = system, json.dumps(settings, sort_keys=True)
     with _lock:
         feed = _feeds.get(key)

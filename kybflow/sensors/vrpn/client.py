@@ -1,8 +1,9 @@
-"""The poses of VRPN servers: one thread a server, shared by all subscriptions.
+"""Poses from VRPN servers. Each server has one thread, shared by all its subscriptions.
 
 The thread connects, with growing pauses between attempts, pings silent bodies, converts the
-server's stamps to our clock and passes poses on as immutable values. Readers never block and never
-get an exception: without a server there are no poses, and `trouble` gives the reason.
+server's time stamps to the local clock, and passes poses on as immutable values. Readers never
+block and never get an exception: without a server there are no poses, and `trouble` gives the
+reason.
 """
 
 from __future__ import annotations
@@ -23,15 +24,16 @@ from kybflow.sensors.vrpn.link import Connection, ServerAddress
 from kybflow.sensors.vrpn.peer import Peer, SenderMessage
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
-"""Seconds between the starts of two attempts to connect; doubled each time."""
+"""Seconds between the starts of two attempts to connect: the first value, doubled after each
+failure up to the second."""
 PING_EVERY: Time = NS
 SILENT: Time = 5 * NS
 """Time without data, in spite of pings, after which the connection counts as lost."""
 REORDERED: Time = NS // 5
-"""A stamp that is older than the last by less than this was reordered; otherwise the server's clock
-was set."""
+"""A time stamp that is older than the last by less than this belongs to a reordered message. A
+larger step back means that the server's clock was set."""
 MOST_POSES = 2000
-"""Largest number of unread poses."""
+"""Largest number of unread poses; older ones are dropped."""
 
 
 class Key(NamedTuple):
@@ -40,7 +42,7 @@ class Key(NamedTuple):
 
 
 class VrpnSubscription:
-    """A subscription to one sensor of a body at a server; must be closed."""
+    """A subscription to one sensor of a body at a server. It must be closed after use."""
 
     def __init__(self, client: Client, key: Key) -> None:
         self.key = key
@@ -48,7 +50,7 @@ class VrpnSubscription:
         self._client = client
 
     def take(self) -> list[TrackerPose]:
-        """Return the poses since the last call, oldest first."""
+        """Return the poses that arrived since the last call, oldest first."""
         poses = self.poses
         return [poses.popleft() for _ in range(len(poses))]
 
@@ -128,8 +130,8 @@ class Client:
         self._waker.close()
 
     def _connect(self) -> None:
-        """Connect and deliver poses until the thread must end. Raises OSError or CodecError when
-        the connection is lost."""
+        """Connect, and deliver poses until the thread must end. Raises OSError or CodecError if the
+        connection fails or is lost."""
         connection = Connection(self.address, self._waker)
         try:
             listener = _Reader(connection, self._clock)
@@ -143,7 +145,7 @@ class Client:
 
 
 class _Reader:
-    """Delivers the poses of one connection. `last`: the newest stamp of each sensor."""
+    """Delivers the poses of one connection. last: the latest time stamp of each sensor."""
 
     def __init__(self, connection: Connection, clock: Callable[[], Time]) -> None:
         self.peer = Peer()
@@ -155,7 +157,8 @@ class _Reader:
         self._last_pose: dict[str, Time] = {}
 
     def receive(self, wanted: Mapping[Key, tuple[VrpnSubscription, ...]]) -> None:
-        """Wait for data, at most until the next ping is due, and deliver it."""
+        """Wait for data until the next ping may be due, and deliver it. Raises TimeoutError if the
+        server sends nothing for `SILENT`."""
         stream, datagrams = self._connection.wait(PING_EVERY / NS / 4)
         now = self._clock()
         is_connected = self.peer.is_connected
@@ -176,7 +179,7 @@ class _Reader:
             self._ping({key.body for key in wanted}, now)
 
     def _ping(self, bodies: set[str], now: Time) -> None:
-        """Ping bodies that have been silent."""
+        """Ping bodies without a pose for `PING_EVERY`."""
         if self._pinged is not None and now - self._pinged < PING_EVERY:
             return
         self._pinged = now
@@ -209,7 +212,7 @@ _lock = threading.Lock()
 
 
 def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscription:
-    """Subscribe to a body's sensor, over the one connection to its server."""
+    """Return a subscription to a body's sensor, served by the single connection to its server."""
     with _lock:
         client = _clients.get(address)
         if client is None:
@@ -219,6 +222,6 @@ def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscriptio
 
 
 def _listed(bodies: list[str]) -> str:
-    """Return `a`, `b` and 3 more."""
+    """Return a list of names as text, such as "`a`, `b` and 3 more"."""
     names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
     return f"{names} and {len(bodies) - 8} more" if len(bodies) > 8 else names

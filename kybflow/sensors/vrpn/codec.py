@@ -1,13 +1,13 @@
-"""The VRPN protocol: bytes to values and back, without sockets.
+"""Encoding and decoding of VRPN messages, without sockets.
 
 All numbers are big-endian. Each side of a TCP connection starts with a cookie of 24 bytes. Messages
 have a header of 24 bytes and a payload padded to a multiple of 8:
 
     u32 length = 24 + unpadded payload | u32 s | u32 us | i32 sender | i32 type | u32 sequence
 
-A UDP datagram holds whole messages. Each side numbers its types and senders, and describes them in
-system messages, which have a negative type and their argument as `sender`. Malformed data raises
-CodecError.
+A UDP datagram holds whole messages. Each side numbers its types and senders, and announces their
+names in system messages, which have a negative type and carry their argument as `sender`. Malformed
+data raises CodecError.
 
 Source: the public C++ library (vrpn_Connection.C, vrpn_Tracker.C of 07.38).
 """
@@ -26,7 +26,8 @@ COOKIE_SIZE = 24
 COOKIE = (MAGIC + VERSION + b"  0").ljust(COOKIE_SIZE, b"\0")
 """Our cookie: the version, and 0 for no logging."""
 SENDER, TYPE, UDP = -1, -2, -3
-"""System messages: the description of a sender or a type, and the target of datagrams."""
+"""Types of system messages: the description of a sender, the description of a type, and the address
+for datagrams."""
 POSE, PING, PONG, TEXT = (
     "vrpn_Tracker Pos_Quat",
     "vrpn_Base ping_message",
@@ -48,8 +49,8 @@ class CodecError(DriverError):
 
 
 class Message(NamedTuple):
-    """One message. stamp: the sender's clock, nanoseconds since 1970 in whole microseconds. sender,
-    type: numbers that the sender chose."""
+    """A message. stamp: time on the sender's clock, nanoseconds since 1970, in whole microseconds.
+    sender, type: numbers that the sending side assigned."""
 
     stamp: Time
     sender: int
@@ -91,8 +92,8 @@ def encode(message: Message, sequence: int = 0) -> bytes:
 
 
 class MessageDecoder:
-    """Splits a stream of bytes into messages. `version`: None until the cookie has arrived. After a
-    CodecError the connection must be reopened, with a new decoder."""
+    """Splits a stream of bytes into messages. version: the peer's version, None until its cookie
+    has arrived. After a CodecError, the connection must be reopened with a new decoder."""
 
     def __init__(self) -> None:
         self.version: str | None = None
@@ -124,7 +125,7 @@ def decode_datagram(data: bytes) -> list[Message]:
 
 
 def _split(data: bytes | bytearray) -> tuple[list[Message], int]:
-    """Return the complete messages at the start of `data`, and where they end."""
+    """Return the complete messages at the start of `data`, and the index after the last one."""
     messages: list[Message] = []
     at, size = 0, _HEADER.size
     while at + size <= len(data):
@@ -140,7 +141,8 @@ def _split(data: bytes | bytearray) -> tuple[list[Message], int]:
 
 
 def describe(kind: int, number: int, name: str) -> Message:
-    """Return the system message that gives a number to the name of a SENDER or a TYPE."""
+    """Return the system message that assigns a number to the name of a sender or type. kind: SENDER
+    or TYPE. Raises CodecError if the name or the number is invalid."""
     text = name.encode("utf-8", "replace")
     if not 0 < len(text) <= LONGEST_NAME or b"\0" in text:
         raise CodecError(f"`{name}` is no VRPN name: it needs 1 to {LONGEST_NAME} bytes, no NUL")
@@ -150,7 +152,7 @@ def describe(kind: int, number: int, name: str) -> Message:
 
 
 def described(message: Message) -> tuple[int, str]:
-    """Return the number and the name in a description."""
+    """Return the number and the name that a description assigns."""
     if not 0 <= message.sender < MOST_NAMES:
         raise CodecError(f"a description of number {message.sender}; they go to {MOST_NAMES - 1}")
     (length,) = _unpack(_LENGTH, message.payload[: _LENGTH.size], "description")
@@ -161,7 +163,7 @@ def described(message: Message) -> tuple[int, str]:
 
 
 def target_message(address: str, port: int) -> Message:
-    """Return the system message that asks the peer to send datagrams to this address."""
+    """Return the system message that asks the peer to send datagrams to an address."""
     return Message(0, port, UDP, address.encode("ascii") + b"\0")
 
 
@@ -175,7 +177,7 @@ def encode_lob(address: str, port: int) -> bytes:
 
 
 def decode_lob(data: bytes) -> tuple[str, int]:
-    """Return the address and port in such a datagram."""
+    """Return the address and port in a datagram that requests a connection."""
     words = _string(data).split(" ")
     if len(words) != 2 or not (words[1].isascii() and words[1].isdigit()) or len(words[1]) > 5:
         raise CodecError(f"no request for a connection: {data[:40]!r}")
@@ -191,13 +193,13 @@ def encode_pose(report: PoseReport) -> bytes:
 
 
 def decode_pose(payload: bytes) -> PoseReport:
-    """Return the pose in a payload; its numbers may be anything, even NaN."""
+    """Return the pose in a payload. Its numbers are not checked and may be NaN."""
     sensor, _, px, py, pz, x, y, z, w = _unpack(_POSE, payload, "pose")
     return PoseReport(sensor, (px, py, pz), (w, x, y, z))
 
 
 def decode_text(payload: bytes) -> tuple[int, str]:
-    """Return the severity (0 normal, 1 warning, 2 error) and the text of a TEXT."""
+    """Return the severity (0 normal, 1 warning, 2 error) and the text of a TEXT message."""
     severity, _ = _unpack(_TEXT, payload[: _TEXT.size], "text")
     return severity, _string(payload[_TEXT.size :])
 

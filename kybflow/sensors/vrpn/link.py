@@ -15,16 +15,17 @@ from kybflow.sensors.vrpn.codec import COOKIE, encode_lob
 
 PORT = 3883
 TIMEOUT = 2.0
-"""Seconds to wait for a server's answer; requests by datagram must not be more frequent."""
+"""Seconds to wait for a server's answer. Requests by datagram must be at least this far apart."""
 _AT_ONCE = struct.pack("ii", 1, 0)
-"""Closes with a reset when the server has gone, so that its successor can use the port at once. The
-C++ server doesn't set SO_REUSEADDR and would have to wait for a minute."""
+"""Value of SO_LINGER with which a socket closes by a reset when the server has gone, so that a new
+server can use the port at once. The C++ server doesn't set SO_REUSEADDR and would have to wait for
+a minute."""
 _ADDRESS = re.compile(r"(?:(tcp)://)?([^\s:/@\[\]]+|\[[0-9A-Fa-f:.]+\])(?::(\d{1,5}))?")
 
 
 class ServerAddress(NamedTuple):
-    """A server. direct: connect by TCP (VRPN's `tcp://HOST`); otherwise request a TCP call-back by
-    datagram, and receive poses as datagrams (VRPN's `HOST`)."""
+    """The address of a server. direct: connect by TCP (VRPN's `tcp://HOST`); otherwise request a
+    TCP call-back by datagram, and receive poses as datagrams (VRPN's `HOST`)."""
 
     host: str
     port: int = PORT
@@ -35,7 +36,8 @@ class ServerAddress(NamedTuple):
 
 
 def read_address(text: str, direct: bool) -> ServerAddress:
-    """Parse `HOST`, `HOST:PORT` or, if `direct`, `tcp://HOST:PORT`. Raises DriverError."""
+    """Return the address written as `HOST`, `HOST:PORT` or, if `direct`, `tcp://HOST:PORT`. Raises
+    DriverError if it is invalid."""
     match = _ADDRESS.fullmatch(text.strip())
     port = int(match[3] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
@@ -46,10 +48,12 @@ def read_address(text: str, direct: bool) -> ServerAddress:
 
 
 class Connection:
-    """An open connection. `here`: the address that receives datagrams; None without datagrams."""
+    """An open connection. here: the local address that receives datagrams; None without
+    datagrams."""
 
     def __init__(self, address: ServerAddress, waker: Waker) -> None:
-        """Raises OSError if there is no server, InterruptedError if the waker ends meanwhile."""
+        """Connect. Raises OSError if there is no server, and InterruptedError if `waker` is ended
+        during the attempt."""
         self.here: tuple[str, int] | None = None
         self._datagrams: socket.socket | None = None
         self._waker = waker
@@ -68,13 +72,13 @@ class Connection:
             raise
 
     def send(self, data: bytes) -> None:
-        """Over TCP. Raises OSError."""
+        """Send data over TCP. Raises OSError."""
         if self._stream is not None and data:
             self._stream.sendall(data)
 
     def wait(self, seconds: float) -> tuple[bytes, list[bytes]]:
-        """Wait for data for so many seconds; return bytes from TCP, and datagrams. Both are empty
-        after a timeout or a wake-up. Raises OSError when the connection is lost."""
+        """Wait for data for at most `seconds`. Return the bytes from TCP, and the datagrams; both
+        are empty after a timeout or a wake-up. Raises OSError when the connection is lost."""
         stream, datagrams = b"", []
         for key, _ in self._selector.select(seconds):
             if key.fileobj is self._waker.receiver:
@@ -95,7 +99,7 @@ class Connection:
                 opened.close()
 
     def _drain(self) -> list[bytes]:
-        """Return the datagrams that have arrived from the server."""
+        """Return the datagrams that have arrived from the server, at most 100."""
         received: list[bytes] = []
         while self._datagrams is not None and len(received) < 100:
             try:
@@ -107,7 +111,7 @@ class Connection:
         return received
 
     def _ask(self, address: ServerAddress) -> socket.socket:
-        """Request a call-back by datagram, and accept it."""
+        """Request a call-back by datagram. Return the socket on which the server connects."""
         family, _, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_DGRAM
         )[0]

@@ -1,4 +1,5 @@
-"""One end of a VRPN connection without its socket: encodes and decodes messages by names."""
+"""One end of a VRPN connection, without its socket. It encodes and decodes messages, with senders
+and types given by name."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ from kybflow.sensors.vrpn.codec import (
 
 
 class SenderStatus(NamedTuple):
-    """Something other than a pose. kind: PING, PONG or TEXT."""
+    """A message other than a pose. kind: PING, PONG or TEXT."""
 
     kind: str
     text: str = ""
@@ -37,7 +38,7 @@ class SenderStatus(NamedTuple):
 
 
 class SenderMessage(NamedTuple):
-    """A decoded message. sender: a name. stamp: of the peer's clock."""
+    """A decoded message. sender: its name. stamp: time on the peer's clock."""
 
     sender: str
     stamp: Time
@@ -45,8 +46,9 @@ class SenderMessage(NamedTuple):
 
 
 class Peer:
-    """Decodes what the other end sends and encodes what it receives. `datagrams_to`: where it wants
-    datagrams; None if unknown. `senders`: its names by number."""
+    """Decodes the messages from the other end and encodes those to it. datagrams_to: the address at
+    which the other end wants datagrams; None if unknown. senders: the other end's sender names by
+    number."""
 
     def __init__(self) -> None:
         self.datagrams_to: tuple[str, int] | None = None
@@ -62,32 +64,36 @@ class Peer:
         return self._decoder.version is not None
 
     def receive(self, data: bytes) -> list[SenderMessage]:
-        """Decode bytes from TCP. Raises CodecError, after which the connection must be closed."""
+        """Return the messages that bytes from TCP complete. Raises CodecError, after which the
+        connection must be closed."""
         return self._decode(self._decoder.feed(data))
 
     def receive_datagram(self, data: bytes) -> list[SenderMessage]:
-        """Decode a datagram. Raises CodecError, which doesn't affect the connection."""
+        """Return the messages in a datagram. Raises CodecError, which doesn't affect the
+        connection."""
         messages = decode_datagram(data)
         if any(message.type < 0 for message in messages):
             raise CodecError("a description in a datagram")
         return self._decode(messages)
 
     def message(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
-        """Encode a message for TCP, preceded by the descriptions that it needs."""
+        """Encode a message for TCP, preceded by the descriptions of its sender and type if the peer
+        needs them."""
         introduction = self.introduce(sender, kind)
         return introduction + self._numbered(self._message(sender, kind, stamp, payload))
 
     def datagram(self, sender: str, kind: str, stamp: Time, payload: bytes = b"") -> bytes:
-        """Encode a message for a datagram; both names must have been introduced."""
+        """Encode a message as a datagram. The peer must know its sender and its type already
+        (`introduce`)."""
         self._datagram += 1
         return encode(self._message(sender, kind, stamp, payload), self._datagram - 1)
 
     def ask_for_datagrams(self, address: str, port: int) -> bytes:
-        """Encode the request for datagrams, for TCP."""
+        """Encode the request, sent over TCP, for datagrams to an address."""
         return self._numbered(target_message(address, port))
 
     def introduce(self, sender: str, *kinds: str) -> bytes:
-        """Encode the descriptions, for TCP, of names that the peer doesn't know yet."""
+        """Encode the descriptions, sent over TCP, of those names that the peer doesn't know yet."""
         out = b""
         for table, name in ((SENDER, sender), *((TYPE, kind) for kind in kinds)):
             known = self._introduced[table]
@@ -126,7 +132,7 @@ class Peer:
         return reports
 
     def _apply(self, message: Message) -> None:
-        """Apply a system message; those about logging are ignored."""
+        """Apply a system message. Messages about logging are ignored."""
         if message.type in (SENDER, TYPE):
             number, name = described(message)
             (self.senders if message.type == SENDER else self._types)[number] = name

@@ -1,6 +1,6 @@
 """Publishes the simulated motion capture of vehicles and moving obstacles on a VRPN server.
 
-The poses are those that the mission itself receives, including noise, latency and faults.
+The published poses are those that the mission receives, including noise, latency and faults.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from kybflow.sensors.simulated_motion_capture import (
 from kybflow.sensors.vrpn.server import Server
 
 Publish = Callable[[str, Pose], None]
-"""Publishes the pose of a named vehicle, stamped in the run's time."""
+"""A function that publishes the pose of a named body, stamped in the run's time."""
 
 
 def to(server: Server, clock: Callable[[], Time] = time.time_ns) -> Publish:
-    """Return a function that publishes on `server`, with stamps as if the first pose were from
-    now."""
+    """Return a function that publishes on `server`. Time stamps are shifted such that the first
+    pose has the current time."""
     began: list[Time] = []
 
     def publish(name: str, pose: Pose) -> None:
@@ -42,8 +42,8 @@ def to(server: Server, clock: Callable[[], Time] = time.time_ns) -> Publish:
 
 
 def published(plan: Plan, publish: Publish) -> Plan:
-    """Return the plan with drivers that publish the poses of vehicles and moving obstacles as they
-    arrive. Raises KybflowError if a vehicle is not simulated."""
+    """Return the plan with drivers that also publish the poses of vehicles and moving obstacles as
+    they arrive. Raises KybflowError if a vehicle is not simulated."""
     for vehicle in plan.vehicles:
         if not vehicle.driver.cls.simulated:
             raise KybflowError(f"`{vehicle.name}` flies on `{vehicle.driver.name}`, which is real")
@@ -61,7 +61,8 @@ def published(plan: Plan, publish: Publish) -> Plan:
 
 
 class PoseNoise(NamedTuple):
-    """Standard deviations of a pose's position along each axis and its attitude about each."""
+    """Standard deviations of a pose's position along each axis (metres) and of its attitude about
+    each axis (radians)."""
 
     position: float
     attitude: float
@@ -70,8 +71,8 @@ class PoseNoise(NamedTuple):
 def still(
     places: Mapping[str, Vec3], publish: Publish, noise: PoseNoise, generator: random.Random
 ) -> Callable[[Time], None]:
-    """Return a function that publishes bodies at rest at a given time, with noise, without which
-    they would count as frozen."""
+    """Return a function that publishes the poses of bodies at rest at a given time. Without noise,
+    clients would regard the bodies as frozen."""
 
     def drawn(deviation: float) -> Vec3:
         gauss = generator.gauss
@@ -86,7 +87,7 @@ def still(
 
 
 class _Published:
-    """Wraps a driver, and publishes the poses that its links read."""
+    """Wraps a driver and publishes the poses read from its links."""
 
     def __init__(self, driver: type[Driver[Any]], publish: Publish, balls: _Balls) -> None:
         self._driver, self._publish, self._balls = driver, publish, balls
@@ -114,7 +115,7 @@ class _Balls:
         }
 
     def step(self, now: Time) -> None:
-        """Publish the poses of each obstacle, at most once for any time."""
+        """Publish the poses of each obstacle that have arrived since the last call."""
         for body, stream in self._streams.items():
             for pose in stream.read(now):
                 if type(pose) is Pose:
@@ -126,7 +127,7 @@ def _poses(link: Link, generator: random.Random) -> SimulatedPoses:
 
 
 def _tap(link: Link, name: str, publish: Publish, balls: _Balls) -> None:
-    """Make `link` publish its poses, and those of the obstacles, whenever it is read."""
+    """Make `link` publish the vehicle's poses, and those of the obstacles, whenever it is read."""
     read = link.read
 
     def tapped(now: Time) -> Sequence[Measurement]:

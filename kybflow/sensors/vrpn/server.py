@@ -35,16 +35,16 @@ from kybflow.sensors.vrpn.link import PORT
 from kybflow.sensors.vrpn.peer import Peer, SenderStatus
 
 MOST_WAITING = 1 << 16
-"""Bytes that a client may leave unread, here and again in the system's buffer; older poses are
-useless."""
+"""Number of bytes that a client may leave unread in the server's buffer, and as many in the
+system's buffer. Older poses are useless."""
 CALL_BACK = 1.0
 """Timeout of a call-back, seconds."""
 MOST_CLIENTS = 100
 
 
 class Server:
-    """Serves until `close`. port: to listen on; with 0 any free port, given by the attribute.
-    Raises DriverError if it can't listen."""
+    """Serves clients until `close` is called. port: the port to listen on; if 0, a free port, which
+    the attribute `port` then gives. Raises DriverError if it can't listen."""
 
     def __init__(
         self, host: str = "127.0.0.1", port: int = PORT, clock: Callable[[], Time] = time.time_ns
@@ -70,8 +70,8 @@ class Server:
     def publish(
         self, body: str, position: Vec3, attitude: Quat, stamp: Time | None = None, sensor: int = 0
     ) -> None:
-        """Send a pose to every client. stamp: nanoseconds since 1970; now by default. Raises
-        CodecError if the name is invalid in VRPN."""
+        """Send a pose to every client. stamp: nanoseconds since 1970; the current time by default.
+        Raises CodecError if the body's name is invalid in VRPN."""
         stamp = self._clock() if stamp is None else stamp
         payload = encode_pose(PoseReport(sensor, position, attitude))
         with self._lock:
@@ -107,8 +107,8 @@ class Server:
                     self._serve_client(key.data, events)
 
     def _requested(self) -> None:
-        """Connect to a client that requests it, at the sender's address, not the one in the
-        request, so that the server can't be directed at a third party."""
+        """Connect to a client that requests a call-back. The connection goes to the sender of the
+        request, not to the address in it, so that the server can't be directed at a third party."""
         try:
             data, (address, *_) = self._requests.recvfrom(CHUNK)
             _, port = decode_lob(data)
@@ -154,7 +154,7 @@ class Server:
                 client.send(client.peer.message(sender, PONG, self._clock()))
 
     def _attempt(self, client: _ClientConnection, what: Callable[[], None]) -> None:
-        """Call `what`; drop the client if that fails."""
+        """Call `what`, and drop the client if the call fails."""
         try:
             what()
         except BlockingIOError:
@@ -170,7 +170,8 @@ class Server:
 
 
 class _ClientConnection:
-    """One client. address: where it requested a call-back; None if it connected itself."""
+    """The connection to one client. address: the address that requested a call-back; None if the
+    client connected by itself."""
 
     def __init__(
         self, stream: socket.socket, selector: selectors.BaseSelector, address: str | None
@@ -185,7 +186,7 @@ class _ClientConnection:
         self._unsent = bytearray()
 
     def pose(self, body: str, stamp: Time, payload: bytes) -> None:
-        """Send a pose as a datagram if the client asked for datagrams, else over TCP."""
+        """Send a pose as a datagram if the client requested datagrams, otherwise over TCP."""
         self.send(self.peer.introduce(body, POSE))
         where = self.peer.datagrams_to
         if self._address is None or where is None:
@@ -196,7 +197,7 @@ class _ClientConnection:
             self.datagrams.sendto(data, (self._address, where[1]))
 
     def send(self, data: bytes) -> None:
-        """Send over TCP; what doesn't fit now is sent later. Raises OSError."""
+        """Send data over TCP, as much as possible now and the rest later. Raises OSError."""
         if data:
             self._unsent += data
             if len(self._unsent) > MOST_WAITING:

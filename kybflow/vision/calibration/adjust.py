@@ -1,9 +1,9 @@
-"""Solves for the corrections that explain a walk best, and their covariance.
+"""Solves for the corrections that best explain a walk, and for their covariance.
 
-SciPy's `least_squares` (a trust region; Branch, Coleman and Li, 1999) minimises the sum of rho(r^2)
-over the residuals of `model`: first with rho(z) = 2 (sqrt(1 + z) - 1), which limits the effect of a
-wrong tag or pose, then with squares, of residuals within 5 standard deviations. The standard
-deviation of a kind is estimated from its n residuals,
+SciPy's `least_squares` (a trust region method; Branch, Coleman and Li, 1999) minimises the sum of
+rho(r^2) over the residuals of `model`: first with rho(z) = 2 (sqrt(1 + z) - 1), which limits the
+effect of a wrong tag or pose, then with plain squares of the residuals within 5 standard
+deviations. The standard deviation of a kind is estimated from its n residuals,
 
     sigma^2 = sum r^2 / (n - tr(N^-1 J_k^T J_k)),    N = J^T J
 
@@ -46,8 +46,8 @@ BELIEVED: Mapping[str, float] = {
     "velocity": 0.3,
     "rates": 0.5,
 }
-"""Prior standard deviation of each kind: pixels, metres, radians, seconds; relative for the focal
-length."""
+"""Prior standard deviation of each kind, in pixels, metres, radians, seconds, m/s or rad/s;
+relative for the focal length."""
 _LEAST = {
     "corners": 0.02,
     "reference position": 1e-4,
@@ -59,15 +59,15 @@ _LEAST = {
     "velocity": 0.01,
     "rates": 0.01,
 }
-"""The kinds whose standard deviation residuals determine, with the smallest value."""
+"""The kinds whose standard deviation is estimated from residuals, with its smallest value."""
 _KEPT = frozenset({"velocity", "rates"})
 """The kinds without outlier rejection."""
 _ENOUGH = 12.0
-"""Least number of remaining residuals."""
+"""Smallest number of remaining residuals from which a standard deviation is estimated."""
 _FAR = 5.0
-"""Standard deviations from which a residual is an outlier."""
+"""Number of standard deviations above which a residual is an outlier."""
 _NORMAL = 1.4826
-"""Standard deviation of a normal distribution over the median of its absolute values."""
+"""Ratio of a normal distribution's standard deviation to the median of its absolute values."""
 _ROUNDS = 3
 _LONG = 1e4
 """Largest first step, standard deviations."""
@@ -75,8 +75,8 @@ _DONE = 1e-7
 
 
 class Adjusted(NamedTuple):
-    """The solution. x: the corrections. sigma: the standard deviation of each kind. used: which
-    units of each kind are no outliers."""
+    """A solution. x: the corrections. sigma: the standard deviation of each kind. used: for each
+    kind, which residuals are not outliers."""
 
     x: Array
     covariance: Array
@@ -85,7 +85,8 @@ class Adjusted(NamedTuple):
 
 
 def adjust(walk: Walk, x: Array, sigma: Mapping[str, float] = BELIEVED) -> Adjusted:
-    """Return the corrections, starting from `x`. Raises CalibrationFailed if there are none."""
+    """Return the corrections that best explain a walk, starting from `x`. Raises CalibrationFailed
+    if there is no solution."""
     used = {block.kind: numpy.ones(len(block.unit), bool) for block in blocks(walk, x, sigma)}
     found = Adjusted(x, numpy.empty((0, 0)), sigma, used)
     try:
@@ -125,7 +126,7 @@ def _solved(walk: Walk, begun: Adjusted, loss: str) -> Array:
 
 
 def _system(walk: Walk, x: Array, with_: Adjusted) -> tuple[Array, Any]:
-    """Return the residuals that are no outliers, and their sparse Jacobian."""
+    """Return the residuals that are not outliers, and their sparse Jacobian."""
     from scipy.sparse import vstack
 
     parts = [
@@ -146,7 +147,7 @@ def _sparse(block: Block, size: int) -> Any:
 
 
 def _weighed(walk: Walk, x: Array, before: Adjusted) -> Adjusted:
-    """Reject outliers at `x`, and estimate standard deviations and covariance."""
+    """Return the solution `x` with its outliers, standard deviations and covariance."""
     from scipy.linalg import inv
 
     sigma, used = dict(before.sigma), dict(before.used)

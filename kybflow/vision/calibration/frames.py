@@ -1,7 +1,7 @@
-"""The frames of a recorded walk: a video, or a folder of images in the order of their names.
+"""The frames of a recorded walk: a video, or a folder of images ordered by name.
 
-The walk is divided into sections, and the sharpest frame of each is used. The times of a video
-count from its first frame; the time of an image is the number, in seconds, at the start of its
+The walk is divided into sections, and the sharpest frame of each section is used. The times of a
+video count from its first frame; the time of an image is the number of seconds at the start of its
 name.
 """
 
@@ -26,22 +26,22 @@ _SECONDS = re.compile(r"\d+(\.\d+)?")
 
 
 class WalkFrame(NamedTuple):
-    """A grey image, and when it was taken, seconds; NaN if unknown."""
+    """A grey image, and the time at which it was taken, seconds; NaN if unknown."""
 
     time: float
     image: NDArray[Any]
 
 
 class WalkFrames(NamedTuple):
-    """Selected frames of a walk, and the number of all frames."""
+    """The selected frames of a walk, and the number of all its frames."""
 
     frames: list[WalkFrame]
     total: int
 
 
 def recorded(path: Path, camera: Camera, most: int) -> WalkFrames:
-    """Return at most `most` frames of a video or folder. Raises CalibrationFailed if there are
-    none, and DriverError if one doesn't have the camera's size."""
+    """Return the sharpest frames of a video or folder, `most` at most. Raises CalibrationFailed if
+    there are none or one can't be read, and DriverError if one doesn't have the camera's size."""
     sharp = [cv2.Laplacian(f.image, cv2.CV_32F).var() for f in _frames(path, camera)]
     if not sharp:
         raise CalibrationFailed(f"`{path}` has no frames")

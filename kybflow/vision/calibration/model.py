@@ -1,19 +1,20 @@
-"""The residuals of a bundle adjustment, of a walk with a camera over printed tags, and their sparse
+"""The residuals of a bundle adjustment for a walk with a camera over printed tags, and their sparse
 Jacobian.
 
 The unknowns are corrections of the prior values, x = (lens, mount, offset, tags, frames):
 
-    lens    s, dcx, dcy, dk1       focal lengths (1 + s) f0, centre in pixels, first radial term
-    mount   dm, r                  the lens at m = m0 + dm of the body, its frame M = exp([r]x) M0
-    offset  o                      the reference's clock is o seconds behind the frames'
-    tags    dt, h                  of each: its centre, and its heading about the vertical
-    frames  dp, d (, v, w)         of each: the lens at p = p0 + dp, its frame C = C0 exp([d]x) to
-                                   the world; for a rolling shutter also its velocity and rates
+    lens    s, dcx, dcy, dk1  focal lengths (1 + s) f0, centre in pixels, first radial term
+    mount   dm, r             the lens is at m = m0 + dm in the body, its frame M = exp([r]x) M0
+    offset  o                 the reference's clock is o seconds behind the frames' clock
+    tags    dt, h             for each tag: its centre, and its heading about the vertical
+    frames  dp, d (, v, w)    for each frame: the lens is at p = p0 + dp, and C = C0 exp([d]x) turns
+                              its frame to the world; for a rolling shutter also velocity and rates
 
-A corner that is q from its tag's centre t lies at X = t + Rz(h) q, at c = C^T (X - p) in the
-optical frame, and appears at u(c_x / c_z, c_y / c_z), the lens of `projection`. A row that is read
-a after the middle one has the pose p + v a and C exp([w a]x). With U = du/dc, the derivatives are
-(Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle adjustment - a modern synthesis", 2000, ch. 4)
+A tag corner, offset by q from the tag's centre t, lies at X = t + Rz(h) q in the world and at
+c = C^T (X - p) in the optical frame, and appears at u(c_x / c_z, c_y / c_z), with u the lens of
+`projection`. A row that is read a seconds after the middle row has the pose p + v a and
+C exp([w a]x). With U = du/dc, the derivatives are (Triggs, McLauchlan, Hartley and Fitzgibbon,
+"Bundle adjustment - a modern synthesis", 2000, ch. 4)
 
     du/dp = -U C^T    du/dd = U [c]x    du/dt = U C^T    du/dh = U C^T (z x Rz(h) q)
 
@@ -49,9 +50,9 @@ from kybflow.world.tags import Tag
 Array = NDArray[Any]
 
 LENS, MOUNT, OFFSET, TAG, FRAME = 4, 6, 1, 4, 6
-"""The number of corrections of each."""
+"""The number of corrections of the lens, the mount, the offset, a tag and the pose of a frame."""
 TAGS = LENS + MOUNT + OFFSET
-"""Index of the tags' first correction."""
+"""Index of the first tag's first correction."""
 CORRECTIONS = {
     "focal": [0],
     "centre": [1, 2],
@@ -65,7 +66,7 @@ _NEAR = 1e-3
 
 
 class Seen(NamedTuple):
-    """Observed corners. frame, tag, corner: (k,) indices, the corner's in the order of
+    """Observed corners. frame, tag, corner: (k,) indices; corners are in the order of
     `Tag.corners`. pixel: (k, 2)."""
 
     frame: Array
@@ -75,8 +76,9 @@ class Seen(NamedTuple):
 
 
 class KnownPoses(NamedTuple):
-    """The body's poses from a reference. frame: (k,) indices. position: (k, 3). body: (k, 3, 3),
-    body to world. velocity: (k, 3), world. rates: (k, 3), body."""
+    """The body's poses from a reference. frame: (k,) indices. position: (k, 3), world, metres.
+    body: (k, 3, 3), rotations from body to world. velocity: (k, 3), world, m/s. rates: (k, 3),
+    body, rad/s."""
 
     frame: Array
     position: Array
@@ -86,9 +88,9 @@ class KnownPoses(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Residuals of one kind. values: (k, r), with standard deviation 1 if `sigma` of the kind is
-    right. unit: (k,), residuals with equal numbers are rejected together. columns: (k, c) and
-    slopes: (k, r, c), the Jacobian."""
+    """Residuals of one kind. values: (k, r), divided by their standard deviation. unit: (k,),
+    residuals with equal numbers are rejected together. columns (k, c) and slopes (k, r, c): the
+    Jacobian."""
 
     kind: str
     values: Array
@@ -99,8 +101,8 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class Walk:
-    """The observations of a walk, and the prior values. at: (n, 3) and turn: (n, 3, 3), the
-    approximate pose of the lens in each frame, optical frame to world."""
+    """The observations of a walk, and the prior values. at: (n, 3), approximate positions of the
+    lens in each frame. turn: (n, 3, 3), its approximate rotations from optical frame to world."""
 
     camera: Camera
     tags: Sequence[Tag]
@@ -116,7 +118,7 @@ class Walk:
 
     @property
     def frames(self) -> int:
-        """Index of the frames' first correction."""
+        """Index of the first frame's first correction."""
         return TAGS + TAG * len(self.tags)
 
     @property
@@ -143,7 +145,7 @@ class Walk:
 
 
 def corrected_lens(lens: Lens, x: Array) -> Lens:
-    """Return the lens after the corrections `x`."""
+    """Return the lens corrected by `x`."""
     s, cx, cy, k1 = x[:LENS].tolist()
     first, *rest = lens.distortion
     return lens._replace(
@@ -153,7 +155,7 @@ def corrected_lens(lens: Lens, x: Array) -> Lens:
 
 
 def turned(matrix: Array, vector: Array) -> Array:
-    """Return matrix exp([vector]x), of many."""
+    """Return `matrix` exp([`vector`]x), for k matrices (k, 3, 3) and vectors (k, 3)."""
     from scipy.spatial.transform import Rotation
 
     found: Array = matrix @ Rotation.from_rotvec(vector).as_matrix()
@@ -161,7 +163,7 @@ def turned(matrix: Array, vector: Array) -> Array:
 
 
 def rotation_vector(matrix: Array) -> Array:
-    """Return the logarithms of rotations, (k, 3)."""
+    """Return the rotation vectors of rotation matrices, (k, 3)."""
     from scipy.spatial.transform import Rotation
 
     vectors: Array = Rotation.from_matrix(matrix).as_rotvec()
@@ -169,15 +171,16 @@ def rotation_vector(matrix: Array) -> Array:
 
 
 def poses(walk: Walk, x: Array) -> tuple[Array, Array, Array]:
-    """Return position (n, 3), optical frame to world (n, 3, 3), and motion (n, 6) of the lens in
-    each frame."""
+    """Return the pose and motion of the lens in each frame: positions (n, 3), rotations from the
+    optical frame to the world (n, 3, 3), and velocity and rates (n, 6)."""
     parts = x[walk.frames :].reshape(len(walk.at), walk.per_frame)
     motion = parts[:, FRAME:] if walk.per_frame > FRAME else numpy.zeros((len(parts), FRAME))
     return walk.at + parts[:, :3], turned(walk.turn, parts[:, 3:6]), motion
 
 
 def mounting(camera: Camera, x: Array) -> tuple[Array, Array]:
-    """Return the lens in the body, (3,), and its optical frame to the body, (3, 3)."""
+    """Return the corrected position of the lens in the body, (3,), and the rotation from its
+    optical frame to the body, (3, 3)."""
     first = x[LENS : LENS + MOUNT]
     turn = turned(numpy.eye(3), first[3:]) @ rotation(camera.attitude)
     return numpy.array(camera.position) + first[:3], turn
@@ -264,7 +267,8 @@ def _reference(
 def _reference_motion(
     walk: Walk, known: KnownPoses, x: Array, sigma: Mapping[str, float]
 ) -> Iterator[Block]:
-    """Yield residuals of a rolling shutter's motion against the body's, with the prior mount."""
+    """Yield the residuals of a rolling shutter's motion relative to the reference's, with the prior
+    mount."""
     m, mount = mounting(walk.camera, numpy.zeros(TAGS))
     velocity = known.velocity + numpy.einsum("kij,kj->ki", known.body, numpy.cross(known.rates, m))
     motion = poses(walk, x)[2][known.frame]
@@ -307,7 +311,7 @@ def _about_vertical(angle: Array, vector: Array) -> Array:
 
 
 def skew(vector: Array) -> Array:
-    """Return [v]x, of one or many."""
+    """Return the matrix [v]x of a vector or of an array of vectors, (..., 3, 3)."""
     x, y, z = numpy.moveaxis(vector, -1, 0)
     none = numpy.zeros_like(x)
     rows = ((none, -z, y), (z, none, -x), (-y, x, none))
@@ -319,6 +323,6 @@ def _eyes(count: int, size: int) -> Array:
 
 
 def _columns(first: int, size: int, which: Array) -> Array:
-    """Return the columns of items of `size` corrections each, (k, size)."""
+    """Return the Jacobian's columns of items with `size` corrections each, (k, size)."""
     columns: Array = first + size * which[:, None] + numpy.arange(size)
     return columns

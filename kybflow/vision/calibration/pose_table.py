@@ -1,11 +1,12 @@
-"""Where a body was, as a table of text (`kybflow.core.tables`), a row a pose, in order of time:
+"""Tables of a body's poses in text form (`kybflow.core.tables`), with one row per pose in order of
+time:
 
     time, x, y, z, qw, qx, qy, qz
     0.00, 1.0, 2.0, 1.1, 1, 0, 0, 0
     ...
 
-or with `roll`, `pitch` and `heading`, each with its unit, in place of the quaternion, which turns
-from the body to the world. Everything raises FileError, which names the line.
+The quaternion turns from the body to the world. Columns `roll`, `pitch` and `heading`, each with
+its unit, may replace it. Errors in a table raise FileError, which names the line.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ _COLUMNS: dict[str, Dimension | None] = {
 }
 _LIKE = "time, x, y, z, qw, qx, qy, qz"
 _UNIT = 0.01
-"""By how much a quaternion's square may not be 1."""
+"""Largest deviation of a quaternion's squared norm from 1."""
 
 
 class TimedPose(NamedTuple):
-    """Where a body was. time: seconds. attitude: body to world."""
+    """The pose of a body at a time. time: seconds. attitude: body to world."""
 
     time: float
     position: Vec3
@@ -39,7 +40,7 @@ class TimedPose(NamedTuple):
 
 
 def read_poses(text: str) -> tuple[TimedPose, ...]:
-    """The poses of a table, two at least, in the order of their times, each with another."""
+    """Return the poses of a table: at least two, at increasing times. Raises FileError."""
     table = read_table(text, _COLUMNS, "poses", _LIKE)
     turns = _ANGLES if any(name in table.columns for name in _ANGLES) else _QUATERNION
     need(table, ("time", "x", "y", "z", *turns), header_line(text))

@@ -1,7 +1,7 @@
-"""The poses of a body from motion capture, at the times of frames.
+"""The poses of a body from motion capture at the times of frames.
 
-The two clocks differ. A grid search finds the offset with the least median distance between the
-poses from tags and the track; the bundle adjustment then refines it.
+The clocks of the two differ. A grid search finds the offset with the smallest median distance
+between the positions from tags and the track; the bundle adjustment then refines it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _GRID = 0.05
 _GAP = 0.1
 """Largest gap between two poses to interpolate, seconds."""
 _AROUND = 0.01
-"""Seconds to either side for finite differences of velocities."""
+"""Half the interval of the finite differences that give velocities, seconds."""
 _SHARE = 0.5
-"""Least share of the frames that the track must cover."""
+"""Smallest share of the frames that the track must cover."""
 
 
 class RecordedTrack(NamedTuple):
-    """Poses ordered by time. time: (n,), seconds. position: (n, 3). attitude: (n, 4), w first, body
-    to world."""
+    """Poses ordered by time. time: (n,), seconds. position: (n, 3), metres. attitude: (n, 4),
+    quaternions from body to world, w first."""
 
     time: Array
     position: Array
@@ -34,8 +34,8 @@ class RecordedTrack(NamedTuple):
 
 
 def reference_at(track: RecordedTrack, times: Array, offset: float) -> KnownPoses:
-    """Return the track's poses at those `times` that it covers. offset: the track's clock minus the
-    frames'."""
+    """Return the track's poses at those of `times` that it covers. offset: the track's clock minus
+    the frames' clock, seconds."""
     from scipy.spatial.transform import Rotation, Slerp
 
     at = times + offset
@@ -53,8 +53,8 @@ def reference_at(track: RecordedTrack, times: Array, offset: float) -> KnownPose
 
 
 def rough_offset(track: RecordedTrack, times: Array, positions: Array) -> float | None:
-    """Return the track's clock minus the frames', to the nearest step of the grid; None if they
-    don't overlap. positions: (n, 3), the body's from tags."""
+    """Return the track's clock minus the frames' clock, seconds, to the nearest step of the grid;
+    None if they don't overlap. positions: (n, 3), positions of the body from tags."""
     first, last = track.time[0] - times[-1], track.time[-1] - times[0]
     best, least = None, numpy.inf
     for offset in numpy.arange(first, last, _GRID):

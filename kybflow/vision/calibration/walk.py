@@ -1,10 +1,10 @@
 """Computes the corrections of lens, mount and map from the frames of a walk.
 
-First the tags are detected in each frame without the map's positions, so that displaced tags are
-found too, and corrections are computed from these corners, which are accurate to half a pixel. Then
-every tag is searched where the corrections predict it, to a few hundredths of a pixel, and the
-corrections are computed again. The mount needs the body's pose, from its start position in the
-first frame or from motion capture.
+First the tags are detected in each frame without using their positions in the map, so that
+displaced tags are found too, and corrections are computed from these corners, which are accurate to
+half a pixel. Then every tag is searched for where the corrections predict it, to a few hundredths
+of a pixel, and the corrections are computed again. The correction of the mount requires the body's
+pose, from its start position in the first frame or from motion capture.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ MOST = 100
 """Largest number of frames to use."""
 _FEWEST = 5
 _OFF = 2.0
-"""Pixels by which tags may differ from the prediction of the first corrections."""
+"""Largest distance of tags from their positions predicted by the first corrections, pixels."""
 _DETERMINED = 0.5
 """Fraction of its prior standard deviation below which a correction counts as determined."""
 
 
 class Standing(NamedTuple):
-    """The pose of the body on the ground in the first frame."""
+    """The pose of the body standing level on the ground in the first frame."""
 
     position: Vec3
     heading: float
@@ -62,7 +62,7 @@ class Standing(NamedTuple):
 @dataclass(frozen=True)
 class WalkCalibration:
     """The result of a walk. ahead: the clock of the poses minus that of the frames, seconds; None
-    without poses."""
+    if there is no track of poses."""
 
     walk: Walk
     adjusted: Adjusted
@@ -78,7 +78,7 @@ class WalkCalibration:
 
     @property
     def tags(self) -> list[Tag]:
-        """The observed tags, corrected."""
+        """The observed tags at their corrected positions."""
         return [
             tag._replace(
                 position=add(tag.position, _vec3(shift[:3])),
@@ -89,7 +89,7 @@ class WalkCalibration:
 
     @property
     def shifts(self) -> Array:
-        """The tags' corrections: x, y, z, heading, (t, 4)."""
+        """The corrections of x, y, z and heading of each tag, (t, 4)."""
         shifts: Array = self.adjusted.x[TAGS : self.walk.frames].reshape(-1, TAG)
         return shifts
 
@@ -100,12 +100,13 @@ class WalkCalibration:
         return spreads
 
     def is_determined(self, spread: float, kind: str) -> bool:
-        """Return whether the walk determines a correction better than its prior."""
+        """Return whether the walk determines a correction clearly better than its prior. spread:
+        the correction's standard deviation."""
         return spread < _DETERMINED * BELIEVED[kind]
 
     @property
     def displaced(self) -> NDArray[numpy.bool_]:
-        """The tags whose position is an outlier of the survey, (t,)."""
+        """Which tags' positions or headings are outliers of the survey, (t,)."""
         used = self.adjusted.used
         wrong: NDArray[numpy.bool_] = ~(used["survey"] & used["survey heading"])
         return wrong
@@ -117,7 +118,8 @@ def calibrated(
     tags: TagMap,
     known: RecordedTrack | Standing | None = None,
 ) -> WalkCalibration:
-    """Compute the corrections. Raises CalibrationFailed if the frames don't determine any."""
+    """Return the corrections from a walk. Raises CalibrationFailed if the frames don't determine
+    them. known: the body's pose over time, or in the first frame."""
     walk, shown = _observed(frames, camera, tags)
     times = numpy.array([frame.time for frame in shown])
     offset = 0.0
@@ -146,7 +148,7 @@ def calibrated(
 def _observed(
     frames: Sequence[WalkFrame], camera: Camera, tags: TagMap
 ) -> tuple[Walk, list[WalkFrame]]:
-    """Detect the map's tags; return the frames that show at least two."""
+    """Detect the map's tags. Return the walk, and the frames that show at least two tags."""
     detector = Detector(tags.families)
     found = [_known(detector, frame.image, tags) for frame in frames]
     keys = {tag.key for one in found for tag, _ in one}
@@ -176,7 +178,8 @@ def _view(camera: Camera, found: Sequence[tuple[Tag, Array]]) -> TagView:
 
 
 def _lens_pose(view: TagView) -> tuple[Array, Array] | None:
-    """Return the approximate position of the lens, and its optical frame to the world."""
+    """Return the approximate position of the lens, and the rotation from its optical frame to the
+    world."""
     fit = acquire([Sight(view, AT_REST)], None)
     if fit is None:
         return None
@@ -195,7 +198,8 @@ def _seen(views: Sequence[TagView], tags: Sequence[Tag]) -> Seen:
 
 
 def _searched(frames: Sequence[WalkFrame], walk: Walk, rough: Adjusted) -> Walk:
-    """Search the tags where the corrections predict them."""
+    """Search for the tags where the corrections predict them, and return the walk with the corners
+    found."""
     search = Search(Shapes())
     found = WalkCalibration(walk, rough)
     camera, tags = found.camera._replace(position=ZERO, attitude=LEVEL), found.tags

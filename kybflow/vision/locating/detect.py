@@ -1,14 +1,14 @@
-"""Detection of tags in a whole image, without a prediction or with a poor one.
+"""Detection of tags in a whole image, without a prediction or with an inaccurate one.
 
-Without a prediction (`Detector`): OpenCV's detector in its quick form (ArUco 3; Romero-Ramirez,
-Munoz-Salinas and Medina-Carnicer, "Speeded up detection of squared fiducial markers", 2018), which
-takes a third of the time; in its thorough form after every other miss. The corners are accurate to
-a pixel, enough to start `kybflow.vision.locating.search`.
+`Detector` works without a prediction. It uses OpenCV's detector in its quick form (ArUco 3;
+Romero-Ramirez, Munoz-Salinas and Medina-Carnicer, "Speeded up detection of squared fiducial
+markers", 2018), which takes a third of the time, and in its thorough form after every other miss.
+The corners are accurate to a pixel, enough to start `kybflow.vision.locating.search`.
 
-With a pose that is some centimetres or degrees off (`WideSearch`): a few tags, spread over the
-image, are each compared with the image at all places around their prediction, half a cell apart, by
-the correlation coefficient of pattern and grey levels at the cells' centres. The best place of a
-tag, if its correlation is high enough, gives the tag's corners to half a cell.
+`WideSearch` works with a pose that is some centimetres or degrees off. It compares a few tags,
+spread over the image, with the image at all positions around their prediction, half a cell apart,
+by the correlation coefficient of pattern and grey levels at the cells' centres. If the best
+correlation of a tag is high enough, its position gives the tag's corners to half a cell.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from kybflow.world.tags import Tag
 
 
 class DetectedTag(NamedTuple):
-    """A tag in an image. corners: (4, 2) pixels, in the order of `Tag.corners`."""
+    """A detected tag. corners: (4, 2) pixels, in the order of `Tag.corners`."""
 
     family: str
     id: int
@@ -37,7 +37,7 @@ class DetectedTag(NamedTuple):
 
 
 class Detector:
-    """Finds tags of given families."""
+    """Finds tags of given families in whole images."""
 
     def __init__(self, families: Sequence[str]) -> None:
         self._quick, self._thorough = (
@@ -75,13 +75,13 @@ Array = NDArray[Any]
 _TAGS = 9
 _ALIKE = 0.6
 _STRIDE = 0.4
-"""Cells from one place to the next."""
+"""Distance between the positions compared, cells."""
 _PLACES = 20
-"""Largest number of places to either side."""
+"""Largest number of positions compared to either side of the prediction."""
 
 
 class WideSearch:
-    """Searches for tags near a poor prediction."""
+    """Searches for tags near an inaccurate prediction."""
 
     def __init__(self, shapes: Shapes) -> None:
         self._shapes = shapes
@@ -89,7 +89,7 @@ class WideSearch:
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
     ) -> TagView:
-        """Return some of `tags` in the grey image with approximate corners, seen from a body near
+        """Return some of `tags` in a grey image with approximate corners, seen from a body near
         `pose`. off: largest error of the prediction, pixels."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         found, corners = [], []
@@ -110,8 +110,8 @@ class WideSearch:
 def _best(
     image: Array, pixels: Array, bits: Array, off: float, stride: float
 ) -> tuple[Array, float]:
-    """Return the shift of `pixels` with the highest correlation of grey levels and bits, and the
-    correlation."""
+    """Return the shift of `pixels` at which the grey levels correlate best with `bits`, (2,)
+    pixels, and that correlation."""
     count = int(numpy.ceil(off / stride))
     steps = numpy.arange(-count, count + 1) * stride
     dy, dx = (grid.ravel() for grid in numpy.meshgrid(steps, steps, indexing="ij"))

@@ -1,14 +1,15 @@
 """The body's pose from all corners that its cameras saw at one time.
 
-The equation of `kybflow.vision.locating.sight` is solved from a start by Gauss-Newton with
-iterative reweighting, one weight a tag. Without a start, or if most tags don't fit the result,
-pairs of tags give starts (SQPnP; Terzakis and Lourakis, ECCV 2020), and the one that fits most tags
-wins (RANSAC). A single distant tag has two solutions (IPPE; Collins and Bartoli, IJCV 2014): the
-one nearer to the start is used; without a start, the more upright one if both fit.
+The equation of `kybflow.vision.locating.sight` is solved from a start pose by Gauss-Newton with
+iterative reweighting, with one weight per tag. Without a start pose, or if most tags don't fit the
+result, pairs of tags give start poses (SQPnP; Terzakis and Lourakis, ECCV 2020), and the one that
+fits most tags is refined (RANSAC). A single distant tag has two solutions (IPPE; Collins and
+Bartoli, IJCV 2014): the one nearer to the start pose is used or, without a start pose, the more
+upright one if both fit.
 
 With e the root mean square of a tag's residuals and s their median over the tags, the weight is
-Huber's min(1, 2 s / e) at first, then Tukey's (1 - (e / 4 s)^2)^2, which rejects a tag that is
-wrong in the map (Huber and Ronchetti, "Robust Statistics", 2009, ch. 7).
+Huber's min(1, 2 s / e) at first, then Tukey's (1 - (e / 4 s)^2)^2, which rejects a tag whose
+position in the map is wrong (Huber and Ronchetti, "Robust Statistics", 2009, ch. 7).
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ Array = NDArray[Any]
 _STEPS, _CONVEX = 12, 2
 """Largest number of iterations, and how many of them use Huber's weights."""
 _DONE = 1e-5
-"""Step at which to stop, metres and radians."""
+"""Step below which the iteration stops, metres and radians."""
 LEAST_ERROR, MOST_ERROR = 0.1, 3.0
-"""Least assumed error of corners, and largest error of a valid pose, pixels."""
+"""Smallest assumed error of corners, and largest median error of a valid pose, pixels."""
 _PRIOR, _PRIOR_WEIGHT = 0.3, 8.0
-"""Prior error of a corner's coordinate, pixels, and the number of coordinates as which it
-counts."""
+"""Prior error of a corner's coordinate, pixels, and the number of observed coordinates that the
+prior counts for."""
 _MAJORITY = 0.5
 
 
 class Located(NamedTuple):
     """A body's pose. covariance: (6, 6), of the position in the world (m^2), then of the rotation
-    in the body (rad^2). used: the tags with a weight. error: root mean square of their corners'
-    residuals, pixels over their slack (`Sight.slack`). views: all observations, including rejected
-    tags."""
+    in the body (rad^2). used: the tags with a positive weight. error: root mean square of their
+    corners' residuals in pixels, divided by their slack (`Sight.slack`). views: all observations,
+    including rejected tags."""
 
     position: Vec3
     attitude: Quat
@@ -55,9 +56,10 @@ class Located(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """A solution. at, body: the pose. errors: of each tag, pixels over its slack. counts: the
-    number of each tag's coordinates. normal: J^T W J of the pose, and of the rates if they were
-    solved for."""
+    """A solution. at, body: position, and rotation matrix from body to world. errors: root mean
+    square residual of each tag in pixels, divided by its slack. weights: weight of each tag.
+    counts: number of each tag's observed coordinates. normal: J^T W J of the pose, and of the body
+    rates if they were solved for."""
 
     at: Array
     body: Array
@@ -92,7 +94,8 @@ class Fit(NamedTuple):
 
 
 def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
-    """Solve by Gauss-Newton from a start."""
+    """Return the solution by Gauss-Newton from a start pose. at: position. body: rotation matrix
+    from body to world."""
     prior, counts = _prior(sights), counted(sights)
     size = len(prior)
     step, more = numpy.full(size, numpy.inf), NONE
@@ -118,16 +121,16 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
 
 
 def _prior(sights: Sequence[Sight]) -> Array:
-    """Return the prior information of the unknowns, 1 / variance in squared pixels: none of the
-    pose, and of the rates if they are solved for."""
+    """Return the prior weight of each unknown, (_PRIOR / standard deviation)^2: zero for the pose,
+    then that of the body rates if they are solved for."""
     doubt = max(sight.doubt for sight in sights)
     known = [(_PRIOR / doubt) ** 2] * 3 if doubt > 0.0 else []
     return numpy.array([0.0] * 6 + known)
 
 
 def _slopes(sight: Sight, body: Array, b: Array, c: Array, size: int) -> Array:
-    """Return the derivatives with respect to all unknowns; those after the rates are zero for a
-    global shutter."""
+    """Return the residuals' derivatives with respect to all unknowns; those with respect to the
+    rates are zero for a global shutter."""
     slopes = sight.slopes(body, b, c)
     if slopes.shape[2] == size:
         return slopes
@@ -147,7 +150,8 @@ def mean_squares(counts: Array, residuals: Array) -> Array:
 
 
 def _step(normal: Array, slope: Array) -> Array:
-    """Solve normal step = -slope. One damping suits both metres and radians."""
+    """Return the step that solves `normal` step = -`slope`. A single damping suits metres and
+    radians."""
     damped = normal + numpy.eye(len(normal)) * (1e-9 * float(numpy.trace(normal)) + 1e-9)
     step: Array = numpy.linalg.solve(damped, -slope)
     return step
@@ -171,9 +175,9 @@ def locate(
     motion: BodyMotion = AT_REST,
     survey: float = 0.0,
 ) -> Located | None:
-    """Return the body's pose from views of one time; None if the tags don't determine it. start:
-    the expected pose. motion: the expected motion. survey: standard deviation of a full-sized tag's
-    position, metres."""
+    """Return the body's pose from views of one time; None if the tags don't determine it. start,
+    motion: the expected pose and motion. survey: standard deviation of a full-sized tag's position,
+    metres."""
     sights = [Sight(view, motion, survey) for view in views if len(view.tags)]
     if not sights:
         return None
@@ -186,7 +190,7 @@ def locate(
 
 
 def acquire(sights: Sequence[Sight], start: Start | None) -> Fit | None:
-    """Return the pose that fits most tags."""
+    """Return the pose that fits most tags, refined; None if no pose is found."""
     if _is_single_tag(sights):
         return _single_tag(sights, start)
     best, least, counts = None, numpy.inf, counted(sights)
@@ -211,7 +215,8 @@ def _guesses(sights: Sequence[Sight]) -> Iterator[tuple[Array, Array]]:
 
 
 def _pairs(n: int) -> Iterator[tuple[int, ...]]:
-    """Yield pairs of n items, those far apart in the list first; a single item alone."""
+    """Yield pairs of the indices of n items, starting with those far apart; a single item is
+    yielded alone."""
     if n == 1:
         yield (0,)
     for gap in sorted(range(1, n // 2 + 1), key=lambda gap: -(gap % 3) * n - gap):
@@ -219,7 +224,7 @@ def _pairs(n: int) -> Iterator[tuple[int, ...]]:
 
 
 def _solved(sight: Sight, chosen: Array, method: int) -> Iterator[tuple[Array, Array]]:
-    """Yield the body's poses from some corners of one camera."""
+    """Yield the body's possible poses from some corners that one camera saw."""
     chosen = chosen[sight.valid.ravel()[chosen]]
     if len(chosen) < 4:
         return

@@ -1,9 +1,9 @@
 """Locates the body from frames, by the fastest method that works.
 
-With a prediction, tags are searched where it says (`search`). If that fails, a wide search gives a
-rough pose, from which tags are searched again. Without a prediction, or if that fails too, the
-whole image is searched (`detect`), and tags are searched again from the result. After a failure
-the search of whole images, which is slow, is skipped for up to four frames.
+With a prediction, tags are searched for where it predicts them (`search`). If that fails, a wide
+search gives a rough pose, from which tags are searched for again. Without a prediction, or if the
+wide search fails too, whole images are searched (`detect`), and tags are searched for again from
+the result. After a failure, the slow search of whole images is skipped for up to four frames.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag, TagMap
 
 _CLOSE = 6.0
-"""Largest distance of tags from where a located pose predicts them, pixels."""
+"""Largest distance of tags from their predicted positions if the prediction is a located pose,
+pixels."""
 _MOVED = 4.0
-"""Error of the prediction from which the search is repeated with its result, pixels."""
+"""Error of the prediction above which the search is repeated from its result, pixels."""
 _SURE = 3.0
-"""Standard deviations of the prediction within which to search."""
+"""Half-width of the search, in standard deviations of the prediction."""
 _NARROW, _WIDEST = 12.0, 100.0
-"""Least search distance, and the largest of the wide search, pixels."""
+"""Smallest search distance, and the largest of the wide search, pixels."""
 _ENOUGH, _SHARE = 3, 0.4
-"""Number of tags that a pose needs, or fewer if fewer should be in view; and the share of those in
-view that it needs."""
+"""Number of tags that a pose needs (all of them, if fewer should be in view), and the share of the
+tags in view that it needs."""
 _MOST_SKIPPED = 4
 _GRAZING = 0.05
 
@@ -51,7 +52,7 @@ class Prediction(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """Frames of one time, and the pose from them; None for no pose."""
+    """Frames of one time, and the pose located from them; None if there is none."""
 
     frames: Sequence[Frame]
     located: Located | None
@@ -59,7 +60,7 @@ class Sighting(NamedTuple):
 
 class Locator:
     """Locates one body, independently of earlier poses. survey: standard deviation of a full-sized
-    tag's position, metres. `sighting`: the newest, for the recording."""
+    tag's position, metres. sighting: the latest sighting, for the recording."""
 
     def __init__(self, tags: TagMap, cameras: Mapping[str, Camera], survey: float = 0.0) -> None:
         self._tags, self._cameras, self._survey = tags, cameras, survey
@@ -74,7 +75,7 @@ class Locator:
 
     def locate(self, frames: Sequence[Frame], prediction: Prediction | None) -> Located | None:
         """Return the body's pose from frames of one time; None if they don't determine it. Raises
-        KeyError for a frame of a camera that is not on the body."""
+        KeyError for a frame of a camera that the body doesn't have."""
         located = self._located(frames, prediction)
         self.sighting = Sighting(frames, located)
         return located
@@ -100,7 +101,8 @@ class Locator:
     def _predicted(
         self, frames: Sequence[Frame], prediction: Prediction
     ) -> tuple[Located | None, bool]:
-        """Return the pose near a prediction, and whether enough tags support it."""
+        """Return the pose of the body near a prediction, and whether enough tags support the
+        pose."""
         pose, motion = (prediction.position, prediction.attitude), prediction.motion
         off = max(
             _NARROW,
@@ -118,7 +120,7 @@ class Locator:
         return (again, holds) if again is not None else (located, False)
 
     def _detected(self, frames: Sequence[Frame], motion: BodyMotion) -> Located | None:
-        """Return the pose from whole images."""
+        """Return the pose from tags detected in whole images; None if too few tags support it."""
         views = []
         for frame in frames:
             found = [(self._tags.get(f.family, f.id), f) for f in self._detector.find(frame.image)]
@@ -134,8 +136,8 @@ class Locator:
     def _searched(
         self, frames: Sequence[Frame], pose: Start, motion: BodyMotion, off: float
     ) -> tuple[Located | None, bool]:
-        """Search the tags where `pose` predicts them; return the pose, and whether enough tags
-        support it."""
+        """Search for the tags where `pose` predicts them. Return the body's pose, and whether
+        enough tags support it. off: largest error of the prediction, pixels."""
         views = [self._search.find(*seen, off=off) for seen in self._seen(frames, pose)]
         located = locate([view for view, _ in views], pose, motion, self._survey)
         if located is None:
@@ -148,7 +150,8 @@ class Locator:
     def _seen(
         self, frames: Sequence[Frame], pose: Start
     ) -> Iterator[tuple[NDArray[Any], Camera, Start, list[Tag]]]:
-        """Yield the arguments of a search for each frame."""
+        """Yield the arguments of a search in each frame: image, camera, body's pose, and nearby
+        tags."""
         for frame in frames:
             camera = self._cameras[frame.camera]
             yield frame.image, camera, pose, self._near(camera, pose)
@@ -167,7 +170,8 @@ class Locator:
         return self._tags.near(x, y, 0.5 * float(numpy.hypot(*(high - low))) + self._largest)
 
     def _pixels(self, frames: Sequence[Frame], pose: Start, metres: float, turn: float) -> float:
-        """Return how far an error of the pose moves tags in the image."""
+        """Return by how many pixels an error of the pose moves tags in the image. metres, turn:
+        errors of the position and of the attitude (radians)."""
         most = 0.0
         for frame in frames:
             camera = self._cameras[frame.camera]
@@ -187,7 +191,8 @@ def _rim(camera: Camera) -> NDArray[Any]:
 
 
 def _apart(a: Start, b: Start) -> tuple[float, float]:
-    """Return the distance of two poses: metres, and radians (for small angles)."""
+    """Return the distance between two positions, metres, and the (small) angle between two
+    attitudes, radians."""
     metres = float(numpy.linalg.norm(numpy.subtract(a[0], b[0])))
     cosine = abs(sum(x * y for x, y in zip(a[1], b[1], strict=True)))
     return metres, 2.0 * max(0.0, 2.0 * (1.0 - min(1.0, cosine))) ** 0.5

@@ -1,14 +1,15 @@
 """Search for tags where a pose predicts them, with corners accurate to a tenth of a pixel.
 
 Profiles cross each side of a predicted tag from its black border outwards. First, all profiles of a
-side together locate it, as the shift with the steepest step from dark to light. The shift is within
-the prediction's error and at most 1.4 cells, where no other such edge can be: the border's inner
-edge and the next tag outside are light to dark. Then each profile locates the side by the centroid
-of its steep part. A line is fitted to them (least squares, reweighted once with Tukey's weights),
-and two lines intersect in a corner, so that a partly covered side does no harm. Everything is
-measured as a shift from the prediction, which includes the lens's distortion.
+side together locate it, at the shift with the steepest step from dark to light. The shift is within
+the prediction's error and at most 1.4 cells, where there is no other such edge: the border's inner
+edge and the edge of the next tag are steps from light to dark. Then each profile locates the side
+by the centroid of its steep part. A line is fitted to these positions (least squares, reweighted
+once with Tukey's weights), and two lines intersect in a corner, so that a partly covered side does
+no harm. All positions are measured as shifts from the prediction, which includes the lens's
+distortion.
 
-A tag is found if the correlation coefficient of its pattern and the grey levels of its cells,
+A tag is found if the correlation coefficient between its pattern and the grey levels of its cells,
 sampled between these corners, is at least 0.8. Two tags of 36h11 correlate by 0.65 at most, in any
 orientation; in the large ArUco families some correlate by up to 0.89, and only their positions
 distinguish them.
@@ -34,23 +35,24 @@ from kybflow.world.tags import Key, Tag
 Array = NDArray[Any]
 
 _MOST = 48
-"""Largest number of tags to search, the largest first; more don't improve the pose."""
+"""Largest number of tags to search for, the largest ones first; more don't improve the pose."""
 _MARGIN = 3.0
-"""Least distance from the image's edge, pixels."""
+"""Smallest distance of points from the image's edge, pixels."""
 _SMALLEST = 2.0
-"""Least size of a cell, pixels."""
+"""Smallest size of a cell, pixels."""
 _PLENTY, _CORNERS = 6, 2
 _REMEMBERED = 2000
 PROFILES = 12
 ALONG = (numpy.arange(PROFILES) + 1.0) / (PROFILES + 1.0)
-"""Positions of the profiles on a side, as fractions of its length."""
+"""Positions of the profiles along a side, as fractions of its length."""
 SHARE = numpy.concatenate(((0.0,), ALONG, (1.0,)))[:, None]
 
 
 class Shape(NamedTuple):
-    """A tag in the world. size: cells along a side. sides: (4, profiles + 2, 3), from corner to
-    corner. cells: (k, 3), their centres. weights: (k, 4), of each corner's shift on a cell. bits:
-    (k,), the pattern with mean 0."""
+    """The geometry of a tag, in the world frame. size: cells along a side. sides: points on
+    each side from corner to corner, (4, profiles + 2, 3). cells: the cells' centres, (k, 3).
+    weights: the effect of each corner's shift on each cell, (k, 4). bits: the pattern with mean 0,
+    (k,)."""
 
     size: int
     sides: Array
@@ -60,7 +62,7 @@ class Shape(NamedTuple):
 
 
 class Shapes:
-    """The shapes of tags, cached."""
+    """The shapes of tags, cached by tag."""
 
     def __init__(self) -> None:
         self._shapes: dict[Key, Shape] = {}
@@ -68,8 +70,9 @@ class Shapes:
     def in_view(
         self, camera: Camera, pose: Start, tags: Iterable[Tag]
     ) -> tuple[list[Tag], list[Shape]]:
-        """Return the tags that are entirely in the image, seen from the front and large enough; if
-        these are few, also those with two corners in the image."""
+        """Return the tags that are entirely in the image, seen from the front and large enough,
+        with their shapes. If these are few, tags with only two corners in the image are returned as
+        well."""
         if len(self._shapes) > _REMEMBERED:
             self._shapes.clear()
         near = list(tags)
@@ -115,14 +118,14 @@ def _largest(camera: Camera, pose: Start, shapes: Sequence[Shape]) -> Sequence[i
 
 
 def within(camera: Camera, pixels: Array) -> Array:
-    """Return which pixels (..., 2) are in the image and not at its edge."""
+    """Return which pixels (..., 2) are in the image and not too near to its edge, (...)."""
     edge = (camera.lens.width - 1.0 - _MARGIN, camera.lens.height - 1.0 - _MARGIN)
     inside: Array = ((pixels >= _MARGIN) & (pixels <= edge)).min(axis=-1)
     return inside
 
 
 def cell_sizes(sides: Array, shapes: Sequence[Shape]) -> Array:
-    """Return the least size of a cell of each tag, pixels."""
+    """Return the smallest size of a cell of each tag, pixels."""
     along = sides[:, :, -1] - sides[:, :, 0]
     least = numpy.hypot(along[..., 0], along[..., 1]).min(axis=1)
     size: Array = least / numpy.array([shape.size for shape in shapes])
@@ -134,18 +137,18 @@ _LONGEST = 1.4
 _STEPS = 8
 """Samples of a profile to either side."""
 _FINE, _FINE_LEAST, _FINE_MOST = 0.45, 1.5, 3.5
-"""Half the length of a fine profile, cells; its least and largest value, pixels."""
+"""Half the length of a fine profile, cells; its limits, pixels."""
 _ALIKE = 0.8
 _LEAST_CORNERS, _LEAST_PROFILES, _LEAST_SHARE = 2, 4, 0.3
-"""The corners, profiles of each side at these corners, and share of cells that a tag partly outside
-of the image must show."""
+"""What must be visible of a tag that is partly outside the image: the number of its corners, the
+number of profiles of each side at these corners, and the share of its cells."""
 _GROWN = 0.6
-"""Largest difference of a side's length from the prediction, cells."""
+"""Largest difference between a tag's size and its prediction, cells."""
 _ACROSS = numpy.linspace(-1.0, 1.0, 2 * _STEPS + 1)
 
 
 class Search:
-    """Searches for tags near their prediction."""
+    """Searches for tags near their predicted positions."""
 
     def __init__(self, shapes: Shapes) -> None:
         self._shapes = shapes
@@ -153,8 +156,8 @@ class Search:
     def find(
         self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
     ) -> tuple[TagView, int]:
-        """Return the tags in the grey image, seen from a body near `pose`, and how many should be
-        visible. off: largest error of the prediction, pixels."""
+        """Return the tags found in a grey image, seen from a body near `pose`, and how many should
+        be visible. off: largest error of the prediction, pixels."""
         chosen, shapes = self._shapes.in_view(camera, pose, tags)
         if not chosen:
             return TagView(camera, (), numpy.empty((0, 4, 2))), 0
@@ -185,8 +188,8 @@ def _held(shifts: Array, valid: Array) -> Array:
 
 
 def _outward(sides: Array) -> Array:
-    """Return the outward unit normals of the profiles, (n, 4, profiles, 2); corners are clockwise
-    in the image."""
+    """Return the outward unit normals of the sides at the profiles, (n, 4, profiles, 2). Corners
+    are clockwise in the image."""
     along = sides[:, :, 2:] - sides[:, :, :-2]
     normal = numpy.stack((along[..., 1], -along[..., 0]), axis=-1)
     unit: Array = normal / numpy.maximum(numpy.hypot(along[..., 0], along[..., 1]), 1e-9)[..., None]
@@ -194,7 +197,7 @@ def _outward(sides: Array) -> Array:
 
 
 def _steps(image: Array, sides: Array, normals: Array, reach: Array) -> Array:
-    """Return the slopes along the profiles, (n, 4, profiles, samples - 2)."""
+    """Return the slopes of the grey level along the profiles, (n, 4, profiles, samples - 2)."""
     across = (_ACROSS * reach[:, None])[:, None, None].astype(numpy.float32)
     at, out = sides[:, :, 1:-1].astype(numpy.float32), normals.astype(numpy.float32)
     x, y = (at[..., i, None] + out[..., i, None] * across for i in (0, 1))
@@ -205,7 +208,8 @@ def _steps(image: Array, sides: Array, normals: Array, reach: Array) -> Array:
 
 
 def _sampled(image: Array, x: Array, y: Array) -> Array:
-    """Interpolate grey levels, with the image's edge repeated. x, y: (m, k), float32."""
+    """Return interpolated grey levels at x, y, (m, k) float32; the image's edge is repeated
+    outside."""
     levels: Array = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return levels
 
@@ -221,8 +225,8 @@ def _coarse(image: Array, sides: Array, profiles: Array, reach: Array) -> Array:
 def _fine(
     image: Array, sides: Array, profiles: Array, corners: Array, reach: Array
 ) -> tuple[Array, Array]:
-    """Refine the corners' shifts, (n, 4, 2); return also by how much each tag's size differs from
-    the prediction, (n,), pixels."""
+    """Return the corners' refined shifts, (n, 4, 2), and how much each tag's size differs from the
+    prediction, (n,), pixels."""
     after = numpy.roll(corners, -1, axis=1)
     moved = sides + corners[:, :, None] * (1.0 - SHARE) + after[:, :, None] * SHARE
     normals = _outward(moved)
@@ -238,7 +242,8 @@ def _fine(
 
 
 def _lines(shift: Array, mass: Array) -> tuple[Array, Array]:
-    """Fit a line to the shifts of each side's profiles; return its values at both ends."""
+    """Fit a line to the shifts of each side's profiles, and return its values at both ends of the
+    side."""
     weights = mass / numpy.maximum(mass.max(axis=-1, keepdims=True), 1e-9)
     for again in (True, False):
         s0, s1, s2 = (weights @ ALONG**k for k in (0, 1, 2))
@@ -254,7 +259,8 @@ def _lines(shift: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _crossed(normals: Array, begin: Array, end: Array) -> Array:
-    """Intersect the sides; return the corners' shifts."""
+    """Return the corners' shifts, at the intersections of the shifted sides. begin, end: the shift
+    of each side at its ends, along its normal."""
     first, before = normals[:, :, 0], numpy.roll(normals[:, :, -1], 1, axis=1)
     a, b = begin, numpy.roll(end, 1, axis=1)
     determinant = first[..., 0] * before[..., 1] - first[..., 1] * before[..., 0]
@@ -267,7 +273,8 @@ def _crossed(normals: Array, begin: Array, end: Array) -> Array:
 def _likeness(
     image: Array, camera: Camera, pose: Start, shapes: Sequence[Shape], shifts: Array
 ) -> Array:
-    """Return the correlation of each tag's cells with its pattern."""
+    """Return the correlation between each tag's cells and its pattern, (n,); 0 if too few of its
+    cells are in the image."""
     sizes = [len(shape.bits) for shape in shapes]
     starts = numpy.concatenate(((0,), numpy.cumsum(sizes)[:-1]))
     owner = numpy.repeat(numpy.arange(len(shapes)), sizes)

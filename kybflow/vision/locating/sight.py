@@ -5,10 +5,10 @@ frame, with p, R the body's pose and t, C the camera's mounting. Its pixel is
 u = f (c_x / c_z, c_y / c_z). With R <- R exp([d]x), the derivatives of u with respect to p and d
 are -G R^T and the rows g x b, where G = f/c_z [1, 0, -c_x/c_z; 0, 1, -c_y/c_z] C^T and g its rows.
 
-A rolling shutter reads row y at dt = (y - (height - 1) / 2) row_time after the middle. With the
-body's velocity v and body rates w, b = exp(-[w dt]x) R^T (X - v dt - p) then, and the derivatives
-with respect to w are the rows dt g x b. An error of 1 rad/s stretches the image by 1 %, which looks
-like a tilt of many degrees; rates that are uncertain are therefore solved for as well.
+A rolling shutter reads row y at dt = (y - (height - 1) / 2) row_time after the middle row. At that
+time, with the body's velocity v and body rates w, b = exp(-[w dt]x) R^T (X - v dt - p), and the
+derivatives with respect to w are the rows dt g x b. An error of 1 rad/s stretches the image by 1 %,
+which looks like a tilt of many degrees; uncertain rates are therefore solved for as well.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ Start = tuple[Vec3, Quat]
 
 
 class BodyMotion(NamedTuple):
-    """velocity: in the world, m/s. rates: in the body, rad/s. doubt: their standard deviation."""
+    """The motion of a body. velocity: in the world, m/s. rates: in the body, rad/s. doubt: standard
+    deviation of the rates, rad/s; 0 if they are exact."""
 
     velocity: Vec3 = ZERO
     rates: Vec3 = ZERO
@@ -46,7 +47,7 @@ NONE: Array = numpy.zeros(3)
 
 class TagView(NamedTuple):
     """The tags that one camera saw. corners: (n, 4, 2) pixels in the order of `Tag.corners`; NaN
-    for one outside of the image."""
+    for a corner outside the image."""
 
     camera: Camera
     tags: Sequence[Tag]
@@ -54,10 +55,13 @@ class TagView(NamedTuple):
 
 
 class Sight:
-    """A view, prepared for the equation. survey: standard deviation of a full-sized tag's position,
-    metres. valid: (n, 4), which corners were seen; known: valid as numbers, (4 n, 1). world: (4 n,
-    3), corners shifted by the body's velocity since the middle row; flat: (4 n, 2), observed and
-    undistorted; late: (4 n, 1), seconds after the middle row."""
+    """A view, prepared for the equation.
+
+    survey: standard deviation of a full-sized tag's position, metres. valid: (n, 4), which corners
+    were seen. known: `valid` as numbers, (4 n, 1). world: (4 n, 3), positions of the corners,
+    shifted against the body's motion since the middle row. flat: (4 n, 2), the observed corners,
+    undistorted. late: (4 n, 1), seconds from the middle row to each corner's row.
+    """
 
     def __init__(self, view: TagView, motion: BodyMotion, survey: float = 0.0) -> None:
         lens = view.camera.lens
@@ -77,8 +81,9 @@ class Sight:
         self.offset = numpy.array(view.camera.position)
 
     def residuals(self, at: Array, body: Array, more: Array = NONE) -> tuple[Array, Array, Array]:
-        """Return the residuals (m, 2) in pixels, and b and c for their derivatives. more:
-        corrections of the expected rates."""
+        """Return the residuals (m, 2) in pixels, and the corners b and c (m, 3) in the body and the
+        optical frame, from which `slopes` computes the derivatives. more: corrections of the
+        expected rates."""
         b = (self.world - at) @ body
         rates = self.rates + more
         if rates.any():
@@ -88,15 +93,15 @@ class Sight:
         return (c[:, :2] / depth - self.flat) * (self.focal * self.known), b, c
 
     def slack(self, c: Array) -> Array:
-        """Return each tag's uncertainty by the survey and by `_SHARP` pixels together, over
-        `_SHARP` pixels, (n,)."""
+        """Return each tag's uncertainty, (n,), in units of `_SHARP` pixels: the root sum of squares
+        of its survey error and `_SHARP`."""
         depth = numpy.maximum(c[:, 2].reshape(-1, 4).mean(axis=1), 1e-3)
         slack: Array = numpy.hypot(1.0, self.focal[0] / _SHARP * self._survey / depth)
         return slack
 
     def slopes(self, body: Array, b: Array, c: Array) -> Array:
-        """Return the derivatives of the residuals, (m, 2, 6); (m, 2, 9) if the rates are
-        uncertain."""
+        """Return the derivatives of the residuals with respect to the pose, (m, 2, 6), or to pose
+        and rates, (m, 2, 9), if the rates are uncertain."""
         depth = numpy.maximum(c[:, 2], 1e-3)
         g = numpy.zeros((len(c), 2, 3))
         g[:, 0, 0], g[:, 1, 1] = self.focal[0] / depth, self.focal[1] / depth

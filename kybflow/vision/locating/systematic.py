@@ -1,16 +1,16 @@
-"""Systematic errors of a pose from tags, due to errors of lens, mount, map and stamps.
+"""Systematic errors of a pose from tags, due to errors of the lens, mount, map and time stamps.
 
 The pose solves J^T W r = 0, so an error c that moves the corners by K dc moves the pose by
 
     dx = (J^T W J)^-1 J^T W K dc
 
 (consider parameters; Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977,
-ch. VIII). Averaging over frames doesn't remove it, because it is the same in the next frame. The
-derivatives K, with u the corner relative to the image's centre in pixels, n = u / f, and J_p the
-derivatives with respect to the position:
+ch. VIII). Averaging over frames doesn't remove this error, because it is the same in the next
+frame. The derivatives K are as follows, with u the corner relative to the image's centre in pixels,
+n = u / f, and J_p the derivatives with respect to the position:
 
-    focal length   u           first radial term   u |n|^2
-    tag's place   -J_p         tag's heading      -J_p (z x its corner from its centre)
+    focal length     u           first radial term   u |n|^2
+    tag's position  -J_p         tag's heading      -J_p (z x its corner from its centre)
 
 If the lens is displaced by dm on the body and its attitude is exp([r]x) times the assumed one, the
 pose is off by R (dm + t x r) and the rotation r, with R the body's attitude and t the assumed
@@ -42,10 +42,11 @@ _ROUNDING = 1e-15
 
 
 class Systematic(NamedTuple):
-    """The errors of a pose, in the order of its covariance, per standard deviation of each source.
-    slopes: (6, 6 + 8 cameras + 1), first a square root of the covariance due to the map, then focal
-    length, radial term, position (3) and attitude (3) of each camera, then the stamps. extent:
-    distance after which the body sees other tags, metres."""
+    """The effect of each error source on a pose. slopes: (6, 6 + 8 cameras + 1), errors of the pose
+    in the order of its covariance, per standard deviation of each source: a square root of the
+    covariance due to the map, then the focal length, radial term, position (3) and attitude (3) of
+    each camera, then the time stamps. extent: distance after which the body sees other tags,
+    metres."""
 
     slopes: Array
     extent: float
@@ -102,7 +103,8 @@ def _of_lens(sight: Sight, weighted: Array, c: Array, errors: CalibrationErrors)
 
 
 def _of_mount(view: TagView, body: Array, errors: CalibrationErrors) -> Array:
-    """Return the error of a pose from this camera alone, (6, 6)."""
+    """Return the error (6, 6) of a pose from this camera alone, per standard deviation of the
+    position and attitude of its mount."""
     x, y, z = view.camera.position
     off = numpy.zeros((6, 6))
     off[:3, :3] = errors.mount_error * body
@@ -112,7 +114,8 @@ def _of_mount(view: TagView, body: Array, errors: CalibrationErrors) -> Array:
 
 
 def _of_map(view: TagView, jacobian: Array, weighted: Array, errors: CalibrationErrors) -> Array:
-    """Return the effect of each tag's errors, (6, 4 tags)."""
+    """Return the effect J^T W K of each tag's errors (position and heading), (6, 4 tags), per
+    standard deviation."""
     share = numpy.array([share_of(tag.size) for tag in view.tags])[:, None]
     places = share * (errors.survey_error, errors.survey_error, errors.height_error)
     corners = numpy.array([tag.corners() for tag in view.tags])

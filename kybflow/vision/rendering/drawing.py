@@ -1,9 +1,9 @@
 """Draws what a camera over a tag floor sees, without a graphics card.
 
-The undistorted ray of each pixel is intersected with the floor or a tag's plane, from the camera's
-pose while the pixel's row is exposed, and the print is sampled there, with texels slightly larger
-than a pixel so that edges are smooth. Obstacles and a released parcel hide what is behind them.
-Motion blur, defocus, exposure and noise follow. Tags out of view add no cost.
+The undistorted ray of each pixel is intersected with the plane of the floor or of a tag, from the
+camera's pose while the pixel's row is exposed. The print is sampled there, with texels slightly
+larger than a pixel so that edges are smooth. Obstacles and a released parcel hide what is behind
+them. Motion blur, defocus, exposure and noise follow. Tags out of view add no cost.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from kybflow.world.shapes import Shape
 from kybflow.world.tags import TagMap
 
 _FINE, _COARSE = 8, 80
-"""Pixels between the grid nodes of the view, and of its motion."""
+"""Distance between the grid nodes for the view, and for the motion in it, pixels."""
 _TEXEL = 1.25
 """Size of a print's texel, pixels."""
 _LEAST_TEXELS, _MOST_TEXELS = 0.6, 64
@@ -41,8 +41,8 @@ _PATCH_GREY = 90
 
 
 class Room:
-    """Draws a floor with tags, obstacles and a parcel for cameras. parcel: its side, metres. The
-    same seed and calls give the same images."""
+    """Draws a floor with tags, obstacles and a parcel, as seen by cameras. parcel: side of the
+    parcel, metres. The same seed and the same calls give the same images."""
 
     def __init__(
         self,
@@ -61,9 +61,9 @@ class Room:
         self._noises: dict[str, ImageNoise] = {}
 
     def draw(self, camera: Camera, body: Truth, weakness: Weakness = SOUND) -> Array:
-        """Return the image of a camera on a body: (height, width) uint8. body: in the middle of the
-        middle row's exposure; it moves with constant velocity and body rates. Its payload is drawn
-        unless it is None."""
+        """Return the image of a camera on a body, (height, width) uint8. body: its state in the
+        middle of the middle row's exposure; it moves with constant velocity and body rates. The
+        body's released payload is drawn unless it is None."""
         lens, optics = camera.lens, self._optics
         noise = self._noises.get(camera.name)
         if noise is None:
@@ -82,8 +82,8 @@ class Room:
 
 
 def motion(shot: Shot, nodes: Grid, exposure: float) -> Array:
-    """Return the motion in the image at each node during the exposure of its row, pixels, (rows,
-    columns, 2)."""
+    """Return the motion in the image at each node while its row is exposed, pixels, (rows, columns,
+    2)."""
     points = shot.meet(nodes, FLOOR).reshape(-1, 3)
     t = shot.times(nodes.pixels[..., 1]).ravel()
     first, _ = shot.image(points, t - 0.5 * exposure)
@@ -132,8 +132,8 @@ class _View(NamedTuple):
 
 
 def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View]:
-    """Return the tags that may be in the image, the farthest first. met: where the nodes' rays meet
-    the floor."""
+    """Return the tags that may be in the image, the farthest first. met: the points on the floor
+    that the nodes' rays hit."""
     sheets = [
         sheet
         for sheet in _near(floor, shot, met)
@@ -158,7 +158,8 @@ def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View
 
 
 def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
-    """Return the tags within the bounding box of the lens and what the nodes see, from above."""
+    """Return the tags whose paper overlaps the bounding box, from above, of the lens and the floor
+    points that the nodes see."""
     low = numpy.minimum(met.min(axis=(0, 1)), shot.place[:2])
     high = numpy.maximum(met.max(axis=(0, 1)), shot.place[:2])
     (x, y), (left, bottom), (right, top) = (a.tolist() for a in (0.5 * (low + high), low, high))
@@ -172,7 +173,8 @@ def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
 
 
 def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
-    """Return where the nodes see a tag of which the lens can't image every corner."""
+    """Return the region in which the nodes see a tag some of whose corners the lens can't image;
+    None if they don't see it."""
     nodes = grid(shot.camera.lens, _FINE)
     if sheet.plane is not FLOOR:
         met = shot.meet(nodes, sheet.plane)[..., :2]
@@ -182,8 +184,8 @@ def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
 
 
 def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View | None:
-    """Return the view of a tag whose paper covers `region` with a `side` in pixels; None if it is
-    too small."""
+    """Return the view of a tag whose paper covers `region`; None if the tag is too small. side: of
+    the paper in the image, pixels."""
     texels = min(side / (sheet.cells + 2 * QUIET) / _TEXEL, _MOST_TEXELS)
     if region is None or texels < _LEAST_TEXELS:
         return None
@@ -192,8 +194,8 @@ def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View
 
 
 def _texels(view: _View, shot: Shot, nodes: Grid, places: Array | None = None) -> Array:
-    """Return the texel coordinates of the pixels in a view's region. places: of all pixels on the
-    tag's plane, if known."""
+    """Return the texel coordinates of the pixels in a view's region. places: the points that all
+    pixels show on the tag's plane, if known."""
     if places is None:
         met = shot.meet(nodes, view.sheet.plane, nodes.around(view.region))[..., :2]
         seen = nodes.fill(met, view.region)

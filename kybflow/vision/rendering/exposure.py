@@ -12,17 +12,17 @@ from kybflow.vision.projection import Array
 from kybflow.vision.rendering.grid import NO_MAP, Grid
 
 _SHARP = 0.1
-"""Least blur to apply, pixels."""
+"""Smallest blur to apply, pixels."""
 _EVEN = 1.0
-"""Largest variation of motion over the image that counts as uniform, pixels."""
+"""Largest variation of the motion over the image that counts as uniform, pixels."""
 _APART, _MOST_IMAGES = 1.5, 16
 """Distance between displaced images, pixels, and their largest number, which takes precedence."""
 
 
 def blur_motion(image: Array, motion: Array, nodes: Grid) -> Array:
-    """Blur along `motion` in the image at the nodes during the exposure, pixels, (rows, columns,
-    2). The middle of the exposure stays in place. Uniform motion uses a kernel, other motion the
-    mean of displaced images."""
+    """Return the image blurred by motion during the exposure. motion: pixels, (rows, columns, 2),
+    at the nodes. The middle of the exposure stays in place. Uniform motion is a convolution with a
+    kernel; other motion is the mean of displaced images."""
     inside = motion[1:-1, 1:-1]
     longest = float(numpy.linalg.norm(inside, axis=2).max())
     if longest < _SHARP:
@@ -58,9 +58,10 @@ def streak(dx: float, dy: float) -> Array:
 
 
 def blur_lens(image: Array, optics: Optics, pixels: float, depth: float, more: float) -> Array:
-    """Blur by `optics.blur`, and by defocus nearer than the focus: a point becomes a disc with the
-    diameter c = aperture pixels (1/depth - 1/focus), whose standard deviation along an axis is c/4
-    (thin lens). pixels: the focal length. depth: metres. more: additional blur, pixels."""
+    """Return the image blurred by `optics.blur`, by `more`, and by defocus at depths below the
+    focus. A point out of focus becomes a disc with the diameter
+    c = aperture pixels (1/depth - 1/focus), whose standard deviation along an axis is c/4 (thin
+    lens). pixels: focal length, pixels. depth: metres. more: additional blur, pixels."""
     disc = optics.aperture * pixels * max(0.0, 1.0 / depth - 1.0 / optics.focus)
     deviation = hypot(optics.blur, 0.25 * disc, more)
     if deviation < _SHARP:
@@ -70,7 +71,7 @@ def blur_lens(image: Array, optics: Optics, pixels: float, depth: float, more: f
 
 class ImageNoise:
     """A sensor's normal noise, with the variance read_noise^2 + shot_noise^2 light, where light is
-    1 for white. The numbers are drawn once, and each frame uses them at another offset."""
+    1 for white. The random numbers are drawn once; each frame uses them at a different offset."""
 
     _RIM = 256
 
@@ -80,7 +81,7 @@ class ImageNoise:
         self._drawn = generator.standard_normal(size, numpy.float32)
 
     def expose(self, image: Array, optics: Optics) -> Array:
-        """Return the sensor's image for the light of `image`, in which 255 is white paper."""
+        """Return the sensor's image for a noise-free image in which 255 is white paper."""
         grey = 255.0 * optics.brightness * numpy.arange(256) / 255.0
         if optics.read_noise == 0.0 and optics.shot_noise == 0.0:
             return cv2.LUT(image, numpy.clip(grey, 0.0, 255.0).round().astype(numpy.uint8))

@@ -1,4 +1,5 @@
-"""The floor in front of a simulated camera: its pattern, the tags on it, and their covers."""
+"""The floor in front of a simulated camera: its pattern, the tags on it, and the objects that cover
+tags."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from kybflow.world.tags import Key, Tag, TagMap
 PAPER, INK = 255, 20
 """Grey levels of a print before the exposure."""
 QUIET = 1
-"""White cells around the black square."""
+"""Width of the white zone around the black square, cells."""
 TEXEL = 0.004
 """The size of a cell of the floor's pattern, metres."""
 _TEXELS = 1024
@@ -30,8 +31,8 @@ _RING = ((-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0))
 
 
 class Cover(NamedTuple):
-    """A round object on a tag: its centre, from the upper left corner, and radius as fractions of
-    the tag's side; and its grey level."""
+    """A round object on a tag. x, y: its centre from the tag's upper left corner, and radius: all
+    as fractions of the tag's side. grey: its grey level."""
 
     x: float
     y: float
@@ -42,11 +43,13 @@ class Cover(NamedTuple):
 class Sheet:
     """The print of a tag.
 
-    reach: radius of its paper, metres. outline: eight points around it in the world, (8, 3).
+    reach: radius of its paper, metres. outline: eight points around the paper in the world, (8, 3).
     on_floor: whether it lies on the floor, within `_BUMP`. plane: its plane, FLOOR if it is flush
-    with the floor. to_cells: transforms places on that plane to cells right and down of the black
-    square's upper left corner, (2, 3). draws: two numbers in [0, 1); the tag is missing, or
-    covered, if its number is below the share of tags that are."""
+    with the floor. to_cells: (2, 3), transforms points on that plane to cells right and down of the
+    black square's upper left corner. draws: two random numbers in [0, 1): the tag is missing if the
+    first is below the share of missing tags, and covered if the second is below the share of
+    covered tags.
+    """
 
     def __init__(self, tag: Tag, seed: int) -> None:
         chance = random.Random(f"{seed}/{tag.family}/{tag.id}")
@@ -73,11 +76,11 @@ class Sheet:
         self.cover = Cover(*place, chance.uniform(0.2, 0.4), chance.randrange(40, 230))
 
     def faces(self, place: Array) -> bool:
-        """Return whether its printed side is visible from a place."""
+        """Return whether the printed side is visible from a point."""
         return bool(self.normal @ (place - self.tag.position) > 0.0)
 
     def picture(self, texels: int, covered: bool) -> Array:
-        """Return its black square with `texels` a cell and a frame of one white texel."""
+        """Return the black square with `texels` per cell, in a white frame of one texel."""
         return _picture(self.tag.family, self.tag.id, texels, self.cover if covered else None)
 
 
@@ -93,8 +96,8 @@ def _picture(family: str, id: int, texels: int, cover: Cover | None) -> Array:
 
 
 def swapped(tags: TagMap, share: float, seed: int) -> TagMap:
-    """Return the tags with a share of each size swapped: of those, drawn by the seed, each is where
-    the map has the next one."""
+    """Return the map with a share of the tags of each size misplaced. The seed selects these tags;
+    each takes the pose of the next one."""
     chance = random.Random(f"{seed}/misplaced")
     laid = {tag.key: tag for tag in tags}
     for size in sorted({tag.size for tag in tags}):
@@ -126,8 +129,8 @@ class Floor:
         return [self._sheets[tag.key] for tag in near]
 
     def image(self, places: Array, begin: Array) -> Array:
-        """Return the grey levels of the bare floor at `places` (height, width, 2), metres, uint8.
-        begin: (2,), the smallest coordinates."""
+        """Return the grey levels of the bare floor at points, uint8. places: (height, width, 2),
+        metres. begin: (2,), their smallest coordinates."""
         # the pattern is stored twice in each direction, so that most views fit without wrapping
         shift = -_TEXELS * numpy.floor(begin / TEXEL / _TEXELS)
         at = numpy.array(((1.0 / TEXEL, 0.0, shift[0]), (0.0, 1.0 / TEXEL, shift[1])))

@@ -1,4 +1,5 @@
-"""A grid of nodes over an image, where smooth quantities are computed; and their interpolation."""
+"""A grid of nodes over an image at which smooth quantities are computed, and their interpolation to
+pixels."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from kybflow.vision.projection import Array, undistort
 from kybflow.world.cameras import Lens
 
 NO_MAP = cast(Array, None)
-"""OpenCV's second map if the first has both coordinates; the type hints don't allow None."""
+"""Second map for `cv2.remap` if the first map has both coordinates; OpenCV's type hints don't allow
+None."""
 
 
 class Region(NamedTuple):
@@ -25,10 +27,10 @@ class Region(NamedTuple):
 
 
 class Grid:
-    """Nodes every `step` pixels, with one ring of them outside of the image.
+    """Nodes every `step` pixels, with one ring of nodes outside the image.
 
-    pixels: of the nodes, (rows, columns, 2). rays: through the nodes in the optical frame, (rows,
-    columns, 3), z = 1.
+    pixels: (rows, columns, 2), positions of the nodes in the image. rays: (rows, columns, 3), rays
+    through the nodes in the optical frame, with z = 1.
     """
 
     def __init__(self, lens: Lens, step: int) -> None:
@@ -44,14 +46,14 @@ class Grid:
         return self.step * numpy.arange(-1, -(-length // self.step) + 1) + (self.step - 1) / 2.0
 
     def around(self, region: Region) -> tuple[slice, slice]:
-        """Return the rows and columns of the nodes around the pixels of `region`."""
+        """Return the slices of rows and of columns of the nodes around a region of pixels."""
         return (
             slice(region.top // self.step, (region.bottom - 1) // self.step + 3),
             slice(region.left // self.step, (region.right - 1) // self.step + 3),
         )
 
     def beside(self, nodes: Array) -> Region:
-        """Return the pixels next to the nodes that are True in (rows, columns)."""
+        """Return the region of pixels around the nodes that are True. nodes: (rows, columns)."""
         rows, columns = numpy.flatnonzero(nodes.any(axis=1)), numpy.flatnonzero(nodes.any(axis=0))
         return Region(
             max(0, self.step * int(columns[0] - 2)),
@@ -61,8 +63,8 @@ class Grid:
         )
 
     def fill(self, values: Array, region: Region) -> Array:
-        """Interpolate `values` at the nodes `around` a region linearly to its pixels: (height,
-        width, channels) float32."""
+        """Return `values`, given at the nodes `around` a region, linearly interpolated to the
+        region's pixels: (height, width, channels) float32."""
         height, width = values.shape[:2]
         size = (width * self.step, height * self.step)
         filled = cv2.resize(values.astype(numpy.float32), size, interpolation=cv2.INTER_LINEAR)

@@ -1,8 +1,8 @@
-"""Draws the true calibration of cameras and tags around the assumed one.
+"""Draws random true calibrations of cameras and tags around the assumed ones.
 
-Each error is normal with its standard deviation from `CalibrationErrors`. It depends only on the
-seed and, for a tag, on its family and number, so that the same seed gives the same lab, whatever
-else is in it. Localization keeps using the assumed calibration.
+Each error is normal, with its standard deviation from `CalibrationErrors`. It depends only on the
+seed and on the tag's family and number or the camera's name, so that the same seed gives the same
+errors, whatever else is in the lab. Localization keeps using the assumed calibration.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from kybflow.world.tags import Tag, TagMap
 
 
 class Setup(NamedTuple):
-    """The calibration of a lab. stamps: error of frames' stamps, seconds."""
+    """The calibration of a lab. stamps: error of the frames' time stamps, seconds."""
 
     tags: TagMap
     cameras: tuple[Camera, ...]

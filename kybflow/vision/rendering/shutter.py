@@ -1,8 +1,8 @@
 """The pose of a moving camera while its rows are exposed.
 
-The middle of row v's exposure is t = (v - (height - 1)/2) row_time after that of the image's
-middle. The body's position is then p + v t and its attitude q exp(w t) (constant velocity and body
-rates).
+The middle of row v's exposure is t = (v - (height - 1)/2) row_time after the middle of the image's
+exposure. At that time the body's position is p + v t and its attitude q exp(w t), with constant
+velocity v and body rates w.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ FAR = 15.0
 
 
 class ProjectionPlane(NamedTuple):
-    """A plane. centre: one of its points. axes: rows right, up and normal, in the world frame, (3,
-    3)."""
+    """A plane. centre: one of its points. axes: (3, 3), whose rows are the plane's right and up
+    directions and its normal in the world frame."""
 
     centre: Array
     axes: Array
@@ -34,8 +34,8 @@ FLOOR = ProjectionPlane(numpy.zeros(3), numpy.eye(3))
 
 
 class Shot:
-    """A camera on a moving body. body: in the middle of the middle row's exposure. place: the
-    position of the lens then."""
+    """A camera on a moving body. body: its state in the middle of the middle row's exposure. place:
+    the position of the lens at that time. row_time: seconds from row to row."""
 
     def __init__(self, camera: Camera, body: Truth, row_time: float) -> None:
         self.camera = camera
@@ -49,8 +49,8 @@ class Shot:
         self.place = self._at + self._turn @ numpy.array(camera.position)
 
     def poses(self, t: Array) -> tuple[Array, Array]:
-        """Return poses of the lens, `t` (n,) seconds after the middle: rotations from the optical
-        frame to the world (n, 3, 3), positions (n, 3)."""
+        """Return the poses of the lens at times `t` (n,), seconds after the middle of the exposure:
+        rotations from the optical frame to the world (n, 3, 3), and positions (n, 3)."""
         body = self._turn @ _turned(self._rate, t)
         at = self._at + t[:, None] * self._velocity + body @ numpy.array(self.camera.position)
         return body @ self._mount, at
@@ -64,12 +64,14 @@ class Shot:
         return min(height / -slope, FAR) if slope < 0.0 else FAR
 
     def times(self, rows: Array) -> Array:
-        """Return the exposure times of rows, seconds after the middle."""
+        """Return the times at which rows are exposed, seconds after the middle of the image's
+        exposure."""
         return (rows - 0.5 * (self.camera.lens.height - 1)) * self.row_time
 
     def image(self, points: Array, t: Array) -> tuple[Array, Array]:
-        """Return the pixels (n, 2) of world points (n, 3), `t` (n,) or (1,) seconds after the
-        middle; and which of them the lens can image, as in `projection.project`."""
+        """Return the pixels (n, 2) of world points (n, 3) at times `t`, and which of the points the
+        lens can image, as in `projection.project`. t: (n,) or (1,), seconds after the middle of the
+        exposure."""
         turn, at = self.poses(t)
         local = numpy.einsum("nij,ni->nj", turn, points - at)
         before = local[:, 2] > _NEAR
@@ -78,8 +80,8 @@ class Shot:
         return distort(self.camera.lens, flat), seen
 
     def project(self, points: Array, passes: int = 4) -> tuple[Array, Array]:
-        """Return the pixels of points, each at the exposure time of its row, by `passes` of
-        fixed-point iteration."""
+        """Return the pixels (n, 2) of world points, each at the time at which its row is exposed,
+        and which of the points the lens can image. passes: number of fixed-point iterations."""
         pixels, seen = self.image(points, numpy.zeros(1))
         for _ in range(passes - 1 if self.row_time > 0.0 else 0):
             t = numpy.where(seen, self.times(pixels[:, 1]), 0.0)
@@ -89,9 +91,9 @@ class Shot:
     def meet(
         self, grid: Grid, plane: ProjectionPlane, where: tuple[slice, slice] | None = None
     ) -> Array:
-        """Return where the nodes' rays meet a plane, in its axes, (rows, columns, 3): right and up
-        of its centre, and the height over it, which is 0 unless the ray ends at FAR before it meets
-        the plane."""
+        """Return the points at which the nodes' rays hit a plane, (rows, columns, 3), in the
+        plane's axes: right and up from its centre, and the height above it. The height is 0 unless
+        the ray reaches the depth FAR before the plane."""
         rows, columns = where or (slice(None), slice(None))
         turn, at = self.poses(self.times(grid.pixels[rows, 0, 1]))
         # the rays and their origins in the plane's axes

@@ -1,9 +1,10 @@
-"""Draws the solids of a simulated room, obstacles and a released parcel, each in one grey level.
+"""Draws the solids of a simulated room, which are obstacles and a released parcel, each in one grey
+level.
 
-Solids are convex, and so is their image: the hull of the projected corners, clipped at the lens and
-at the image's edges. Points are stored as (X/Z, Y/Z, 1/Z) of the optical frame, in which straight
-lines stay straight and depth can be interpolated. The outline is then distorted by the lens, each
-point at the exposure time of its row.
+Solids are convex, and so are their images: the hull of the projected corners, clipped at the lens
+and at the image's edges. Points are stored as (X/Z, Y/Z, 1/Z) of the optical frame, in which
+straight lines stay straight and depth can be interpolated. The outline is then distorted by the
+lens, with each point at the exposure time of its row.
 """
 
 from __future__ import annotations
@@ -25,19 +26,20 @@ from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere, pa
 
 NONE: Mapping[str, Shape] = MappingProxyType({})
 _STEP = 8
-"""Pixels between the grid nodes that bound the image; points of the outline on each edge."""
+"""Distance between the grid nodes that bound the image, pixels; also the number of points per edge
+of an outline."""
 _NEAR = 0.01
 """Depth of the near clipping plane, metres."""
 _MARGIN = 0.03
-"""Clipping margin around the image, as a tangent, since points may move while rows are exposed."""
+"""Clipping margin around the image, as a tangent; points may move while rows are exposed."""
 _ROUND = 32
-"""Corners of a circle."""
+"""Number of corners that stand for a circle."""
 _GREYS = 40, 200
 _TOUCHING, _STEPS = 0.005, 64
 
 
 class Solid(NamedTuple):
-    """A drawn shape. centre, radius: of a ball around it."""
+    """A shape to draw. centre, radius: a ball that contains it."""
 
     shape: Convex
     grey: int
@@ -46,8 +48,8 @@ class Solid(NamedTuple):
 
 
 class Solids:
-    """The obstacles of a room and a parcel. parcel: its side, metres. Infinite planes are not
-    drawn. The same seed gives the same grey levels."""
+    """The obstacles of a room and a parcel. parcel: side of the parcel, metres. Infinite planes are
+    not drawn. The same seed gives the same grey levels."""
 
     def __init__(self, obstacles: Mapping[str, Shape], parcel: float, seed: int) -> None:
         self._fixed = [
@@ -72,7 +74,7 @@ class Solids:
         return sorted(near, key=lambda solid: -solid.shape.distance(eye))
 
     def _near(self, shot: Shot) -> Array:
-        """Return which balls intersect the cone of the image's outermost rays."""
+        """Return which solids' balls intersect the cone of the image's outermost rays."""
         if not self._fixed:
             return numpy.zeros(0, bool)
         (turn,), (at,) = shot.poses(numpy.zeros(1))
@@ -86,7 +88,7 @@ class Solids:
 
 
 def cover(image: Array, shot: Shot, solid: Solid) -> None:
-    """Draw a solid over the image, and over all of it if the lens is inside of the solid."""
+    """Draw a solid into the image; it fills the whole image if the lens is inside the solid."""
     eye: Vec3 = tuple(shot.place.tolist())
     if solid.shape.distance(eye) <= 0.0:
         image[:] = solid.grey
@@ -98,8 +100,8 @@ def cover(image: Array, shot: Shot, solid: Solid) -> None:
 
 
 def hides(solid: Solid, eye: Vec3, goal: Vec3) -> bool:
-    """Return whether a solid is between two places, by sphere tracing (Hart 1996). goal: may be on
-    the solid's surface."""
+    """Return whether a solid lies between two points, by sphere tracing (Hart 1996). `goal` may be
+    on the solid's surface."""
     way = sub(goal, eye)
     length = norm(way)
     gone = 0.0
@@ -116,8 +118,8 @@ def hides(solid: Solid, eye: Vec3, goal: Vec3) -> bool:
 
 
 def _rim(shot: Shot, corners: Array) -> Array:
-    """Return the outline of a convex solid in the image, pixels (n, 2); empty if it is not in the
-    image."""
+    """Return the outline of a convex solid in the image, pixels (n, 2); empty if the solid is not
+    in the image."""
     (turn,), (at,) = shot.poses(numpy.zeros(1))
     local = (corners - at) @ turn
     local = _part(local, local[:, 2] - _NEAR)
@@ -139,7 +141,8 @@ def _rim(shot: Shot, corners: Array) -> Array:
 
 
 def _part(points: Array, beyond: Array) -> Array:
-    """Clip the hull of `points` to where `beyond`, which is linear in them, is positive."""
+    """Return the corners of the points' hull clipped to where `beyond`, a linear function of the
+    points, is positive."""
     is_in = beyond > 0.0
     if is_in.all():
         return points
@@ -151,7 +154,7 @@ def _part(points: Array, beyond: Array) -> Array:
 
 
 def _hull(points: Array) -> Array:
-    """Return the points (x, y, 1/z) that are corners of the hull in x and y, in order."""
+    """Return those points (x, y, 1/z) that are corners of the hull in x and y, in order."""
     if len(points) < 3:
         return points[:0]
     flat = points[:, :2].astype(numpy.float32)
@@ -160,7 +163,7 @@ def _hull(points: Array) -> Array:
 
 
 def _corners(shape: Convex, eye: Vec3) -> Array:
-    """Return points whose hull has the shape's outline as seen from `eye`, (n, 3)."""
+    """Return points (n, 3) whose hull has the same outline as the shape, seen from `eye`."""
     turn = numpy.linspace(0.0, 2.0 * pi, _ROUND, endpoint=False)
     ring = numpy.column_stack((numpy.cos(turn), numpy.sin(turn)))
     match shape:
@@ -186,7 +189,7 @@ def _corners(shape: Convex, eye: Vec3) -> Array:
 
 
 def _ball(shape: Convex) -> tuple[Vec3, float]:
-    """Return the centre and radius of a ball around a shape."""
+    """Return the centre and radius of a ball that contains a shape."""
     match shape:
         case Cylinder(at, radius, height):
             return add(at, (0.0, 0.0, 0.5 * height)), norm((radius, 0.5 * height, 0.0))

@@ -1,4 +1,5 @@
-"""Video over a network: frame headers (`pave`), and H.264 by PyAV (`codec`), its only user."""
+"""Video over a network: frame headers (`pave`), and H.264 coding with PyAV (`codec`). Only `codec`
+uses PyAV."""
 
 PYAV = ("av",)
 """PyAV's package."""

@@ -1,4 +1,4 @@
-"""H.264 decoding and encoding by PyAV: grey pictures, (height, width) uint8."""
+"""H.264 decoding and encoding of grey pictures, (height, width) uint8, with PyAV."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import av
 from kybflow.vision.video.pave import H264, FrameType, VideoFrame
 
 BLOCK = 16
-"""The sides of a coded picture are multiples of this, pixels."""
+"""The sides of a coded picture are multiples of this number of pixels."""
 
 
 class FrameDecoder:
-    """Decodes the frames of one stream from the first key frame on. `broken`: the number of frames
+    """Decodes the frames of one stream, from its first key frame on. broken: the number of frames
     that could not be decoded."""
 
     def __init__(self) -> None:
@@ -37,8 +37,8 @@ class FrameDecoder:
 
 
 class FrameEncoder:
-    """Encodes pictures of one size, each as a key frame, so that a viewer may start with any. rate:
-    Hz."""
+    """Encodes pictures of one size, each as a key frame, so that a viewer may start with any of
+    them. rate: Hz."""
 
     def __init__(self, width: int, height: int, rate: int) -> None:
         self._size = width, height
@@ -51,7 +51,7 @@ class FrameEncoder:
         self._codec, self._number = codec, 0
 
     def encode(self, picture: Any, milliseconds: int) -> list[VideoFrame]:
-        """Return the frames of a picture: one."""
+        """Return the encoded frames of a picture, normally one."""
         width, height = self._size
         padded = picture
         if (self._codec.width, self._codec.height) != self._size:

@@ -1,7 +1,10 @@
-"""PaVE: the header before each frame of the video stream (SDK 2.0, `video_encapsulation.h`).
+"""PaVE: the header before each frame of the AR.Drone's video stream (SDK 2.0,
+`video_encapsulation.h`).
 
-Little-endian; 64 bytes, or 68 and more in some firmwares, as a field of the header says. The
-payload of codec 4 is H.264. A stream may start anywhere: bytes before a header are skipped."""
+The header is little-endian. A field of it gives its length: 64 bytes, or 68 and more in some
+firmwares. The payload of codec 4 is H.264. A stream may start anywhere: bytes before the first
+header are skipped.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +29,8 @@ class FrameType(IntEnum):
 
 
 class VideoFrame(NamedTuple):
-    """One encoded frame. width, height: as displayed; the encoded ones are multiples of 16.
-    milliseconds: since the drone's start."""
+    """One encoded frame. width, height: the size displayed, pixels; the encoded size is a multiple
+    of 16. milliseconds: time since the drone's start."""
 
     codec: int
     width: int
@@ -44,7 +47,7 @@ class VideoFrame(NamedTuple):
 
 
 class FrameCutter:
-    """Splits a stream into frames. `skipped`: the number of bytes outside of frames."""
+    """Splits a stream into frames. skipped: the number of bytes that belong to no frame."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -66,7 +69,8 @@ class FrameCutter:
         return frames
 
     def _seek(self) -> bool:
-        """Skip bytes before a header; return whether the header may be complete."""
+        """Skip the bytes before the next header. Return whether there are enough bytes for a
+        header."""
         at = self._data.find(SIGNATURE)
         drop = at if at >= 0 else max(0, len(self._data) - len(SIGNATURE) + 1)
         self.skipped += drop
@@ -75,8 +79,8 @@ class FrameCutter:
 
 
 def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:
-    """Return the frame at the start and its size, 0 while bytes are missing; None for an invalid
-    header."""
+    """Return the frame at the start of `data`, None if it is invalid or incomplete; and the number
+    of bytes to consume, 0 if the frame is incomplete."""
     (
         _, _, codec, header, payload, _, _, width, height, number, at, _, _, kind,
     ) = _LAYOUT.unpack_from(data)  # fmt: skip

@@ -25,12 +25,12 @@ Pace = Annotated[float, Option(min=0.01, max=100.0, help="Pace: 2 is twice as fa
 
 
 def fails(names: str) -> Any:
-    """Return the option `--fail`. names: of the failures."""
+    """Return the option `--fail`. names: the names of the emulator's failures."""
     return repeated("--fail", metavar="NAME[=VALUE][@SECONDS]", help=f"A failure: {names}.")
 
 
 def breaks_of(given: list[str], kind: type[Failures]) -> list[Break]:
-    """Parse `--fail`. kind: the failures of the emulator."""
+    """Parse the values of `--fail`. kind: the emulator's class of failures."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.emulation.breaking import read_break
 
@@ -39,7 +39,8 @@ def breaks_of(given: list[str], kind: type[Failures]) -> list[Break]:
 
 
 def seats_for(mission: Path | None, driver: str, airframe: str, count: int) -> list[Seat]:
-    """Return the vehicles of a mission, or `count` vehicles of an airframe."""
+    """Return a seat for each vehicle of a mission, or for `count` vehicles with the given
+    airframe."""
     from kybflow.api.emulation import plan_of, seats_of
 
     plan = plan_of(airframe, count) if mission is None else compiled(mission)[0]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 LONGEST = 3600
 SHOWN = 3
-"""The newest texts of an autopilot to print."""
+"""The most status texts printed per autopilot, newest last."""
 
 
 def command(
@@ -50,7 +50,7 @@ def command(
 
 
 def listen_to(discovery: Discovery, steps: Iterator[Time], lasts: Time) -> None:
-    """Print a line for each autopilot. Raises DriverError where there is none."""
+    """Print a line for each autopilot. Raises DriverError if there is none."""
     discovery.watch(steps, lasts)
     for system in discovery.found():
         status = discovery.statuses[system]

@@ -1,4 +1,4 @@
-"""What the commands of `kybflow mavlink` share: options, discovery and descriptions."""
+"""Options, discovery and descriptions shared by the commands of `kybflow mavlink`."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def meeting(
     key: Path | None,
     note: Callable[[], str] = str,
 ) -> Iterator[Discovery]:
-    """Open the discovery at an address; its failures end the command. note: returns what to add to
-    their message."""
+    """Open the discovery of autopilots at an address. A failure ends the command with a message.
+    note: returns text to append to the message."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.protocol.signing import read_key
     from kybflow.drivers.mavlink.transport.address import read_address

@@ -74,7 +74,7 @@ def command(
 
 
 def _systems_at(address: str, own_system: int, key: Path | None) -> str:
-    """Return a hint at the systems at another address, empty where there are none."""
+    """Return a hint about the systems found at another address; empty if there are none."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.discovery import Discovery
     from kybflow.drivers.mavlink.protocol.signing import read_key
@@ -92,8 +92,8 @@ def _systems_at(address: str, own_system: int, key: Path | None) -> str:
 def set_up(
     discovery: Discovery, steps: Iterator[Time], setup: ParameterSetup, *, write: bool
 ) -> bool:
-    """Print the parameters, with `write` after a correction, and return whether all are right.
-    Raises DriverError where the autopilot can't be reached."""
+    """Print the parameters, after correcting them if `write` is set. Return whether all are right.
+    Raises DriverError if the autopilot can't be reached."""
     from kybflow.drivers.mavlink.firmware import firmware_by
 
     systems = discovery.find(steps)
@@ -122,7 +122,7 @@ def set_up(
 
 
 def _cells(row: ParameterRow) -> tuple[str, ...]:
-    """Return the parameter, its value, the needed value, its status and the reason."""
+    """Return a parameter's name, value, needed value, status and the reason."""
     has, why = "-", row.setting.why
     if row.found is not None:
         has, why = f"{row.found:g}", row.setting.does(row.found)
@@ -133,7 +133,7 @@ def _cells(row: ParameterRow) -> tuple[str, ...]:
 def verdict(
     rows: Sequence[ParameterRow], dangers: Sequence[str], *, written: bool
 ) -> Iterator[str]:
-    """Yield what is left to do."""
+    """Yield what remains to be done."""
     names = grouped((row.state, row.setting.name) for row in rows)
     yield from (f"DANGER: {danger}" for danger in dangers)
     if missing := names.get("MISSING"):

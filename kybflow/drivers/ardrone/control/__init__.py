@@ -1,1 +1,1 @@
-"""Control of one drone: flight, moves, acts, configuration and round trips, without sockets."""
+"""Control of one drone: flight, moves, actions, configuration and round trips, without sockets."""

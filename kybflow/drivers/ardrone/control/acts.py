@@ -1,8 +1,9 @@
-"""The acts of a drone: LED animations, flight animations, the magnetometer's calibration.
+"""The actions of a drone: LED animations, flight animations, and the calibration of the
+magnetometer.
 
 Animations are values of the configuration (`leds:leds_anim`, `control:flight_anim`), in the order
 of the SDK's ARDroneGeneratedTypes.h, with the durations of Parrot's own application. Each is sent
-once, so that none is flown twice; a lost datagram loses the animation.
+only once, so that none is flown twice; if the datagram is lost, so is the animation.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ FLIGHTS: Mapping[str, int] = {
 """Duration of each flight animation, ms; the drone ignores that of a flip."""
 CALIBRATE = "calibrate_magnetometer"
 HERTZ, SECONDS = 2.0, 3
-"""Frequency and duration of LED animations."""
+"""Frequency (Hz) and duration (s) of LED animations."""
 SETTLING_TIME: Time = 3 * NS
 """How much longer than its duration an animation may last."""
 CALIBRATION_TIME: Time = 10 * NS
@@ -45,12 +46,12 @@ ACTS: Mapping[str, Act] = {
 
 
 def lasts(act: str) -> Time:
-    """Return the longest duration of an act that moves the drone."""
+    """Return the longest duration of an action that moves the drone."""
     return CALIBRATION_TIME if act == CALIBRATE else FLIGHTS[act] * NS // 1000 + SETTLING_TIME
 
 
 def lines_of(act: str, ids: Ids) -> tuple[Line, ...]:
-    """Return the AT commands that request an act."""
+    """Return the AT commands that request an action."""
     if act == CALIBRATE:
         return (calib(),)
     if act in FLIGHTS:

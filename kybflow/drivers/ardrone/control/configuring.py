@@ -1,9 +1,9 @@
 """Writes a drone's configuration, one value at a time, and reads it back.
 
-For each value: clear the acknowledge bit with CTRL 5, then send CONFIG until the bit is set. All
-but the first value follow CONFIG_IDS in the same datagram. Until the first value,
-`general:navdata_demo`, is set, a fresh drone stays in bootstrap and sends no options. Finally CTRL
-4 requests the whole configuration, and each value is compared.
+To write a value, the acknowledge bit is cleared with CTRL 5, then CONFIG is sent until the bit is
+set. All values but the first follow CONFIG_IDS in the same datagram. Until the first value,
+`general:navdata_demo`, is set, a drone that has just started stays in bootstrap and sends no
+options. Finally CTRL 4 requests the whole configuration, and each value is compared.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from kybflow.drivers.ardrone.protocol.configuration import agrees, read_configur
 from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag
 
 RESEND_PERIOD: Time = NS // 4
-"""How often to resend a value until it is acknowledged."""
+"""Period in which a value is resent until it is acknowledged."""
 READ_PERIOD: Time = NS
-"""How often to request the configuration until it arrives."""
+"""Period in which the configuration is requested until it arrives."""
 OPTIONS = sum(
     1 << tag
     for tag in (
@@ -44,7 +44,8 @@ FIRST = "general:navdata_demo"
 VERSION = "general:num_version_soft"
 WATCHDOG = "general:com_watchdog"
 LONGEST_WATCHDOG = 2.0
-"""Seconds without a command after which the drone must land; the default."""
+"""Longest accepted time without a command after which the drone lands, seconds; also the
+default."""
 
 H264_360P = "129"
 """Video codec: H.264 at 640 x 360."""
@@ -53,7 +54,7 @@ Values = tuple[tuple[str, str], ...]
 
 
 def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
-    """Return the values to write, in order."""
+    """Return the values to write, in order, as pairs of key and value."""
     p = params
     return (
         (FIRST, _truth(p.navdata == "demo")),
@@ -75,9 +76,8 @@ def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
 
 
 class Configuring:
-    """Writes and reads the configuration of one drone. `found`: the configuration as read, None
-    before. post: sends lines once. listen: opens the connection that receives the
-    configuration."""
+    """Writes and reads the configuration of one drone. found: the configuration as read, None
+    before. post: sends lines once. listen: opens the connection that receives the configuration."""
 
     def __init__(
         self,
@@ -94,20 +94,20 @@ class Configuring:
         self._asked: Time | None = None
 
     def restart(self) -> None:
-        """Write everything again, after the drone has restarted."""
+        """Write all values again, because the drone has restarted."""
         self._at, self._sent, self._clears, self._asked = 0, None, True, None
         self.found = None
 
     @property
     def pending(self) -> str:
-        """What has not been acknowledged or read yet; empty when done."""
+        """The step that is not acknowledged or finished yet, as a text; empty when all is done."""
         if self._at < len(self._values):
             return f"`{self._values[self._at][0]}` is not acknowledged"
         return "" if self.found is not None else "the drone has not sent its configuration"
 
     @property
     def mismatches(self) -> Sequence[str]:
-        """The values that differ from what was written."""
+        """The differences between the values read and those written, as texts."""
         found = self.found or {}
         return [
             f"`{key}` is {found[key]}, not {value}"
@@ -116,8 +116,8 @@ class Configuring:
         ]
 
     def update(self, acknowledges: bool, now: Time) -> None:
-        """Continue; called once a tick until nothing is `pending`. acknowledges: whether the bit
-        is set."""
+        """Continue writing and reading. Called once a tick until nothing is `pending`.
+        acknowledges: whether the acknowledge bit is set."""
         if self._at < len(self._values):
             self._write(acknowledges, now)
         elif self.found is None and self._is_due(self._asked, READ_PERIOD, now):

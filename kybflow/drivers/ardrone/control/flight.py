@@ -1,7 +1,7 @@
-"""Take-off, flight, landing and emergency of one drone.
+"""Take-off, flight, landing and emergency stop of one drone.
 
 Bit 9 of REF is a level: the drone flies while it is set. Bit 8 is a switch: setting it toggles the
-emergency. The bit stays set until the drone reports the change, but no longer than a second, so
+emergency state. Bit 8 stays set until the drone reports the change, but no longer than a second, so
 that a lost report doesn't toggle the emergency back.
 """
 
@@ -20,7 +20,7 @@ from kybflow.parts import Override
 
 TOGGLE_TIME: Time = NS
 TOGGLE_PAUSE: Time = NS // 4
-"""How long the emergency switch is clear between two attempts."""
+"""Time for which the emergency switch is clear between two attempts."""
 
 
 class Goal(Enum):
@@ -33,8 +33,8 @@ class Goal(Enum):
 
 
 class FlightControl:
-    """Decides what to send to one drone. `override`: why the drone doesn't follow commands.
-    take_off_time: the longest duration of its take-off, seconds."""
+    """Decides which commands to send to one drone. override: why the drone doesn't follow commands;
+    None if it does. take_off_time: longest duration of the drone's take-off, seconds."""
 
     def __init__(
         self, status: DroneStatus, stream: CommandStream, limits: Limits, take_off_time: float
@@ -48,12 +48,13 @@ class FlightControl:
         self.rest(0)
 
     def rest(self, now: Time) -> None:
-        """Stay on the ground, and end the flight."""
+        """Command the drone to stay on the ground, and end the flight."""
         self._change(Goal.REST, now)
         self._stream.hold(False)
 
     def arm(self, now: Time) -> bool:
-        """Take off; return whether the drone follows moves now. Raises Refused."""
+        """Command the take-off. Return whether the drone follows moves now. Raises Refused if the
+        drone won't take off or takes too long."""
         status = self._status
         if self._goal not in (Goal.TAKE_OFF, Goal.FOLLOW):
             self._change(Goal.TAKE_OFF, now)
@@ -72,8 +73,9 @@ class FlightControl:
         return False
 
     def send(self, command: Command, now: Time) -> None:
-        """Follow a command. A disarmed command stops the flight. A command of another kind, as
-        during a blind landing, lands the drone, which knows its own height."""
+        """Follow a command. A disarmed command stops the flight. A command of another kind than
+        TILT_CLIMB, as sent during a blind landing, lands the drone, which measures its own
+        height."""
         if not command.armed:
             if self._goal is Goal.STOP and not self._status.is_in_emergency:
                 self._switch(now)
@@ -87,7 +89,8 @@ class FlightControl:
             self._stream.hold(True, move)
 
     def start_act(self, until: Time) -> None:
-        """Attribute what the drone does by itself until then to an act. Raises Refused."""
+        """Accept until `until` that the drone moves by itself, because it performs an action.
+        Raises Refused if the drone doesn't fly or still performs another action."""
         if self._goal is Goal.FOLLOW and self._status.phase is Phase.LOOPING:
             raise Refused("it still performs an act")
         if self._goal is not Goal.FOLLOW or not self._status.follows:
@@ -101,18 +104,18 @@ class FlightControl:
         return self._status.stands
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors, also in the air."""
+        """Stop the rotors, even in the air."""
         self._change(Goal.STOP, now)
         self._switch(now)
 
     def reset_emergency(self, now: Time) -> None:
-        """End the emergency of a drone on the ground; called once a tick until it has ended.
-        Meanwhile `wait` doesn't clear the switch, which would toggle the emergency again."""
+        """End the emergency state of a drone on the ground; called once a tick until it has ended.
+        During this time `wait` doesn't clear the switch, which would toggle the emergency again."""
         self._change(Goal.RESET, now)
         self._switch(now)
 
     def wait(self, now: Time) -> None:
-        """Stay on the ground before a flight; called once a tick."""
+        """Command the drone to stay on the ground before a flight; called once a tick."""
         if self._goal is not Goal.RESET or not self._status.is_in_emergency:
             self.rest(now)
 
@@ -133,7 +136,7 @@ class FlightControl:
         self._stream.hold(False)
 
     def _switch(self, now: Time) -> None:
-        """Set the emergency switch for a while, clear it, and repeat."""
+        """Set the emergency switch for `TOGGLE_TIME`, clear it for `TOGGLE_PAUSE`, and repeat."""
         if self._toggled is None or now - self._toggled > TOGGLE_TIME + TOGGLE_PAUSE:
             self._toggled = now
         self._stream.hold(False, emergency=now - self._toggled <= TOGGLE_TIME)

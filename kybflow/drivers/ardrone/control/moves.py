@@ -1,8 +1,8 @@
 """Converts commands into the fractions of AT*PCMD.
 
-The tilt is split into forward and left relative to the command's heading; the drone applies it
-relative to its own. With the compass both are relative to the world's x axis. Each fraction is of a
-configured limit, from -1 to 1.
+The tilt is split into forward and left relative to the command's heading; the drone applies both
+relative to its own heading. With the compass both are relative to the world's x axis instead. Each
+value is a fraction, -1 to 1, of a configured limit.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from kybflow.world.vehicle_context import Airframe
 
 
 class Limits(NamedTuple):
-    """The values of a fraction of 1: tilt, rad; climb rate, m/s; heading rate, rad/s."""
+    """The limits, which a fraction of 1 commands. tilt: rad. climb: climb rate, m/s. turn: heading
+    rate, rad/s."""
 
     tilt: float
     climb: float
@@ -26,7 +27,8 @@ class Limits(NamedTuple):
 
 
 def limits_of(params: ArdroneLinkParams, airframe: Airframe) -> Limits:
-    """Return the limits to configure."""
+    """Return the limits to configure: the driver's parameters, or the airframe's limits by
+    default."""
     p = params
     tilt = airframe.tilt if p.euler_angle_max is None else p.euler_angle_max
     climb = airframe.climb if p.control_vz_max is None else p.control_vz_max

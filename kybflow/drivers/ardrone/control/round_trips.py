@@ -1,9 +1,9 @@
 """Measures the delay of a drone with the bit that acknowledges its configuration.
 
-The drone answers no AT command, but CONFIG sets this bit and CTRL 5 resets it, and both travel like
-any command. A round trip lasts from the request to change the bit until navigation data shows the
-change. The value written is `gps:altitude`, which only tags pictures and which controllers may set
-in flight (SDK 2.0, developer guide).
+The drone answers no AT command, but CONFIG sets this bit and CTRL 5 resets it, and both are sent
+like any other command. A round trip lasts from the request to change the bit until navigation data
+shows the change. The value written is `gps:altitude`, which is only a tag of pictures and which
+controllers may set in flight (SDK 2.0, developer guide).
 """
 
 from __future__ import annotations
@@ -21,18 +21,20 @@ from kybflow.drivers.ardrone.protocol.at import (
 )
 
 INTERVAL: Time = NS // 5
-"""How often to request a change."""
+"""Period in which a change is requested."""
 RESEND_PERIOD: Time = 3 * NS // 100
-"""How often to resend the request, so that a lost datagram doesn't make a long round trip."""
+"""Period in which the request is resent, so that a lost datagram doesn't cause a long round
+trip."""
 TIMEOUT: Time = 2 * NS
-"""How long to resend, and to wait for the first change: a firmware may not know the value."""
+"""Time after which to stop resending, and to stop waiting for the first change, since a firmware
+may not know the value."""
 TAG, UNSET = "gps:altitude", "0"
 
 
 class RoundTrips:
-    """The round trips of one drone. `delay`: the shorter one of the newest two, seconds, including
-    the wait for our tick; zero before the second. A pending round trip counts with its duration so
-    far. post: sends lines once."""
+    """The round trips of one drone. delay: the shorter of the newest two round trips, seconds,
+    including the wait for our tick; zero before the second. A pending round trip counts with its
+    duration so far. post: sends lines once."""
 
     def __init__(self, ids: Ids, post: Callable[..., None]) -> None:
         self._write = (config_ids(ids), config(TAG, UNSET))
@@ -40,11 +42,12 @@ class RoundTrips:
         self.restart()
 
     def waits(self, now: Time) -> bool:
-        """Return whether the first two may still arrive."""
+        """Return whether the delay is unknown but may still be measured: no pending request has
+        timed out."""
         return not self.delay and (self._asked is None or now - self._asked < TIMEOUT)
 
     def restart(self) -> None:
-        """Forget all round trips, while the drone is being configured."""
+        """Discard all round trips, because the drone is being configured."""
         self.delay = 0.0
         self._before = self._newest = self._next = 0
         self._asked: Time | None = None
@@ -52,7 +55,8 @@ class RoundTrips:
         self._asks_for = False
 
     def update(self, acknowledges: bool, now: Time) -> None:
-        """Continue; called once a tick. acknowledges: whether the bit is set."""
+        """Continue measuring; called once a tick. acknowledges: whether the acknowledge bit is
+        set."""
         if self._asked is None:
             if now >= self._next:
                 self._asked, self._next, self._asks_for = now, now + INTERVAL, not acknowledges

@@ -19,9 +19,9 @@ FIRST_SEQUENCE = 1
 """The sequence number that restarts the sequence."""
 REF_BASE = 1 << 18 | 1 << 20 | 1 << 22 | 1 << 24 | 1 << 28
 FLY, EMERGENCY = 1 << 9, 1 << 8
-"""Bits of REF: fly, and the emergency switch, which toggles when it is set."""
+"""Bits of REF: fly, and the emergency switch. Setting the switch toggles the emergency state."""
 PROGRESSIVE, COMBINED_YAW, ABSOLUTE = 1, 2, 4
-"""Bits of PCMD's flag. Without the first the drone hovers and ignores the arguments."""
+"""Bits of PCMD's flag. Without `PROGRESSIVE` the drone hovers and ignores the arguments."""
 SEND_CONFIGURATION, RESET_ACKNOWLEDGE, SEND_IDS = 4, 5, 6
 """Modes of CTRL."""
 
@@ -32,7 +32,7 @@ _ARGUMENT = re.compile(r',(?:(-?\d+)|"([^"]*)")')
 
 
 class AtCommand(NamedTuple):
-    """A parsed command; a float appears as the integer with its bits."""
+    """A parsed command. A float argument is given as the integer with the same bits."""
 
     name: str
     sequence: int
@@ -40,7 +40,7 @@ class AtCommand(NamedTuple):
 
 
 class Ids(NamedTuple):
-    """The owner of a configuration, each id 8 hexadecimal digits."""
+    """The ids that own configuration values, each 8 hexadecimal digits."""
 
     session: str
     user: str
@@ -60,12 +60,14 @@ def float_of(bits: int) -> float:
 
 
 def ref(flies: bool, emergency: bool = False) -> Line:
-    """Take off and stay in the air, or land; toggle the emergency."""
+    """Return the command to take off and stay in the air, or to land. emergency: toggle the
+    emergency state."""
     return Line("REF", (REF_BASE | (FLY if flies else 0) | (EMERGENCY if emergency else 0),))
 
 
 class Move(NamedTuple):
-    """The arguments of PCMD, each -1 to 1 of the configured limit. progressive: False to hover."""
+    """The arguments of PCMD, each -1 to 1 as a fraction of the configured limit. progressive: False
+    to hover."""
 
     right: float = 0.0
     backward: float = 0.0
@@ -85,8 +87,9 @@ def pcmd(move: Move) -> Line:
 
 
 def pcmd_mag(move: Move, heading: float, accuracy: float) -> Line:
-    """Move relative to a heading that the client knows. heading: -1 to 1, where 1 is 180 degrees
-    clockwise from north. accuracy: its largest error, in the same unit."""
+    """Return the command to move relative to a heading that the client knows. heading: -1 to 1,
+    where 1 is 180 degrees clockwise from north. accuracy: largest error of the heading, in the same
+    unit."""
     right, backward, up, clockwise, moves = move
     flag = PROGRESSIVE | ABSOLUTE if moves else 0
     values = (right, backward, up, clockwise, heading, accuracy)
@@ -94,32 +97,32 @@ def pcmd_mag(move: Move, heading: float, accuracy: float) -> Line:
 
 
 def ftrim() -> Line:
-    """Calibrate level; the drone must stand on level ground."""
+    """Return the command to calibrate the level attitude; the drone must stand on level ground."""
     return Line("FTRIM", ())
 
 
 def calib(device: int = 0) -> Line:
-    """Calibrate the magnetometer (0) in flight; the drone spins."""
+    """Return the command to calibrate the magnetometer (device 0) in flight; the drone spins."""
     return Line("CALIB", (device,))
 
 
 def config(key: str, value: str) -> Line:
-    """Set one value of the configuration."""
+    """Return the command to set one value of the configuration."""
     return Line("CONFIG", (key, value))
 
 
 def config_ids(ids: Ids) -> Line:
-    """Set the ids to which the next CONFIG of the datagram applies."""
+    """Return the command that sets the ids for the next CONFIG in the same datagram."""
     return Line("CONFIG_IDS", tuple(ids))
 
 
 def ctrl(mode: int) -> Line:
-    """Request the configuration, or reset the acknowledge bit."""
+    """Return the command to request the configuration, or to reset the acknowledge bit."""
     return Line("CTRL", (mode, 0))
 
 
 def comwdg() -> Line:
-    """Reset the communication watchdog."""
+    """Return the command to reset the communication watchdog."""
     return Line("COMWDG", ())
 
 
@@ -141,8 +144,8 @@ def _written(argument: Argument) -> str:
 
 
 def datagrams(groups: Iterable[Iterable[Line]], first: int) -> tuple[list[bytes], int]:
-    """Number the commands and pack them into datagrams, each group into one. Return the datagrams
-    and the next sequence number."""
+    """Number the commands and pack them into datagrams, without splitting a group. Return the
+    datagrams and the next sequence number. first: sequence number of the first command."""
     packed: list[bytes] = []
     for group in groups:
         data = b""

@@ -1,5 +1,5 @@
-"""The configuration that the drone sends over TCP: lines of `section:key = value`, then a zero
-byte. Also the ids of applications and users."""
+"""The configuration that the drone sends over TCP, lines of `section:key = value` and a zero byte;
+and the ids of applications and users."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST = 1 << 16
 
 
 def read_configuration(data: bytes) -> dict[str, str]:
-    """Return the values by `section:key`, without malformed lines."""
+    """Return the values by `section:key`; malformed lines are skipped."""
     values = {}
     for line in data.partition(END)[0].decode("utf-8", "replace").splitlines():
         key, equals, value = line.partition("=")
@@ -32,8 +32,8 @@ def identity(words: str) -> str:
 
 
 def agrees(asked: str, found: str) -> bool:
-    """Return whether a value matches the one written; the drone formats numbers and booleans in its
-    own way."""
+    """Return whether the value found matches the one written, although the drone formats numbers
+    and booleans differently."""
     if asked.strip().upper() == found.strip().upper():
         return True
     try:

@@ -1,1 +1,2 @@
-"""A drone's status and its measurements, in SI, ENU, FLU and the run's time."""
+"""A drone's status and its measurements, in SI units, in the frames ENU and FLU, and in the run's
+time."""

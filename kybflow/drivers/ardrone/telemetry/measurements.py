@@ -1,10 +1,10 @@
 """Converts navigation data into measurements: battery, IMU and odometry, in the run's time.
 
-The drone's frame is x forward, y right, z down, with the heading clockwise; attitude and speeds are
+The drone's frame is x forward, y right, z down, with the heading clockwise. Attitude and speeds are
 converted to FLU here (as in `ardrone_autonomy`: pitch, heading, v_y and v_z negated). The drone
-reports no position: it is integrated from the horizontal speed of the optical flow, and the height
-comes from the ultrasound, above the ground at the start. Both begin at the mission's start. The
-position's standard deviation starts at `FIRST` and grows by `DRIFT` of the distance flown.
+reports no position. The horizontal position is integrated from the speed of the optical flow; the
+height above the ground at the start comes from the ultrasound. Both begin at the mission's start.
+The position's standard deviation starts at `FIRST` and grows by `DRIFT` of the distance flown.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
 from kybflow.world.vehicle_context import VehicleContext
 
 FIRST, DRIFT = 0.05, 0.1
-"""Standard deviation of the integrated position: at the start, m, and per metre flown."""
+"""Standard deviation of the integrated position: at the start, m, and its growth per metre flown,
+m."""
 BATTERY_PERIOD: Time = NS
 LOWEST, SPAN = 9.0, 3.6
-"""The voltage at which the drone lands, and how much more a full pack has, to estimate a voltage
-that the drone doesn't report."""
+"""Voltage at which the drone lands, and by how much that of a full battery is higher. They give an
+estimate if the drone doesn't report the voltage."""
 MOST_STEP = 0.5
 """Largest gap between two packets over which to integrate, seconds."""
 
 
 class DroneClock:
-    """Converts a drone's stamps to the run's time by the least delay (`kybflow.core.clock_offset`),
-    because Wi-Fi delivers some packets 40 ms later than others. `dt`: seconds between the newest
-    two packets, zero after a gap."""
+    """Converts a drone's time stamps to the run's time by the least delay
+    (`kybflow.core.clock_offset`), because Wi-Fi delivers some packets 40 ms later than others. dt:
+    seconds between the newest two packets; zero after a gap."""
 
     def __init__(self) -> None:
         self.dt = 0.0
@@ -51,9 +52,9 @@ class DroneClock:
         self._stamped: Time = 0
 
     def stamp(self, read: float | None, now: Time) -> Time:
-        """Return when a packet that arrived now was sent; never in the future nor before the last
-        one. read: the drone's time in seconds, which wraps; None if the packet has none, which then
-        counts as sent now."""
+        """Return when a packet that arrived at `now` was sent, which is never in the future or
+        before the last packet. read: the drone's time in seconds, which wraps; if None, the packet
+        counts as sent at `now`."""
         last, self._last_received = self._last_received, now
         if read is None:
             passed = 0.0 if last is None else (now - last) / NS
@@ -96,7 +97,7 @@ class Measurements:
             self._charge(known, packet, now)
 
     def take(self) -> list[Measurement]:
-        """Return the measurements since the last call, oldest first."""
+        """Return the measurements made since the last call, oldest first."""
         taken, self._pending = self._pending, []
         return taken
 
@@ -109,7 +110,7 @@ class Measurements:
         self._pending.append(Imu(sent, dt, (unit * ax, -unit * ay, -unit * az), self._rates))
 
     def _move(self, known: Demo, flies: bool, dt: float, sent: Time) -> None:
-        """Integrate the position."""
+        """Integrate the position, and add an odometry measurement."""
         vx, vy, vz = (0.001 * v for v in known.velocity)
         total = known.roll + known.pitch + known.heading + vx + vy + vz
         if not isfinite(total):

@@ -1,4 +1,4 @@
-"""The newest status of one drone, and the messages about its changes."""
+"""The latest status of one drone, and messages about its changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kybflow.drivers.ardrone.protocol.navdata.state import (
 from kybflow.parts import StatusText
 
 WARNINGS = frozenset({DroneState.BATTERY_LOW, DroneState.USER_EMERGENCY})
-"""The alarms that are only warnings."""
+"""The alarms that are reported as warnings only."""
 MOST_TEXTS = 100
 """Largest number of unread texts."""
 
@@ -23,8 +23,8 @@ MOST_TEXTS = 100
 class DroneStatus:
     """The status of one drone.
 
-    `state`: the newest mask. `demo`: the newest demo option, None before the first.
-    `last_received`: when the newest packet arrived.
+    state: the latest state mask. demo: the latest demo option, None before the first.
+    last_received: when the latest packet arrived.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class DroneStatus:
                 self._texts.append(StatusText(severity, in_words(bit)[0]))
 
     def texts(self) -> list[StatusText]:
-        """Return the messages since the last call."""
+        """Return the messages added since the last call."""
         texts, self._texts = self._texts, []
         return texts
 
@@ -53,7 +53,7 @@ class DroneStatus:
 
     @property
     def flies(self) -> bool:
-        """Whether the drone is in the air, takes off or lands."""
+        """Whether the drone is in the air, is taking off or is landing."""
         return DroneState.FLYING in self.state
 
     @property
@@ -72,5 +72,6 @@ class DroneStatus:
 
     @property
     def acknowledges(self) -> bool:
-        """Whether the drone has applied a configuration value and waits for the bit's reset."""
+        """Whether the drone has applied a configuration value and waits for the acknowledge bit to
+        be reset."""
         return DroneState.COMMAND_ACKNOWLEDGED in self.state

@@ -1,8 +1,8 @@
-"""The datagrams to one drone: the newest command at a fixed rate, and lines that are sent once.
+"""The datagrams to one drone: the latest command at a fixed rate, and lines that are sent once.
 
-The tick calls `hold`; the sender, maybe in another thread, calls `due`. They exchange immutable
+The tick calls `hold`; the sender, possibly in another thread, calls `due`. They exchange immutable
 values. A command that is not renewed within `HOVER_AFTER` is replaced by a hover command. After
-`STOP_AFTER` nothing is sent, since the tick has stopped, and the drone's watchdog takes over.
+`STOP_AFTER` nothing is sent, since the tick has stopped, and the drone's watchdog lands it.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from kybflow.drivers.ardrone.protocol.at import (
 HOVER_AFTER: Time = NS // 5
 STOP_AFTER: Time = NS // 4
 MOST_WAITING = 100
-"""Largest number of groups of lines that wait."""
+"""Largest number of groups of lines waiting to be sent."""
 ACCURACY = 5.0 / 180.0
 """Largest error of a compass heading, as a fraction of 180 degrees."""
 AT_ONCE = 8
-"""Largest number of groups per command."""
+"""Largest number of groups of lines sent along with a command."""
 
 
 class Held(NamedTuple):
-    """A command. flies: True to take off and fly, False to land. emergency: toggle it. move: None
-    unless the drone flies. at: when it was made."""
+    """A command. flies: True to take off and fly, False to land. emergency: whether to toggle the
+    emergency state. move: None unless the drone flies. at: when the command was made."""
 
     flies: bool
     emergency: bool
@@ -45,9 +45,9 @@ class Held(NamedTuple):
 
 
 class CommandStream:
-    """The commands of one drone. `hovered`, `ended`: how often a command exceeded each age limit.
-    `bearing`: of the axis to which moves are relative, clockwise from north, rad; None for the
-    drone's own. clock: returns the time."""
+    """The commands of one drone. hovered, ended: how often a command was older than `HOVER_AFTER`
+    and `STOP_AFTER`. bearing: of the axis to which moves are relative, clockwise from north, rad;
+    None for the drone's own heading. clock: returns the time."""
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self._clock = clock
@@ -63,15 +63,15 @@ class CommandStream:
         self._held = Held(flies, emergency, move, self._clock())
 
     def post(self, *lines: Line) -> None:
-        """Send these once, in one datagram."""
+        """Send these lines once, in one datagram."""
         self._waiting.append(lines)
 
     def restart(self) -> None:
-        """Restart the sequence, since the drone may have restarted."""
+        """Restart the sequence numbers, since the drone may have restarted."""
         self._again = True
 
     def due(self) -> list[bytes]:
-        """Return the datagrams of one period; none if the command is too old."""
+        """Return the datagrams to send in this period; none if the command is too old."""
         held, now = self._held, self._clock()
         if held is None:
             return []

@@ -1,9 +1,8 @@
-"""One drone over the network: UDP for commands and navigation data, TCP for its configuration.
+"""One drone over the network: UDP for commands and navigation data, TCP for the configuration.
 
-A thread sends what is due at a fixed rate and receives in between, a bounded number of datagrams
-per period, so that a flood costs no more than that. It passes accepted packets to the tick as
-immutable values. The system assigns the local ports, so that any number of drones fits on one
-computer.
+A thread sends at a fixed rate and receives in between, a bounded number of datagrams per period, so
+that a flood can't delay it further. It passes accepted packets to the tick as immutable values. The
+system assigns the local ports, so any number of drones can share a computer.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from kybflow.drivers.ardrone.transport.wire import (
 
 LONGEST = 8192
 MOST_PER_PERIOD = 64
-"""Datagrams received per period at most; with 25 Hz and 200 Hz of data there are 8."""
+"""Largest number of datagrams received per period; 25 Hz of commands and 200 Hz of data make 8."""
 BUFFER = 1 << 17
 """Size of the socket's receive buffer, bytes."""
 MOST_HELD = 4096
@@ -48,13 +47,13 @@ def is_address(text: str) -> bool:
 
 
 class UdpWire(DroneWire):
-    """A wire with a thread, which runs until `close`. rate: of the commands, Hz. clock: the time by
-    which commands age, ns."""
+    """A connection with a thread, which runs until `close`. rate: of the commands, Hz. clock: the
+    time by which commands age, ns."""
 
     def __init__(
         self, host: str, rate: float, clock: Callable[[], Time] = time.monotonic_ns
     ) -> None:
-        """Raises DriverError."""
+        """Open the sockets and start the thread. Raises DriverError."""
         super().__init__(clock)
         self._host, self._clock, self._period = host, clock, round(NS / rate)
         self._arrived: deque[Arrived] = deque(maxlen=MOST_HELD)
@@ -68,7 +67,7 @@ class UdpWire(DroneWire):
         self._thread.start()
 
     def poll(self, now: Time) -> None:
-        """Nothing to do: the thread sends and receives."""
+        """Do nothing: the thread sends and receives."""
 
     def take(self, now: Time) -> Sequence[Arrived]:
         if self._failure is not None:
@@ -103,7 +102,7 @@ class UdpWire(DroneWire):
         self._data.close()
 
     def _run(self) -> None:
-        """Run the thread; `take` raises what ends it."""
+        """Run the thread; `take` raises DriverError after an exception here."""
         try:
             self._serve()
         except Exception as error:
@@ -150,8 +149,8 @@ class UdpWire(DroneWire):
 
 
 class _ControlChannel:
-    """The TCP connection that receives configurations, reopened when it is lost. Only the wire's
-    thread uses it, except for `wanted`."""
+    """The TCP connection that receives configurations; it is reopened when it is lost. Only the
+    thread of the wire uses it, except for `wanted`."""
 
     def __init__(self, host: str) -> None:
         self.wanted = False
@@ -161,7 +160,7 @@ class _ControlChannel:
         self._next: Time = 0
 
     def poll(self, now: Time) -> bytes | None:
-        """Return a configuration that is complete now, None if there is none; never blocks."""
+        """Return a configuration that is complete now, otherwise None. Never blocks."""
         if not self.wanted:
             return None
         if self._socket is None:
@@ -202,7 +201,7 @@ def _socket(host: str, kind: socket.SocketKind = socket.SOCK_DGRAM) -> socket.so
 
 
 def _own_address(host: str) -> str:
-    """Return our address in the drone's network. Raises OSError."""
+    """Return this computer's address in the drone's network. Raises OSError."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.connect((host, AT))
         return str(probe.getsockname()[0])

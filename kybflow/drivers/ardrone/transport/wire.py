@@ -16,14 +16,15 @@ NAVDATA_REQUEST = b"\x01\x00\x00\x00"
 """The datagram that requests navigation data."""
 Arrived = tuple[Time, Packet]
 RESTARTS: Time = NS
-"""Silence after which the sequence may restart, since the drone may have restarted."""
+"""Duration of a silence after which the sequence numbers may restart, since the drone may have
+restarted."""
 FIRST_REPORT = 10
-"""Number of rejected datagrams at the first report."""
+"""Number of rejected datagrams after which they are first reported."""
 
 
 class Gate:
-    """Accepts the packets of one drone: from its address, well-formed, and newer than the last.
-    `refused`: how many were rejected, by reason."""
+    """Accepts the packets of one drone if they come from its address, are well-formed, and are
+    newer than the last. refused: number of rejected datagrams by reason."""
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
@@ -31,8 +32,8 @@ class Gate:
         self._last_received: Time | None = None
 
     def admit(self, data: bytes, is_ours: bool, now: Time) -> Packet | None:
-        """Return the packet, None if it is rejected. is_ours: whether it came from the drone's
-        address and port."""
+        """Return the packet in a datagram; None if it is rejected. is_ours: whether the datagram
+        came from the drone's address and port."""
         if not is_ours:
             self.refused["from elsewhere"] += 1
             return None
@@ -49,8 +50,8 @@ class Gate:
         return packet
 
     def report(self) -> str | None:
-        """Return a summary of rejected datagrams after `FIRST_REPORT` of them and whenever they are
-        ten times as many; else None. May be called in another thread."""
+        """Return a summary of the rejected datagrams after the first `FIRST_REPORT`, and whenever
+        their number has grown tenfold; otherwise None. May be called in another thread."""
         refused = dict(self.refused)
         total = sum(refused.values())
         if total < self._next_report:
@@ -61,13 +62,13 @@ class Gate:
         return f"{total} datagrams were ignored: {counts}"
 
     def restart(self) -> None:
-        """Accept a restarted sequence, as after the communication watchdog."""
+        """Accept restarted sequence numbers, as after the communication watchdog."""
         self._last = 0
 
 
 class DroneWire(ABC):
-    """The connection to one drone. `stream`: the commands. `gate`: the filter of navigation data.
-    Faults set `deaf` and `mute`."""
+    """The connection to one drone. stream: the commands. gate: the filter of navigation data. deaf,
+    mute: set by injected faults; received or sent datagrams are lost."""
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self.stream, self.gate = CommandStream(clock), Gate()
@@ -75,12 +76,12 @@ class DroneWire(ABC):
 
     @abstractmethod
     def poll(self, now: Time) -> None:
-        """Send and receive what is due, unless a thread does. now: the run's time."""
+        """Send and receive what is due, unless a thread does so. now: the run's time."""
 
     @abstractmethod
     def take(self, now: Time) -> Sequence[Arrived]:
-        """Return the packets since the last call, oldest first, each with its arrival in the run's
-        time. Raises DriverError."""
+        """Return the packets received since the last call, oldest first, each with its time of
+        arrival in the run. Raises DriverError if the connection has failed."""
 
     @abstractmethod
     def ask(self) -> None:
@@ -92,12 +93,12 @@ class DroneWire(ABC):
 
     @abstractmethod
     def configuration(self) -> bytes | None:
-        """Return the newest complete configuration, once; None if there is none."""
+        """Return the latest complete configuration once, otherwise None."""
 
     @property
     @abstractmethod
     def trouble(self) -> str:
-        """Why nothing can arrive; empty if no error is known."""
+        """The reason why nothing can arrive; empty if no error is known."""
 
     @abstractmethod
     def close(self) -> None: ...

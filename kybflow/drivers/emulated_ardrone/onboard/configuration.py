@@ -54,14 +54,15 @@ IDS = ("custom:session_id", "custom:profile_id", "custom:application_id")
 
 
 class EmulatedConfiguration:
-    """The values of one drone. `refused`: the number of rejected writes."""
+    """The configuration values of one drone. refused: number of rejected writes."""
 
     def __init__(self) -> None:
         self.values = dict(DEFAULTS)
         self.refused = 0
 
     def write(self, key: str, value: str, ids: Ids | None) -> bool:
-        """Set a value; return whether the drone acknowledges."""
+        """Set a value unless the write is rejected. Return whether the drone acknowledges the
+        write."""
         key = key.lower()
         known = key in self.values and not key.startswith(FIXED)
         current = Ids(*(self.values[name] for name in IDS))
@@ -73,7 +74,7 @@ class EmulatedConfiguration:
         return True
 
     def number(self, key: str) -> float:
-        """Return a value as a number; its default if it is none."""
+        """Return a value as a number; if it isn't one, return the default."""
         try:
             return float(self.values[key])
         except ValueError:

@@ -1,10 +1,10 @@
-"""The computer of an emulated drone: AT commands, watchdogs, emergencies and its status.
+"""The computer of an emulated drone: AT commands, watchdogs, emergencies and status.
 
 The first sender owns the drone until it is silent for `com_watchdog`; commands of other senders are
-counted and ignored, as if the drone were paired. A command is dropped unless its number is larger
-than the last or restarts the sequence. After 50 ms without a command the drone sets the watchdog
-bit and hovers until commands arrive; COMWDG clears the bit. After `com_watchdog` without a command
-the communication is lost: the drone lands, and clients must start over.
+counted and ignored, as if the drone were paired. A command is dropped unless its sequence number is
+larger than the last or restarts the sequence. After 50 ms without a command the drone sets the
+watchdog bit and hovers until commands arrive; COMWDG clears the bit. After `com_watchdog` without a
+command the communication is lost: the drone lands, and clients must connect again.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ WATCHDOG: Time = NS // 20
 FIRST_SEQUENCES = frozenset({0, 1})
 """The sequence numbers that restart the sequence."""
 LOW, EMPTY = 0.2, 0.05
-"""The charges below which the drone refuses to take off, and lands."""
+"""The charges below which the drone refuses to take off, and lands, as fractions."""
 HEALTHY = (
     DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD
     | DroneState.ACQUISITION_THREAD | DroneState.PIC_VERSION_OK | DroneState.ALTITUDE_CONTROL
@@ -48,17 +48,16 @@ HEALTHY = (
 
 @dataclass
 class DroneFailures(Failures):
-    """The failures of a drone. cutout: a rotor is blocked, which is an emergency."""
+    """The failures of a drone. cutout: a rotor is blocked, which causes an emergency."""
 
     cutout: bool = False
 
 
 class OnboardDrone:
-    """The computer of one drone. `accepted`: commands without effect here, by name. `ignored`:
-    ignored commands, by reason. `is_lost`: whether no client owns the drone. `times_lost`: how
-    often the communication was lost. `on_configuration`: called when a client requests the
-    configuration.
-    """
+    """The computer of one drone. accepted: number of commands without effect here, by name.
+    ignored: number of ignored commands, by reason. is_lost: whether no client owns the drone.
+    times_lost: how often the communication was lost. on_configuration: called when a client
+    requests the configuration."""
 
     def __init__(
         self, context: VehicleContext, body: SimulatedBody, generator: random.Random
@@ -112,7 +111,7 @@ class OnboardDrone:
             self._take(command, now)
 
     def step(self, now: Time) -> None:
-        """Estimate, check watchdogs and emergencies, fly."""
+        """Make one step: estimate, check watchdogs and emergencies, and fly."""
         self._now = now
         dt, self._stepped = (now - self._stepped) / NS, now
         self.estimator.correct(now)
@@ -197,8 +196,8 @@ class OnboardDrone:
             )
 
     def _by_compass(self, right: float, backward: float, client: float) -> tuple[float, float]:
-        """Convert a client's tilt to the drone's directions. client: the client's bearing, as a
-        fraction of 180 degrees. Raises ValueError."""
+        """Return a client's tilt (right, backward) in the drone's directions. client: the client's
+        bearing, as a fraction of 180 degrees. Raises ValueError if it is not finite."""
         if not isfinite(client):
             raise ValueError("not a number")
         own = pi / 2 - self.estimator.attitude.heading
@@ -274,8 +273,8 @@ class OnboardDrone:
 
 
 def _integers(arguments: Iterable[int | str], count: int) -> list[int]:
-    """Return the arguments, which must be `count` integers, or any number of them if it is 0.
-    Raises ValueError."""
+    """Return the arguments as integers. Raises ValueError unless they are exactly `count` integers;
+    a count of 0 allows any number of them."""
     found = [value for value in arguments if isinstance(value, int)]
     if len(found) != len(tuple(arguments)) or (count and len(found) != count):
         raise ValueError("other arguments are expected")
@@ -283,7 +282,7 @@ def _integers(arguments: Iterable[int | str], count: int) -> list[int]:
 
 
 def _words(arguments: Iterable[int | str], count: int) -> list[str]:
-    """Return the arguments, which must be `count` words. Raises ValueError."""
+    """Return the arguments that are strings. Raises ValueError if their number is not `count`."""
     found = [value for value in arguments if isinstance(value, str)]
     if len(found) != count:
         raise ValueError("other arguments are expected")

@@ -1,8 +1,8 @@
 """The state estimator of an emulated drone: attitude, height, and speed over the ground.
 
-The attitude comes from IMU and magnetometer (`kybflow.drivers.emulation.estimation`). Ultrasound
-and optical flow correct the height and the speed that the accelerometer predicts, at the rates
-below. Metres, ENU.
+The attitude comes from IMU and magnetometer (`kybflow.drivers.emulation.estimation`). Height and
+speed are predicted with the accelerometer and corrected with ultrasound and optical flow, at the
+rates below. Units are metres, in the frame ENU.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ FOLLOWS_FLOW, FOLLOWS_ECHO, CLIMB_BY_ECHO = 3.0, 6.0, 9.0
 
 
 class DroneEstimator:
-    """The motion of one drone. `height`, `climb`: above the start. `velocity`: horizontal, forward
-    and left of its heading. `imu`: the newest IMU sample."""
+    """The estimated motion of one drone. height, climb: height above the start and its rate.
+    velocity: horizontal, forward and left relative to its heading. imu: the latest IMU sample."""
 
     def __init__(self, look: Callable[[], Truth], generator: random.Random) -> None:
         self._look, self._generator = look, generator
@@ -50,7 +50,7 @@ class DroneEstimator:
         self.imu: Imu | None = None
 
     def add_imu(self, imu: Imu) -> None:
-        """Predict with an IMU sample."""
+        """Predict the motion with an IMU sample."""
         self.imu = imu
         self.attitude.add_imu(imu, None)
         level = from_heading(self.attitude.heading)
@@ -64,7 +64,7 @@ class DroneEstimator:
         self.climb += imu.dt * pull
 
     def correct(self, now: Time) -> None:
-        """Correct with every sensor that has a new measurement."""
+        """Correct the estimate with every sensor that has a new measurement."""
         if self._compass.read(now):
             self.attitude.see(self._compass.heading)
         truth, noise = self._look(), self._generator.gauss
@@ -80,5 +80,5 @@ class DroneEstimator:
             self.climb += CLIMB_BY_ECHO * dt * off
 
     def rest(self) -> None:
-        """Set the motion of a drone on the ground."""
+        """Reset the motion to that of a drone on the ground."""
         self.velocity, self.height, self.climb = ZERO, 0.0, 0.0

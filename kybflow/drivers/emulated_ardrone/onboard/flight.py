@@ -1,11 +1,11 @@
 """The flight controller of an emulated drone: take-off, moves, hovering, animations and landing.
 
-A move commands a tilt, a climb rate and a heading rate. The climb rate follows with
-`CLIMB_TIME_CONSTANT` plus the delay of the velocity loop, together as slowly as a real drone's
-(`kybflow.drivers.ardrone.CLIMB_TIME`). When it hovers, the drone brakes by its optical flow and
-holds its height. Of an animation the SDK names only the axis and the duration: here the drone
-hovers and rocks or turns about that axis, without flipping over. To calibrate its magnetometer it
-turns once. Radians, metres, body FLU.
+A move commands a tilt, a climb rate and a heading rate. The climb rate responds with a lag of
+`CLIMB_TIME_CONSTANT` plus the delay of the velocity loop; together they match the response of a
+real drone (`kybflow.drivers.ardrone.CLIMB_TIME`). When the drone hovers, it brakes by its optical
+flow and holds its height. The SDK gives only the axis and the duration of an animation, so the
+emulated drone hovers and rocks or turns about that axis, without flipping over. To calibrate its
+magnetometer it turns around once. Units are radians and metres; the body frame is FLU.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ BRAKES, BRAKES_MOST = 0.25, 0.2
 """Braking: tilt per speed, rad per m/s, and the largest tilt, rad."""
 STILL: Time = 3 * NS // 10
 LOW, SLOW = 0.06, 0.08
-"""The drone has landed after `STILL` below this height, m, and climb rate, m/s."""
+"""Height, m, and climb rate, m/s, below which the drone counts as landed after `STILL`."""
 TURN_LEASH = 0.5
 """Largest difference between the heading setpoint and the heading, rad."""
 ROCKING, TURNS = 0.15, 1.0
-"""Tilt to either side once a second, rad, and heading rate, rad/s, clockwise."""
+"""Amplitude of the tilt, which oscillates once a second, rad; and clockwise heading rate, rad/s."""
 SHORTEST: Time = NS
-"""Shortest duration of an animation; that of a flip is not its real duration."""
+"""Shortest duration of an animation; the SDK's duration of a flip is not its real duration."""
 
 
 class Performance(NamedTuple):
-    """roll, pitch: amplitudes, rad. turn: heading rate, rad/s."""
+    """The motion of an animation. roll, pitch: amplitudes, rad. turn: heading rate, rad/s."""
 
     begins: Time
     ends: Time
@@ -59,8 +59,8 @@ class Performance(NamedTuple):
 
 
 def animation(value: str, now: Time) -> Performance:
-    """Return the animation for `control:flight_anim`, its number and milliseconds. Raises
-    ValueError."""
+    """Return the animation that a value of `control:flight_anim` requests: its number and its
+    duration in milliseconds. Raises ValueError."""
     number, milliseconds = map(int, value.split(","))
     if not 0 <= number < len(FLIGHTS):
         raise ValueError("no animation has this number")
@@ -75,7 +75,7 @@ def calibration(now: Time) -> Performance:
 
 
 class DroneFlight:
-    """Flies one drone. `phase`: its flight phase. `moves`: the move to follow; None to hover."""
+    """Flies one drone. phase: the flight phase. moves: the move to follow; None to hover."""
 
     def __init__(self, airframe: Airframe, estimator: DroneEstimator, body: SimulatedBody) -> None:
         self.phase = Phase.LANDED
@@ -106,11 +106,11 @@ class DroneFlight:
             self._change(Phase.LANDING, now)
 
     def stop(self, now: Time) -> None:
-        """Stop the rotors, also in the air."""
+        """Stop the rotors, even in the air."""
         self._change(Phase.LANDED, now)
 
     def perform(self, performance: Performance, now: Time) -> None:
-        """Perform this instead of moves, if the drone is in the air."""
+        """Perform an animation or calibration instead of moves, if the drone is in the air."""
         if self.phase in (Phase.HOVERING, Phase.FLYING):
             self.moves, self._performs = None, performance
             self._change(Phase.LOOPING, now)
@@ -137,7 +137,8 @@ class DroneFlight:
         return 0.0 if self.moves is None else self.climb_most * self.moves.up
 
     def _command(self, now: Time, dt: float) -> Command:
-        """Return attitude and thrust, the attitude relative to the attitude loop's own estimate."""
+        """Return the command for attitude and thrust. The attitude is relative to the attitude
+        loop's own estimate."""
         attitude, turn = self._estimator.attitude, 0.0
         if self._performs is not None:
             turn = self._performs.turn
@@ -158,7 +159,7 @@ class DroneFlight:
         return Command(believed, thrust / level, (0.0, 0.0, turn), attitude.heading)
 
     def _tilts(self, now: Time) -> tuple[float, float]:
-        """Return roll and pitch."""
+        """Return the commanded roll and pitch, rad."""
         if self.moves is not None:
             return self.tilt_most * self.moves.right, -self.tilt_most * self.moves.backward
         forward, left, _ = self._estimator.velocity

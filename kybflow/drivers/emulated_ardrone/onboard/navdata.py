@@ -1,7 +1,7 @@
 """The navigation data that an emulated drone sends.
 
-In bootstrap it sends the state mask alone. Then it sends the options of the demo mode at 15 Hz, or
-those that `general:navdata_options` selects at 200 Hz, by default all. Options that are not
+In bootstrap it sends only the state mask. After that it sends the options of the demo mode at 15
+Hz, or those that `general:navdata_options` selects at 200 Hz, by default all. Options that are not
 emulated are zeros of the right size.
 """
 
@@ -25,7 +25,7 @@ from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
 
 DEMO, FULL = 15, 200
 SMALL = 1 << OptionTag.DEMO | 1 << OptionTag.VISION_DETECT
-"""The default options; at 200 Hz they stand for all."""
+"""The default options. At 200 Hz they select all options."""
 SIZES = {
     OptionTag(tag): fields[-1].at + fields[-1].layout.size
     for tag, fields in LAYOUTS.items()
@@ -35,7 +35,7 @@ SIZES[OptionTag.DEMO], SIZES[OptionTag.REFERENCES] = 144, 84
 
 
 class NavdataSender:
-    """Makes the packets of one drone. `wanted`: whether a client has requested them."""
+    """Makes the packets of one drone. wanted: whether a client has requested them."""
 
     def __init__(self, drone: OnboardDrone) -> None:
         self._drone = drone
@@ -49,7 +49,7 @@ class NavdataSender:
             self.wanted, self._sequence, self._due = True, 0, now
 
     def end(self) -> None:
-        """Stop sending, as the communication is lost."""
+        """Stop sending, because the communication is lost."""
         self.wanted = False
 
     def due(self, now: Time) -> list[bytes]:

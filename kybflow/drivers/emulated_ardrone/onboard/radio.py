@@ -13,8 +13,8 @@ T = TypeVar("T")
 
 
 class Radio(NamedTuple):
-    """latency: of a datagram, s. jitter: largest deviation from it, s, uniformly distributed. loss:
-    the share of datagrams that are lost."""
+    """The properties of a radio link. latency: delay of a datagram, s. jitter: largest deviation
+    from this delay, s, uniformly distributed. loss: share of datagrams that are lost."""
 
     latency: float = 0.0
     jitter: float = 0.0
@@ -22,7 +22,7 @@ class Radio(NamedTuple):
 
 
 class DelayLine(Generic[T]):
-    """One direction of a link. `more`: an additional delay, ns, which a fault sets."""
+    """One direction of a radio link. more: additional delay, ns, set by a fault."""
 
     more: Time = 0
 
@@ -44,7 +44,7 @@ class DelayLine(Generic[T]):
             self.send(message, now)
 
     def arrived(self, now: Time) -> list[T]:
-        """Return the messages that have arrived."""
+        """Return the messages that have arrived since the last call."""
         found = []
         while self._on_the_way and self._on_the_way[0][0] <= now:
             found.append(self._on_the_way.popleft()[1])

@@ -56,7 +56,7 @@ class DroneVideo:
         self._due: Time = 0
 
     def due(self, now: Time) -> bytes:
-        """Return the bytes to send now; none between two pictures."""
+        """Return the bytes to send now; empty between two pictures."""
         if now < self._due:
             return b""
         self._due = now + NS // RATE

@@ -1,6 +1,6 @@
 """The flight of an emulated autopilot: the targets of each mode, and landing detection.
 
-Speeds in m/s, heights in metres, ENU of its own local frame.
+Speeds are in m/s and heights in metres, in the autopilot's own local ENU frame.
 """
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ from kybflow.drivers.emulation.control import STEADY, PositionControl, PositionT
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
 LANDS, SLIGHT, SLOW = 0.6, 0.65, 0.25
-"""Landed: these seconds with less thrust than this share of the hover thrust and a climb or descent
-slower than this."""
+"""Landing: for this many seconds the thrust is less than this fraction of the hover thrust, and the
+vertical speed less than this."""
 TOUCHES, PUSHED = 0.3, 0.9
-"""Ground contact in a landing: in these seconds it has hardly descended, with less thrust than this
-share of the hover thrust. It then stays level, as PX4 with `ground_contact` and ArduPilot with
-`land_complete_maybe`."""
+"""Ground contact during a landing: in this many seconds the vehicle has hardly descended, with a
+thrust of less than this fraction of the hover thrust. From then on it only stays level, as PX4 does
+with `ground_contact` and ArduPilot with `land_complete_maybe`."""
 LIFTS, LIFTED = 0.9, 0.08
-"""Lifted off: more thrust than this share of the hover thrust, this far above the ground."""
+"""Lift-off: the thrust is more than this fraction of the hover thrust, and the vehicle this far
+above the ground."""
 CLEAR = 0.5
-"""From this height on, unless it lands, nothing supports it from below."""
+"""Above this height nothing supports the vehicle from below, unless it is landing."""
 REACHED = 0.15
 SPOOLS: Time = NS
 """How long the rotors spool up before a take-off."""
 STICK_SPEED, STICK_TURN = 2.0, 1.0
-"""The speed and the turn rate of a full stick, m/s and rad/s."""
+"""The speed and the turn rate at full stick deflection, m/s and rad/s."""
 SINKS = 2.4
-"""The descent in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
+"""The descent speed in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
 FAST_ABOVE = 5.0
-"""Above this height, metres, it descends twice as fast."""
+"""Above this height, metres, the vehicle descends twice as fast."""
 
 
 class EmulatedFlight:
@@ -64,7 +65,7 @@ class EmulatedFlight:
         self._began: Time = 0
 
     def enter(self, now: Time) -> None:
-        """Begin a mode: hold where the vehicle is."""
+        """Begin a mode, in which the vehicle at first holds its position."""
         estimator = self._state.estimator
         vx, vy, vz = estimator.velocity
         x, y, z = estimator.position
@@ -79,7 +80,7 @@ class EmulatedFlight:
         self._leave_the_ground()
 
     def arm(self, now: Time) -> None:
-        """Begin a flight: the rotors begin to turn."""
+        """Begin a flight: the rotors start to turn."""
         state, estimator = self._state, self._state.estimator
         state.ground, state.has_flown = estimator.position[2], False
         state.climb_to = None
@@ -87,14 +88,15 @@ class EmulatedFlight:
         self.enter(now)
 
     def _leave_the_ground(self) -> None:
-        """Begin a take-off by the mode for it, armed before or after the change of mode."""
+        """Begin a take-off if the take-off mode is in force, whether the vehicle was armed before
+        or after the mode change."""
         state = self._state
         if state.flying.role is Role.TAKE_OFF and state.armed and state.is_down:
             height = state.parameters[self._firmware.takeoff_parameter]
             state.climb_to = state.ground + height
 
     def step(self, now: Time, dt: float) -> Command:
-        """The command for the attitude loop now, while armed."""
+        """Return the current command for the attitude loop. Called while armed."""
         state = self._state
         if state.is_down and not self._starts(now):
             return self._control.ground(state.estimator.attitude.heading)
@@ -112,7 +114,7 @@ class EmulatedFlight:
         return self._reach(PositionTarget(self._held, ZERO, heading=self._heading), dt)
 
     def watch(self, now: Time, dt: float) -> None:
-        """Detect a lift-off or a landing; in the air, learn the hover thrust."""
+        """Detect lift-off and landing; in the air, learn the hover thrust."""
         state, control, estimator = self._state, self._control, self._state.estimator
         climb, height = estimator.velocity[2], estimator.position[2] - state.ground
         if not state.is_down and abs(climb) < STEADY:
@@ -139,8 +141,8 @@ class EmulatedFlight:
                 state.landed = LandedState.LANDING if role is Role.LAND else LandedState.AIR
 
     def _detect_contact(self, now: Time, share: float) -> None:
-        """Detect ground contact, or its end: a vehicle that climbed when the landing began only
-        stopped climbing."""
+        """Detect ground contact or its end. A vehicle that still climbed when the landing began may
+        only have stopped climbing."""
         was, height = self._was_at, self._state.estimator.position[2]
         if was is not None and was - height >= SLOW * TOUCHES:
             self._has_touched = False
@@ -149,7 +151,7 @@ class EmulatedFlight:
         self._contact_at, self._was_at = now + round(TOUCHES * NS), height
 
     def _starts(self, now: Time) -> bool:
-        """Whether it is commanded to leave the ground."""
+        """Return whether the vehicle is commanded to leave the ground."""
         state = self._state
         if now - state.armed_at < SPOOLS:
             return False
@@ -204,7 +206,7 @@ class EmulatedFlight:
         return control.hold(self._attitude, thrust, rates, heading)
 
     def _climbing(self, dt: float) -> PositionTarget:
-        """The target of a climb at a steady speed, then of a hold."""
+        """Return the target of a climb at a steady speed, then that of a hold at its end."""
         state, (x, y, z) = self._state, self._held
         to = self._held[2] if state.climb_to is None else state.climb_to
         up = self._firmware.takes_off
@@ -216,8 +218,8 @@ class EmulatedFlight:
         return PositionTarget(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
 
     def _landing(self, now: Time) -> PositionTarget:
-        """The target straight down; without a position, or in ground contact, it only stays
-        level."""
+        """Return the target of a vertical descent. Without a position, or in ground contact, the
+        vehicle only stays level."""
         state, (x, y, _) = self._state, self._held
         down = self._firmware.land_speed(state.parameters)
         if state.estimator.position[2] - state.ground > FAST_ABOVE:
@@ -227,7 +229,7 @@ class EmulatedFlight:
         return PositionTarget((x, y, None), (0.0, 0.0, -down), heading=self._heading)
 
     def _returning(self) -> PositionTarget:
-        """The target up, then to home, then down."""
+        """Return the target of a return: first up, then to the home position, then down."""
         state, firmware = self._state, self._firmware
         hx, hy, _ = state.home or self._held
         x, y, z = state.estimator.position
@@ -243,7 +245,8 @@ class EmulatedFlight:
         return PositionTarget((hx, hy, state.ground + up), heading=self._heading)
 
     def _steered(self, now: Time) -> PositionTarget:
-        """The target of the pilot's sticks; without a pilot the throttle reads zero."""
+        """Return the target commanded by the pilot's sticks; without a pilot the throttle reads
+        zero."""
         state, sticks = self._state, self._state.sticks
         if sticks is None or not state.has_pilot(now):
             return PositionTarget(

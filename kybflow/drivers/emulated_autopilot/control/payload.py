@@ -1,6 +1,6 @@
 """The auxiliary outputs of an emulated autopilot.
 
-Pulses are in microseconds; below the middle a servo is open.
+Pulses are in microseconds; a servo is open at pulses below `MIDDLE`.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ COMMANDS = frozenset(
 
 
 class Outputs:
-    """The outputs of one vehicle.
+    """The outputs of one vehicle. Its attribute `pulses` holds the current pulses by channel.
 
-    `pulses`: by channel, from 5. channel: the one that holds the payload, None without one. pulses:
-    of an open and a closed servo. move: opens or closes the payload's servo.
+    channel: the channel of the payload's servo, None without one.
+    pulses: the pulses of an open and of a closed servo.
+    closed: whether the payload's servo is closed at first.
+    move: opens or closes the payload's servo.
     """
 
     def __init__(
@@ -45,8 +47,8 @@ class Outputs:
             self.pulses[channel] = pulses[closed]
 
     def move_all(self, parameter: str, function: int, pulse: int, now: Time) -> bool:
-        """Move all outputs with that function; returns whether there is one. parameter: the name of
-        the parameter with an output's function, `{}` in place of its number."""
+        """Move all outputs with this function; return whether there are any. parameter: the name of
+        the parameter that holds an output's function, with `{}` in place of the output's number."""
         found = [
             channel
             for channel in range(1, 15)

@@ -1,5 +1,5 @@
-"""Setpoint messages as targets: SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET in the local ENU
-frame of an emulated autopilot."""
+"""Conversion of setpoint messages (SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET) to targets in the
+local ENU frame of an emulated autopilot."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ LOCAL, LOCAL_OFFSET = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSE
 BODY, BODY_OFFSET = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED
 BODY_FRD = mavlink.MAV_FRAME_BODY_FRD
 NO_THRUST = 1 << 6
-"""A bit of the type mask of SET_ATTITUDE_TARGET, beside those of the driver's codec."""
+"""A bit of the type mask of SET_ATTITUDE_TARGET that the driver's codec doesn't use."""
 
 
 class AttitudeTarget(NamedTuple):
-    """An attitude, or body rates where it is None, and a throttle of 0 to 1. rates: None where none
-    are given."""
+    """An attitude, or body rates if `attitude` is None, and a throttle from 0 to 1. rates: None if
+    none are given."""
 
     attitude: Quat | None
     rates: Vec3 | None
@@ -37,9 +37,9 @@ class AttitudeTarget(NamedTuple):
 
 
 def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> PositionTarget | None:
-    """The target of SET_POSITION_TARGET_LOCAL_NED; None where it is empty or its frame unknown. at,
-    heading: where the vehicle is, for the frames that move with it. by_axis: whether a single axis
-    can be left out; otherwise its group is."""
+    """Return the target of a SET_POSITION_TARGET_LOCAL_NED; None if it is empty or its frame
+    unknown. at, heading: the vehicle's position and heading, for frames that move with it. by_axis:
+    whether single axes can be left out; otherwise leaving out one leaves out its whole group."""
     m, mask = message, message.type_mask
     if m.coordinate_frame not in (LOCAL, LOCAL_OFFSET, BODY, BODY_OFFSET, BODY_FRD):
         return None
@@ -65,7 +65,7 @@ def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Po
 
 
 def attitude_target(message: Any) -> AttitudeTarget | None:
-    """The target of SET_ATTITUDE_TARGET; None where it leaves out the thrust, or both attitude and
+    """Return the target of a SET_ATTITUDE_TARGET; None if it has no thrust, or neither attitude nor
     rates."""
     mask = message.type_mask
     if mask & NO_THRUST or not isfinite(message.thrust):
@@ -81,8 +81,8 @@ def attitude_target(message: Any) -> AttitudeTarget | None:
 
 
 def as_local(message: Any, ned: Vec3) -> Any:
-    """A SET_POSITION_TARGET_GLOBAL_INT as the equivalent local message. ned: its position in the
-    local frame."""
+    """Convert a SET_POSITION_TARGET_GLOBAL_INT to the equivalent local message. ned: its position
+    in the local frame."""
     m, (x, y, z) = message, ned
     return mavlink.MAVLink_set_position_target_local_ned_message(
         m.time_boot_ms, m.target_system, m.target_component, LOCAL, m.type_mask, x, y, z,
@@ -91,7 +91,7 @@ def as_local(message: Any, ned: Vec3) -> Any:
 
 
 def _axes(values: tuple[float, float, float], mask: int, group: int, by_axis: bool) -> Axes:
-    """North, east and down as east, north and up, without those that the mask ignores."""
+    """Convert north, east, down to east, north, up; axes that the mask ignores become None."""
     first = group & -group
     left = [mask & first << axis or not isfinite(v) for axis, v in enumerate(values)]
     if not by_axis and any(left):
@@ -101,7 +101,8 @@ def _axes(values: tuple[float, float, float], mask: int, group: int, by_axis: bo
 
 
 def _turned(axes: Axes, heading: float) -> Axes:
-    """Forward, right and down, read as north, east and down, in the world."""
+    """Rotate body-frame axes (forward, right, down), already reordered by `_axes`, into the
+    world."""
     right, forward, up = axes
     if right is None or forward is None:
         return (None, None, up)

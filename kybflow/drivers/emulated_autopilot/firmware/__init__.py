@@ -1,7 +1,8 @@
-"""The emulated firmwares as observed: what differs between them, as data and small functions.
+"""The emulated firmwares as observed: the differences between them, as data and small functions.
 
-Each module of this folder is one, with the name of its profile in the MAVLink driver's `firmware`;
-its `EMULATED` is an `EmulatedFirmware`. A firmware without a module here is flown but not emulated.
+Each module of this package is one firmware, named like its profile in the MAVLink driver's
+`firmware`; its `EMULATED` is an `EmulatedFirmware`. A firmware without a module here can be flown
+but not emulated.
 """
 
 from __future__ import annotations
@@ -34,38 +35,57 @@ Values = EmulatedParameters
 class EmulatedFirmware:
     """One firmware. Times are in seconds, lengths in metres.
 
-    version: of AUTOPILOT_VERSION. modes: by number; start, follow, hold, land, back: the modes in
-    which it starts, follows setpoints, waits, lands, returns. parameters: its own defaults;
-    integers are integers on the wire too. system_parameter: its system id. loss_parameter: see
-    `EmulatedState`. takeoff_parameter: the height of its mode for taking off, where it has one.
+    version: the version in AUTOPILOT_VERSION.
+    modes: its modes, by number.
+    start, follow, hold, land, back: the numbers of the modes in which it starts, follows setpoints,
+    waits, lands and returns.
+    parameters: its defaults; an int is sent as an integer.
+    system_parameter: the parameter that holds its system id.
+    loss_parameter: as in `EmulatedState`.
+    takeoff_parameter: the parameter with the height of its take-off mode; empty if it has no such
+    mode.
     setpoint_timeout: the parameter with the seconds after which a setpoint other than a position is
-    dropped; None where the mode is left instead. streams: the messages that it sends by default, Hz
-    by name. stations: addresses of ground stations to which its own simulator sends too.
+    dropped; None if the mode is left instead.
+    streams: the messages that it sends by default, Hz by name.
+    stations: addresses of ground stations to which its own simulator also sends.
 
-    denied: its acknowledgement of what it cannot do now; unknown_mode: of an unknown mode.
-    armed_text, disarmed_text, not_landed_text: the texts when it is armed, disarmed, and asked to
-    disarm in the air. text_end: ends its texts. mode_messages: the messages after a change of mode.
-    servo_function: the output function of a payload's servo. pulses: of an open and a closed servo,
-    microseconds. vision_frames: the accepted frames of ODOMETRY. origin: where its simulator
-    begins.
+    denied, unknown_mode: its acknowledgements of a command that it can't carry out now, and of an
+    unknown mode.
+    armed_text, disarmed_text, not_landed_text: its texts when it is armed, when it is disarmed, and
+    when it is requested to disarm in the air.
+    text_end: a suffix of all its texts.
+    mode_messages: the messages that it sends after a mode change.
+    servo_function: the output function of a payload's servo.
+    pulses: the pulses of an open and of a closed servo, microseconds.
+    vision_frames: the frames of ODOMETRY that it accepts.
+    origin: the geographic position at which its simulator begins.
 
-    forgets: when its estimator gives up a position without measurements. gives_up: when it lands
-    because of that. adopts: see `SightingClock`. waits: from the first GPS fix to a position; real
-    ones take longer. takes_off: climb rate of its take-off. obeys_on_ground:
-    setpoints alone make it leave the ground. keeps_setpoints: it takes setpoints in any mode and
-    keeps them across modes. returns_to_mode: once disarmed it returns to the last requested mode.
-    by_axis: a setpoint may leave out single axes. takes_mocap: it fuses ATT_POS_MOCAP.
-    speaks_to_all: it sends texts to others than ground stations too. complains: it repeats why it
-    cannot be armed. every_heartbeat_counts: as a ground station's, for its failsafe.
-    pauses_in_mode: a pause does not change its mode.
+    forgets: the time without measurements after which its estimator gives up the position.
+    gives_up: the time without measurements after which it lands.
+    adopts: as in `SightingClock`.
+    waits: the time from the first GPS fix to a position; real receivers take longer.
+    takes_off: the climb rate of its take-off, m/s.
+    obeys_on_ground: whether setpoints alone make it leave the ground.
+    keeps_setpoints: whether it takes setpoints in any mode and keeps them across modes.
+    returns_to_mode: whether it returns to the last requested mode once disarmed.
+    by_axis: whether a setpoint may leave out single axes.
+    takes_mocap: whether it fuses ATT_POS_MOCAP.
+    speaks_to_all: whether it sends texts not only to ground stations.
+    complains: whether it repeats unasked why it can't be armed.
+    every_heartbeat_counts: whether its failsafe counts every heartbeat as a ground station's.
+    pauses_in_mode: whether a pause leaves its mode unchanged.
 
-    sources: the sensors that its parameters select. refusal: why it cannot be armed now, empty
-    where it can; refusal_texts: the texts for that. mode_refusal: why it does not change to a mode
-    now, beyond the checks of every firmware. failsafe: its reaction in the air; disarms: on the
-    ground. idle_status: MAV_STATE while disarmed. tells_position: whether it reports its position.
-    mode_number: the mode in the parameters of DO_SET_MODE. move_output: carries out a command to an
-    output; returns the acknowledgement. speeds, land_speed, return_height: from its parameters.
-    climb_rate: the climb that a throttle commands; None where it commands thrust.
+    sources: returns the sensors that its parameters select.
+    refusal: returns why it can't be armed now, empty if it can.
+    refusal_texts: returns the texts that it sends about that.
+    mode_refusal: returns why it refuses a mode now, beyond the checks common to all firmwares.
+    failsafe, disarms: return its reaction in the air, and on the ground.
+    idle_status: returns its MAV_STATE while disarmed.
+    tells_position: returns whether it reports its position.
+    mode_number: returns the mode in the parameters of DO_SET_MODE.
+    move_output: carries out a command to an output; returns the acknowledgement.
+    speeds, land_speed, return_height: read these values from its parameters.
+    climb_rate: returns the climb rate that a throttle commands; None if it commands thrust.
     """
 
     version: tuple[int, int, int]
@@ -129,11 +149,11 @@ class EmulatedFirmware:
         return profile_of(self.name)
 
     def refuses_arming(self, state: EmulatedState, now: Time) -> str:
-        """Why it cannot be armed now in its mode; empty where it can."""
+        """Return why it can't be armed now in its current mode; empty if it can."""
         return state.failures.refuse or self.refusal(state, now)
 
     def refuses_mode(self, state: EmulatedState, number: int, now: Time) -> str:
-        """Why it does not change to a mode now; empty where it does."""
+        """Return why it refuses to change to a mode now; empty if it doesn't."""
         mode = self.modes[number]
         if state.failures.bar:
             return state.failures.bar
@@ -144,7 +164,7 @@ class EmulatedFirmware:
         return self.mode_refusal(state, mode, now)
 
     def acts(self, state: EmulatedState, now: Time) -> FailsafeAction | None:
-        """The failsafe that begins now, while armed; None without one."""
+        """Return the failsafe that begins now, or None. Called while armed."""
         if state.is_down:
             return self.disarms(state, now)
         own = self.failsafe(state, now)
@@ -153,7 +173,7 @@ class EmulatedFirmware:
         return own
 
     def drops_setpoint(self, state: EmulatedState, now: Time) -> bool:
-        """Whether the last setpoint is too old to be followed."""
+        """Return whether the last setpoint is too old to be followed."""
         wanted, at = state.wanted, state.wanted_at
         if self.setpoint_timeout is None or wanted is None or at is None:
             return False
@@ -162,9 +182,12 @@ class EmulatedFirmware:
 
 
 class SetupPlan(NamedTuple):
-    """The setup of an autopilot. outside: its position comes from a client. prepared: it is set up
-    for kybflow. station: the system id of the client that it obeys. changes: to its parameters, on
-    top."""
+    """How an autopilot is set up.
+
+    outside: whether its position comes from a client.
+    prepared: whether it is set up for kybflow.
+    station: the system id of the client that it obeys.
+    changes: further changes to its parameters."""
 
     firmware: str
     outside: bool
@@ -173,7 +196,8 @@ class SetupPlan(NamedTuple):
     changes: Mapping[str, float] = MappingProxyType({})
 
     def parameters(self, context: VehicleContext, system: int) -> dict[str, float]:
-        """The parameters that differ from the firmware's own. system: the vehicle's system id."""
+        """Return the parameters that differ from the firmware's defaults. system: the vehicle's
+        system id."""
         firmware = emulated_firmware(self.firmware)
         found = (
             prepared(firmware, context, system, outside=self.outside, station=self.station)
@@ -185,7 +209,7 @@ class SetupPlan(NamedTuple):
 
 @cache
 def emulated_firmware(name: str) -> EmulatedFirmware:
-    """The emulated firmware of that name. Raises DriverError for one that is not emulated."""
+    """Return the emulated firmware of that name. Raises DriverError if it is not emulated."""
     names = firmware_names("emulated_autopilot")
     if name not in names:
         raise DriverError(f"no emulated autopilot {name!r}: there are {' and '.join(names)}")
@@ -194,7 +218,7 @@ def emulated_firmware(name: str) -> EmulatedFirmware:
 
 
 def check_names(firmware: str, changes: Mapping[str, float]) -> None:
-    """Raises DriverError for a parameter that the emulated firmware does not have."""
+    """Raise DriverError if the emulated firmware lacks one of the parameters."""
     profile = profile_of(firmware)
     known = set(emulated_firmware(firmware).parameters)
     known |= {setting.name for setting in profile.indoors}
@@ -205,8 +229,8 @@ def check_names(firmware: str, changes: Mapping[str, float]) -> None:
 
 
 def as_built(firmware: EmulatedFirmware, context: VehicleContext, system: int) -> dict[str, float]:
-    """The parameters before any setup, where they differ from the firmware's defaults: the throttle
-    in hover of the airframe, and the system id."""
+    """Return the parameters that differ from the firmware's defaults before any setup: the
+    airframe's hover throttle, and the system id."""
     hover = round(context.airframe.hover_thrust / context.airframe.max_thrust, 4)
     return {firmware.profile.hover_parameter: hover, firmware.system_parameter: system}
 
@@ -214,10 +238,11 @@ def as_built(firmware: EmulatedFirmware, context: VehicleContext, system: int) -
 def prepared(
     firmware: EmulatedFirmware, context: VehicleContext, system: int, *, outside: bool, station: int
 ) -> dict[str, float]:
-    """The parameters of `as_built`, and those that kybflow needs for a flight.
+    """Return the parameters of `as_built`, and those that kybflow needs for a flight.
 
-    outside: the position comes from kybflow; else the vehicle's own stays on.
-    station: the system id of the program that flies it.
+    outside: whether the position comes from kybflow; otherwise the vehicle's own position stays
+    enabled.
+    station: the system id of the program that flies the vehicle.
     """
     profile = firmware.profile
     safe = {danger.name for danger in profile.dangers}
@@ -234,5 +259,5 @@ def prepared(
 
 
 def by_number(*modes: FlightMode) -> dict[int, FlightMode]:
-    """The modes of a firmware by their numbers."""
+    """Return the modes of a firmware by number."""
     return {mode.number: mode for mode in modes}

@@ -1,4 +1,4 @@
-"""ArduPilot Copter 4.5.7 as it was observed: modes, parameters, arming checks, failsafes."""
+"""ArduPilot Copter 4.5.7 as observed: modes, parameters, arming checks, failsafes."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 
 EARTH = 6_378_100.0
-"""Its radius of the earth, a sphere, metres."""
+"""The radius of the earth in ArduPilot's simulator, a sphere, metres."""
 RESTS: Time = NS
-"""Time to disarming after a landing in a mode that lands."""
+"""The time from a landing to disarming, in a mode that lands."""
 GRIPPER, RELAY, FIRST_RELAY = 28, -1, 9
-"""Functions of an output, and the output that is relay 0."""
+"""Functions of an output: the gripper, a relay; and the number of the output that is relay 0."""
 MOST_TILT = 20.0 * DEG
-"""The largest tilt for arming."""
+"""The largest tilt at which it arms, radians."""
 THRUST_IS_THRUST = 8
-"""The bit of GUID_OPTIONS without which a throttle is a climb rate."""
+"""The bit of GUID_OPTIONS; without it a throttle is a climb rate."""
 STABILIZE, GUIDED, LOITER, RETURN, LAND, BRAKE = 0, 4, 5, 6, 9, 17
 
 
@@ -69,7 +69,7 @@ def refusal(state: EmulatedState, now: Time) -> str:
 
 
 def _position_lacks(state: EmulatedState, now: Time) -> str:
-    """What the position needs and lacks."""
+    """Return what is missing for a valid position; empty if nothing is."""
     estimator, has_vision = state.estimator, sources(state.parameters).vision
     if has_vision and not estimator.sees(now):
         return "PreArm: VisOdom: not healthy"

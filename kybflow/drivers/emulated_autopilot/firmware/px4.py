@@ -1,4 +1,4 @@
-"""PX4 1.18 as it was observed: modes, parameters, streams, arming checks, failsafes."""
+"""PX4 1.18 as observed: modes, parameters, streams, arming checks, failsafes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ DENIED: int = mavlink.MAV_RESULT_DENIED
 VISION, VISION_HEIGHT, VISION_HEADING = 1, 2, 8
 """Bits of EKF2_EV_CTRL."""
 GRIPPER, FIRST_SET, SETS = 430, 301, 6
-"""Functions of an output: the gripper, or one of six actuator sets."""
+"""Functions of an output: the gripper, the first of the actuator sets, and the number of those
+sets."""
 MOST_TILT = 20.0 * DEG
-"""The largest tilt for arming."""
+"""The largest tilt at which it arms, radians."""
 
 
 def number(main: int, sub: int = 0) -> int:
-    """custom_mode of a main and a sub mode."""
+    """Return the custom_mode of a main and a sub mode."""
     return main << 16 | sub << 24
 
 
@@ -62,7 +63,7 @@ def refusal(state: EmulatedState, now: Time) -> str:
 
 
 def _mode_lacks(state: EmulatedState, now: Time) -> str:
-    """What the current mode needs and lacks."""
+    """Return what is missing for the current mode; empty if nothing is."""
     mode = state.flying
     if mode.role is Role.PILOT and not state.has_pilot(now):
         return "Preflight Fail: No manual control input"
@@ -140,7 +141,8 @@ def tells_position(state: EmulatedState, now: Time) -> bool:
 
 
 def move_output(outputs: Outputs, command: int, p: tuple[float, ...], now: Time) -> int:
-    """Outputs do not move while disarmed, but the command is acknowledged."""
+    """Move an output and return the acknowledgement. While disarmed, outputs don't move, but the
+    command is acknowledged all the same."""
     if command == mavlink.MAV_CMD_DO_GRIPPER:
         _move(outputs, GRIPPER, 2000 if p[1] else 1000, now)
         return ACCEPTED

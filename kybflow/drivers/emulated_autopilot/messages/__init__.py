@@ -1,5 +1,5 @@
-"""The MAVLink side of an emulated autopilot: its channels, the handlers of what it receives, and
+"""The MAVLink side of an emulated autopilot: its channels, the handlers of received messages, and
 the messages that it sends.
 
-`endpoint` joins them with the autopilot; only the session and `kybflow emulate` call it.
+`endpoint` connects them to the autopilot; only the session and `kybflow emulate` call it.
 """

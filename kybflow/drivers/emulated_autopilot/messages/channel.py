@@ -1,4 +1,4 @@
-"""One wire of an emulated autopilot: its ground stations, and the rates of its messages."""
+"""One wire of an emulated autopilot, with its ground stations and the rates of its messages."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ FASTEST = 250.0
 
 
 class Channel:
-    """One wire. `station`: when the last heartbeat of a ground station came. streams: the messages
-    that are sent by default, Hz."""
+    """One wire of an emulated autopilot. `station`: when the last heartbeat of a ground station
+    arrived. streams: the messages sent by default, Hz by name."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Channel:
             self.stream(name, rate)
 
     def receive(self, now: Time) -> list[Any]:
-        """The messages since the last call."""
+        """Return the messages since the last call."""
         messages: list[Any] = []
         for data, sender in self.wire.receive(now):
             parser = self._parsers.get(sender)
@@ -57,12 +57,12 @@ class Channel:
         return self._link.received(messages)
 
     def send(self, message: Any) -> None:
-        """Send a message to all on this wire."""
+        """Send a message to all clients on this wire."""
         if self._link.sends():
             self._put(self._packer.pack(message, AUTOPILOT))
 
     def forward(self, message: Any) -> None:
-        """Send another system's message to all on this wire, unsigned."""
+        """Send another system's message to all clients on this wire, unsigned."""
         if self._signing is None and self._link.sends():
             sender = message.get_srcSystem(), message.get_srcComponent()
             layout = LAYOUTS[message.get_msgId()]
@@ -79,7 +79,7 @@ class Channel:
         return self.station is not None and now - self.station < LISTENS
 
     def stream(self, name: str, rate: float) -> None:
-        """Send a message at `rate` Hz from now on; not at all at zero."""
+        """Send a message at `rate` Hz from now on; zero stops it."""
         self._soonest = 0
         if rate <= 0.0:
             self._streams.pop(name, None)
@@ -88,15 +88,15 @@ class Channel:
             self._streams[name] = (period, self._streams.get(name, (0, 0))[1])
 
     def default(self, name: str) -> float:
-        """The default rate, Hz."""
+        """Return the default rate of a message, Hz."""
         return self._default.get(name, 0.0)
 
     def interval(self, name: str) -> float:
-        """The seconds between two of these messages, 0 where none is sent."""
+        """Return the interval between two of these messages, seconds; 0 if they are not sent."""
         return self._streams.get(name, (0, 0))[0] / NS
 
     def due(self, now: Time) -> list[str]:
-        """The names of the messages to send now."""
+        """Return the names of the messages to send now."""
         if now < self._soonest:
             return []
         due = []
@@ -110,6 +110,6 @@ class Channel:
 
 
 def name_of(number: int) -> str:
-    """The name of a message number; empty for an unknown one."""
+    """Return the name of a message id; empty if it is unknown."""
     made = mavlink.mavlink_map.get(number)
     return "" if made is None else str(made.msgname)

@@ -1,4 +1,4 @@
-"""An emulated autopilot on its MAVLink channels."""
+"""The connection of an emulated autopilot to its MAVLink channels."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 CHUNK = 50
-"""Bytes of a STATUSTEXT."""
+"""The bytes of text in a STATUSTEXT."""
 
 
 class MavlinkEndpoint:
-    """One autopilot and its channels. generator: chooses the messages that are lost."""
+    """One autopilot and its channels. generator: draws which messages are lost."""
 
     def __init__(self, autopilot: OnboardAutopilot, generator: random.Random) -> None:
         self.autopilot, self.failures = autopilot, autopilot.failures
@@ -28,7 +28,7 @@ class MavlinkEndpoint:
         autopilot.on_mode_change = self._send_mode
 
     def connect(self, wire: Wire, key: bytes | None = None) -> Channel:
-        """Add a wire. key: the secret of signed messages."""
+        """Add a wire and return its channel. key: the secret key of signed messages."""
         streams = {"HEARTBEAT": 1.0, **self.autopilot.firmware.streams}
         system = self.autopilot.system
         channel = Channel(wire, system, key, streams, self.failures, self._generator)
@@ -36,11 +36,12 @@ class MavlinkEndpoint:
         return channel
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
-        """Take a measurement of the vehicle's own sensors."""
+        """Handle a measurement of the vehicle's own sensors."""
         self.autopilot.add_measurement(measured, now)
 
     def step(self, now: Time) -> None:
-        """Handle messages, estimate, fly, report; at least fifty times a second."""
+        """Handle messages, estimate, fly, and report. Must be called at least fifty times a
+        second."""
         self.autopilot.now = now
         for channel, handlers in self._channels:
             for message in channel.receive(now):

@@ -1,4 +1,4 @@
-"""What an emulated autopilot does with each message and command that it receives."""
+"""The reactions of an emulated autopilot to each message and command that it receives."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from kybflow.drivers.mavlink.protocol.frames import (
 RELATIVE = (
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
 )  # fmt: skip
-"""Frames whose heights are above the home position."""
+"""Frames whose heights are measured from the home position."""
 CUSTOM = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 DENIED: int = mavlink.MAV_RESULT_DENIED
 REFUSED, UNKNOWN_COMMAND = 129, 7
-"""Answers of the file transfer protocol: NAK, and its reason."""
+"""Values of the file transfer protocol: NAK, and the reason for it."""
 RELEASED, IGNORED = 0, 65535
-"""Pulses of an overridden channel: returned to the transmitter; unchanged."""
+"""Special pulses of an overridden channel: return it to the transmitter; leave it unchanged."""
 GROUPS = {
     "RAW_SENSORS": (1, "RAW_IMU"),
     "EXTENDED_STATUS": (2, "SYS_STATUS", "GPS_RAW_INT", "EXTENDED_SYS_STATE", "BATTERY_STATUS"),
@@ -43,7 +43,7 @@ GROUPS = {
     "EXTRA2": (11, "VFR_HUD"),
     "EXTRA3": (12, "EKF_STATUS_REPORT", "SYSTEM_TIME"),
 }
-"""The groups of REQUEST_DATA_STREAM: number and messages."""
+"""The groups of REQUEST_DATA_STREAM: their number and their messages."""
 
 
 class MessageHandlers:
@@ -116,7 +116,7 @@ class MessageHandlers:
             self._channel.send(answer)
 
     def _follow(self, wanted: setpoints.AttitudeTarget | PositionTarget | None) -> None:
-        """Take a setpoint; some firmwares drop it in other modes."""
+        """Store a setpoint; some firmwares drop setpoints in other modes."""
         a = self._a
         if wanted is not None and (
             a.firmware.keeps_setpoints or a.state.flying.role is Role.FOLLOW
@@ -170,7 +170,7 @@ class MessageHandlers:
             self._channel.send(mavlink.MAVLink_timesync_message(a.boot_us(a.now) * 1000, m.ts1))
 
     def _files(self, m: Any) -> None:
-        """Refuse file transfers at once, so that no client waits."""
+        """Refuse file transfers at once, so that no client waits for a timeout."""
         asked = bytes(m.payload)
         number = (int.from_bytes(asked[:2], "little") + 1) & 0xFFFF
         head = [*number.to_bytes(2, "little"), asked[2], REFUSED, 1, asked[3], 0, 0, 0, 0, 0, 0]
@@ -190,7 +190,7 @@ class MessageHandlers:
             )
 
     def _missions(self, m: Any) -> None:
-        """Answer that there is no mission, and that none is accepted."""
+        """Report that there is no mission, and accept none."""
         to, kind = (m.get_srcSystem(), m.get_srcComponent()), getattr(m, "mission_type", 0)
         if m.get_type() == "MISSION_REQUEST_LIST":
             self._channel.send(mavlink.MAVLink_mission_count_message(*to, 0, kind))
@@ -216,7 +216,8 @@ class MessageHandlers:
             self._channel.send(MAKERS["GPS_GLOBAL_ORIGIN"](a))
 
     def _override(self, m: Any) -> None:
-        """Take the sticks from the ground station that the vehicle obeys."""
+        """Take the sticks from the ground station that the vehicle obeys; ignore those of
+        others."""
         a = self._a
         if m.get_srcSystem() != int(a.state.parameters.get("SYSID_MYGCS", m.get_srcSystem())):
             return
@@ -240,14 +241,14 @@ class MessageHandlers:
 
 
 FORCED = 21196
-"""The second parameter of a forced arming or disarming."""
+"""The second parameter of COMPONENT_ARM_DISARM that forces arming or disarming."""
 
 Params = tuple[float, ...]
 
 
 class CommandHandlers:
-    """The commands of one channel, with the acknowledgements that the firmwares were observed to
-    send."""
+    """The handlers of one channel's commands, with the acknowledgements observed on the
+    firmwares."""
 
     def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
         self._a, self._channel, modes = autopilot, channel, autopilot.firmware
@@ -267,7 +268,7 @@ class CommandHandlers:
         }
 
     def carry_out(self, message: Any) -> int:
-        """Carry out a COMMAND_LONG or COMMAND_INT; returns the acknowledgement."""
+        """Carry out a COMMAND_LONG or COMMAND_INT; return the acknowledgement."""
         m, number = message, message.command
         if m.get_type() == "COMMAND_INT":
             p: Params = (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
@@ -279,7 +280,8 @@ class CommandHandlers:
         return UNSUPPORTED if action is None else action(p)
 
     def set_mode(self, number: int) -> int:
-        """Change to a mode, or send the reason why not; returns the acknowledgement."""
+        """Change to a mode, or send a text with the reason for refusing it; return the
+        acknowledgement."""
         a = self._a
         if number not in a.firmware.modes:
             return a.firmware.unknown_mode
@@ -339,7 +341,8 @@ class CommandHandlers:
         return ACCEPTED
 
     def _pause(self, p: Params) -> int:
-        """Hold the position: in the current mode, or by changing to the mode that holds."""
+        """Hold the position, either in the current mode or by changing to the mode that holds
+        it."""
         a = self._a
         if p[0] != 0.0:
             return ACCEPTED

@@ -1,8 +1,8 @@
-"""Every message that an emulated autopilot can send, by name: one function a message.
+"""All messages that an emulated autopilot can send, with one function per message.
 
-Each function returns None where the firmware sends nothing, for instance without a position.
-SIM_STATE and HIL_STATE_QUATERNION carry the ground truth of the firmware's own simulator; the
-emulated autopilot itself never reads it."""
+Each function returns None if the firmware sends nothing, for example without a position. SIM_STATE
+and HIL_STATE_QUATERNION carry the ground truth of the firmware's own simulator; the emulated
+autopilot itself never reads it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,8 @@ def attitude_target(a: OnboardAutopilot) -> Any:
 
 
 def position_target_local_ned(a: OnboardAutopilot) -> Any:
-    """The target that the vehicle follows; the mask ignores what it lacks."""
+    """Return the target that the vehicle follows; the mask marks the fields that the target
+    lacks."""
     wanted = a.state.wanted
     if not isinstance(wanted, PositionTarget) or a.state.flying.role is not Role.FOLLOW:
         return None
@@ -156,7 +157,7 @@ def autopilot_version(a: OnboardAutopilot) -> Any:
 
 
 def spread(a: OnboardAutopilot) -> float:
-    """The standard deviation of its position that it reports, metres."""
+    """Return the reported standard deviation of the position, metres."""
     unseen = a.state.estimator.unseen(a.now)
     least = 0.05 if a.state.estimator.sees(a.now) else 0.5
     return 1e3 if unseen is None else least + 0.5 * max(0.0, unseen - 0.3)
@@ -219,7 +220,7 @@ def raw_imu(a: OnboardAutopilot) -> Any:
 
 
 def _saturated(value: float) -> int:
-    """A value limited to 16 bits: a collision exceeds them."""
+    """Round a value and limit it to a signed 16-bit integer; collisions exceed that range."""
     return max(-32768, min(32767, round(value)))
 
 
@@ -290,12 +291,12 @@ def _tells_position(a: OnboardAutopilot) -> bool:
 
 
 def _course(a: OnboardAutopilot) -> float:
-    """Its heading, degrees clockwise from north."""
+    """Return the vehicle's heading, degrees clockwise from north."""
     return degrees(to_euler(attitude_to_ned(a.state.estimator.attitude.value))[2]) % 360.0
 
 
 def sim_state(a: OnboardAutopilot) -> Any:
-    """The ground truth of the firmware's own simulator."""
+    """Return the ground truth, as ArduPilot's simulator sends it."""
     truth = a.look()
     latitude, longitude, height = a.origin.place(truth.position)
     q = attitude_to_ned(truth.attitude)
@@ -306,7 +307,7 @@ def sim_state(a: OnboardAutopilot) -> Any:
 
 
 def hil_state_quaternion(a: OnboardAutopilot) -> Any:
-    """The ground truth of the firmware's own simulator; its time is 0."""
+    """Return the ground truth, as PX4's simulator sends it; its time stamp is 0."""
     truth = a.look()
     latitude, longitude, height = a.origin.place(truth.position)
     speed = [round(100.0 * v) for v in to_ned(truth.velocity)]
@@ -325,4 +326,4 @@ _MAKERS: tuple[Maker, ...] = (
     vfr_hud, altitude, sim_state, hil_state_quaternion,
 )  # fmt: skip
 MAKERS: dict[str, Maker] = {maker.__name__.upper(): maker for maker in _MAKERS}
-"""The function for each message, by its name."""
+"""The function that makes each message, by the message's name."""

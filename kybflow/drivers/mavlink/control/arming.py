@@ -1,20 +1,21 @@
 """Arming, lift-off and disarming.
 
-Arming waits in this order, checked anew in every tick: setpoints that flow (where the autopilot
-wants them before the mode), the mode in which it follows setpoints, its readiness, armed rotors,
-and the lift-off, by its own take-off or by setpoints above the ground. What gets lost on the way is
-requested again until the arming timeout.
+Arming waits for these conditions in order, checking all of them anew in every tick: setpoints are
+being sent (if the autopilot requires them before the mode), the autopilot is in the mode in which
+it follows setpoints, it reports itself ready, its rotors are armed, and it has lifted off, by its
+own take-off or by setpoints above the ground. A condition that is lost again is requested again
+until the arming timeout.
 
-An autopilot reports its readiness for its current mode only; so the preflight too puts a disarmed
-vehicle into the mode in which it will fly (`PreflightMode`).
+An autopilot reports its readiness only for its current mode; therefore the preflight also puts a
+disarmed vehicle into the mode in which it will fly (`PreflightMode`).
 
-An autopilot's own take-off ends on the ground where it is commanded down, and the mission's
-setpoints begin there. So `LiftOff` holds positions back until they are above the vehicle, and
-accelerations until they are not downward, for five seconds at most.
+An autopilot ends its own take-off on the ground if it is commanded down, and the mission's first
+setpoints are at ground level. So `LiftOff` holds back positions until they are above the vehicle,
+and accelerations until they no longer point down, for at most five seconds.
 
-A vehicle that takes off by setpoints gets `raised` ones until it has lifted off: a position above,
-or a push up that grows, since the hover throttle that it believes in may be too low. Sideways it
-follows the command, against the wind."""
+A vehicle that takes off by setpoints gets `raised` ones until it has lifted off: a higher position,
+or a growing upward acceleration, since the autopilot's hover throttle may be set too low.
+Horizontally it follows the command, against the wind."""
 
 from __future__ import annotations
 
@@ -32,24 +33,27 @@ from kybflow.drivers.mavlink.telemetry.received_status import LandedState, Recei
 
 ARM_DISARM, TAKEOFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF
 FORCED = 21196.0
-"""The number that makes COMPONENT_ARM_DISARM stop rotors in the air."""
+"""The parameter with which COMPONENT_ARM_DISARM also stops the rotors in the air."""
 LEAD = 1.0
-"""Seconds for which setpoints flow before the mode is requested."""
+"""Seconds for which setpoints are sent before the mode is requested."""
 DOUBT = 0.5
-"""The share of the timeout after which an autopilot that reports itself unready is asked to arm all
-the same: it then says why it refuses."""
+"""The fraction of the timeout after which arming is requested even if the autopilot reports itself
+unready: its refusal then states the reason."""
 LIFTED = 0.15
-"""Metres above the ground that count as lifted off, where the height is known."""
+"""Height above the ground, metres, from which the vehicle counts as lifted off, if the height is
+known."""
 SOON: Time = NS
-"""How long disarming on the ground may take; then the vehicle lands by its own mode."""
+"""How long disarming on the ground may take before the vehicle is put into its own land mode."""
 UNSURE: Time = 5 * NS
-"""After this the autopilot is asked to disarm even if it does not report that it has landed."""
+"""The time after which disarming is requested even if the autopilot doesn't report that it has
+landed."""
 REPORTED: Time = 10 * NS
-"""When refusals to disarm are reported: an autopilot notices its landing late."""
+"""The time after which refusals to disarm are reported; an autopilot may detect its landing
+late."""
 
 
 class Arming:
-    """One attempt to arm. timeout: seconds until it is given up."""
+    """One attempt to arm. timeout: seconds until the attempt fails."""
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
@@ -69,9 +73,11 @@ class Arming:
             modes.again()
 
     def step(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> bool:
-        """Returns whether the vehicle is armed and follows. height: its own, metres, None while
-        unknown. rises: raised setpoints lift it. Raises Refused after the timeout, with the
-        autopilot's texts."""
+        """Continue the attempt; return whether the vehicle is armed and follows setpoints.
+
+        height: the vehicle's own height, metres, None while unknown.
+        rises: whether the raised setpoints lift the vehicle.
+        Raises Refused after the timeout, with the autopilot's texts."""
         waits = self._waits(stream, height, rises, now)
         if not waits or now - self._begun <= self._timeout * NS:
             return not waits
@@ -87,7 +93,7 @@ class Arming:
         self._lift.drop()
 
     def _waits(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> str:
-        """What arming waits for; empty when it is done."""
+        """Return what arming is waiting for; empty when it is done."""
         if self._profile.streams_first and stream.flows(now) < LEAD:
             return "no setpoints are sent to it"
         if not self._modes.step(now):
@@ -124,8 +130,8 @@ class Arming:
 
 
 class Disarming:
-    """Disarms a vehicle by request, never by force. One that does not know that it is on the
-    ground, or does not disarm there within a second, is put into its own land mode, which detects
+    """Disarms a vehicle by request, never by force. A vehicle that doesn't report that it is on the
+    ground, or doesn't disarm there within a second, is put into its own land mode, which detects
     the landing. `is_retrying`: whether it is too early to report a refusal."""
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests, modes: Modes) -> None:
@@ -161,8 +167,8 @@ class Disarming:
 
 
 class MotorStop:
-    """Stops the rotors at once, in the air too: requested every 0.2 s until the heartbeat reports
-    the vehicle disarmed."""
+    """Stops the rotors at once, even in the air: sends the request every 0.2 s until the heartbeat
+    reports the vehicle disarmed."""
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
         self._status = status
@@ -176,7 +182,7 @@ class MotorStop:
         )
 
     def step(self, now: Time) -> bool:
-        """Returns whether the rotors have stopped."""
+        """Request the stop if it is due; return whether the rotors have stopped."""
         if not self._status.armed:
             return True
         self._cut.step(now)
@@ -184,13 +190,15 @@ class MotorStop:
 
 
 AGAIN: Time = 2 * NS
-"""After this a mode that the autopilot has left is requested again."""
+"""The time after which a mode that the autopilot has left is requested again."""
 
 
 class PreflightMode:
-    """Requests the mode that follows setpoints for the preflight. stream: given where setpoints
-    must flow before the mode. hold: the command that holds the vehicle still, None while its
-    position is unknown. follows: requests the mode and says whether it is in force."""
+    """Requests the mode that follows setpoints during the preflight.
+
+    stream: the setpoint stream, if setpoints must be sent before the mode; otherwise None.
+    hold: returns the command that holds the vehicle still, None while its position is unknown.
+    follows: requests the mode and returns whether it is in force."""
 
     def __init__(
         self, modes: Modes, stream: SetpointStream | None, hold: Callable[[], Command | None],
@@ -200,7 +208,8 @@ class PreflightMode:
         self._left: Time | None = None
 
     def step(self, now: Time) -> str:
-        """Why the mode is not in force, empty when it is; called once a tick while disarmed."""
+        """Return why the mode is not in force; empty if it is. Called once a tick while
+        disarmed."""
         self._modes.want("offboard")
         if self._stream is not None:
             if (holding := self._hold()) is None:
@@ -219,14 +228,15 @@ class PreflightMode:
 LIFTS: Time = 5 * NS
 """How long downward commands are held back at most."""
 LOW = 0.3
-"""Metres above the ground within which the vehicle may be landing."""
+"""Height above the ground, metres, below which the vehicle may be landing."""
 PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
-"""A push up: its acceleration at first, m/s^2, its growth per second, and its maximum."""
+"""An upward acceleration: its initial value, m/s^2, its growth, m/s^3, and its maximum, m/s^2."""
 
 
 class LiftOff:
-    """The lift-off of one vehicle: holds back downward commands until it is high enough. hold: the
-    command that holds the vehicle still where it is, None while its position is unknown."""
+    """The lift-off of one vehicle: holds back commands that would keep it on the ground, for at
+    most `LIFTS`. hold: returns the command that holds the vehicle still at its position, None while
+    that is unknown."""
 
     def __init__(self, hold: Callable[[], Command | None]) -> None:
         self._hold = hold
@@ -236,36 +246,37 @@ class LiftOff:
 
     @property
     def height(self) -> float | None:
-        """Its own height, metres; None while unknown."""
+        """The vehicle's own height, metres; None while unknown."""
         holding = self._hold()
         position = None if holding is None else _position(holding)
         return None if position is None else position[2]
 
     @property
     def is_low(self) -> bool:
-        """Whether the vehicle is near the height at which it last stood, and so may be landing."""
+        """Whether the vehicle is near the height at which it last stood disarmed, and so may be
+        landing."""
         height = self.height
         return height is not None and self._floor is not None and height - self._floor < LOW
 
     def stand(self, now: Time) -> None:
-        """Note that the vehicle stands disarmed; called once a tick while it does."""
+        """Record that the vehicle is disarmed; called once a tick while it is."""
         self._stood = now
         height = self.height
         self._floor = self._floor if height is None else height
 
     def armed_for(self, now: Time) -> float:
-        """For how many seconds it has been armed."""
+        """Return for how many seconds the vehicle has been armed."""
         return (now - self._stood) / NS
 
     def begin(self, now: Time) -> None:
-        """Begin to hold commands back: the vehicle takes off."""
+        """Begin to hold commands back, because the vehicle is taking off."""
         self._until = now + LIFTS
 
     def end(self) -> None:
         self._until = None
 
     def holds_back(self, command: Command, now: Time) -> bool:
-        """Whether a command must wait until the vehicle has lifted off."""
+        """Return whether a command must wait until the vehicle has lifted off."""
         if self._until is None:
             return False
         if now >= self._until or not self._is_downward(command):
@@ -281,9 +292,9 @@ class LiftOff:
 
 
 def raised(command: Command, height: float, seconds: float) -> Command:
-    """The command that lifts the vehicle: a position command becomes a hover `height` metres above
-    it, an acceleration command keeps its horizontal part and gets a push up that grows with the
-    seconds. Others are returned unchanged."""
+    """Return the command that lifts the vehicle. A position command becomes a hover `height` metres
+    higher. An acceleration command keeps its horizontal part and gets an upward acceleration that
+    grows with `seconds`. Other commands are returned unchanged."""
     setpoint, position = command.setpoint, _position(command)
     if setpoint is None:
         return command

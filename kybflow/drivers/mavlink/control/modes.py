@@ -1,7 +1,7 @@
-"""The mode that is requested, and the mode that the autopilot reports.
+"""The mode requested from an autopilot, and the mode that it reports.
 
-An acknowledgement only means that a request was accepted. Which mode is in force, HEARTBEAT and
-CURRENT_MODE report, and only they count.
+An acknowledgement only means that a request was accepted. Only HEARTBEAT and CURRENT_MODE show
+which mode is in force.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 
 class Modes:
-    """The modes of one autopilot. `wanted`: the requested mode's name in the profile, None without
-    one. `was_in_force`: whether it has been in force since. `before`: the mode, as a number, before
-    the first request."""
+    """The modes of one autopilot.
+
+    wanted: the requested mode's name in the profile, None if no mode is requested.
+    was_in_force: whether that mode has been in force since the request.
+    before: the custom_mode before the first request."""
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests
@@ -29,17 +31,17 @@ class Modes:
 
     @property
     def reported(self) -> str:
-        """The mode that the autopilot reports, by its own name."""
+        """The firmware's name of the mode that the autopilot reports."""
         mode = self._status.mode
         return "no known mode" if mode is None else self._profile.mode_name(mode)
 
     def is_in(self, name: str) -> bool:
-        """Whether the autopilot reports this mode of the profile."""
+        """Return whether the autopilot reports this mode of the profile."""
         return self._status.mode == self._profile.modes[name]
 
     @property
     def is_manual(self) -> bool:
-        """Whether a person flies the mode that the autopilot reports."""
+        """Whether the autopilot reports a mode that a person flies."""
         return self.reported in self._profile.manual_modes
 
     @property
@@ -53,17 +55,17 @@ class Modes:
         return self.was_in_force and not self.in_force
 
     def want(self, name: str | None) -> None:
-        """Request this mode from now on; None requests none."""
+        """Request this mode from now on; None withdraws the request."""
         if name != self.wanted:
             self._want(name)
 
     def again(self) -> None:
-        """Request the same mode again, though the autopilot has left it."""
+        """Request the wanted mode again after the autopilot has left it."""
         self._want(self.wanted)
 
     def step(self, now: Time) -> bool:
-        """Send the request where it is due; returns whether the mode is in force. A mode that was
-        in force and was left is not requested again. Called once a tick."""
+        """Send the request if it is due; return whether the mode is in force. A mode that was in
+        force and was left is not requested again. Called once a tick."""
         if self.wanted is None:
             return False
         if self.before is None:
@@ -81,8 +83,7 @@ class Modes:
 
     @property
     def trouble(self) -> str:
-        """Why the requested mode is not in force, in the autopilot's own words where it gave
-        any."""
+        """Why the requested mode is not in force, with the autopilot's refusal if there is one."""
         if self.wanted is None:
             return "no mode is requested"
         name = self._profile.mode_name(self._profile.modes[self.wanted])

@@ -1,9 +1,10 @@
-"""Offboard control of one autopilot: disarmed, arming, following setpoints, landing, rotors
-stopped.
+"""Offboard control of one autopilot: disarming, arming, following setpoints, landing, and stopping
+the rotors.
 
-The autopilot follows while it is armed and in the mode that follows setpoints. When a pilot or its
-own failsafe takes it out of that mode, `override` says why, and nothing is sent until control is
-requested again. A vehicle that was armed by somebody else is never disarmed here.
+The autopilot follows setpoints while it is armed and in the mode for that. If a pilot or its own
+failsafe takes it out of that mode, `override` holds the reason, and no setpoints are sent until
+control is requested again. A vehicle that somebody else armed is never disarmed here, except by
+`cut`.
 """
 
 from __future__ import annotations
@@ -35,18 +36,20 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
 from kybflow.parts import Override
 
 MODE_TIMEOUT: Time = 3 * NS
-"""How long a change to its land mode may take; arming within this time is still by our request."""
+"""How long the change to the land mode may take. If the vehicle gets armed within this time after a
+disarming, this is attributed to our earlier request."""
 MOST_GAP = 0.3
-"""Seconds without a message that are normal."""
+"""The longest normal interval between messages, seconds."""
 STABLE: Time = NS
-"""How long a link must have been good before a vehicle is taken back unasked."""
+"""How long a link must have been good before control is taken back without a request."""
 LIFTED_BY_SETPOINT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
-"""Commands that are raised until the vehicle has lifted off; others lift it by themselves."""
+"""Kinds of commands that are raised until the vehicle has lifted off; the others lift it as they
+are."""
 
 
 class OffboardGoal(Enum):
-    """What the autopilot is asked for: nothing yet, to be disarmed, to arm, to follow setpoints, to
-    land by its own mode, to stop its rotors in any case."""
+    """What is requested from the autopilot: nothing yet, disarming, arming, following setpoints,
+    landing in its own mode, or stopping its rotors unconditionally."""
 
     NONE = "none"
     DISARM = "disarm"
@@ -60,10 +63,12 @@ class OffboardControl:
     """Offboard control of one vehicle.
 
     arming_time: seconds that arming may take.
-    rate: setpoints a second.
-    resumes: whether the vehicle is taken back unasked from its own failsafe once the link is good.
-    hold: the command that holds the vehicle still where it is, None while that is unknown.
-    `override`: why the vehicle does not follow, None while it does.
+    rate: the setpoint rate, Hz.
+    resumes: whether control is taken back without a request after the vehicle's own failsafe, once
+    the link is good.
+    hold: returns the command that holds the vehicle still at its position, None while that is
+    unknown.
+    override: why the vehicle doesn't follow, None while it does.
     """
 
     def __init__(
@@ -88,7 +93,8 @@ class OffboardControl:
         self._recovery = ControlRecovery(self.modes, self.stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
-        """Arm; returns whether the vehicle follows. Raises Refused, and then disarms again."""
+        """Arm the vehicle; return whether it follows setpoints. Called once a tick until it does.
+        Raises Refused, after requesting to disarm if arming failed."""
         if self._status.armed and (self.goal is OffboardGoal.NONE or self.override is not None):
             reason = "it is armed" if self.override is None else self.override.reason
             raise Refused(f"somebody else has it: {reason}")
@@ -122,7 +128,7 @@ class OffboardControl:
         return follows
 
     def send(self, command: Command, now: Time) -> None:
-        """Follow the newest command; one that is not armed disarms the vehicle."""
+        """Follow this command from now on. A command that is not `armed` disarms the vehicle."""
         if self.override is not None or self.goal is OffboardGoal.KILL:
             return
         if not command.armed:
@@ -136,8 +142,8 @@ class OffboardControl:
             self.stream.feed(command, now)
 
     def prepare(self, now: Time) -> str:
-        """Put the disarmed vehicle into the mode that follows setpoints. Returns why the mode is
-        not in force, empty when it is. Called once a tick."""
+        """Put the disarmed vehicle into the mode that follows setpoints. Return why that mode is
+        not in force; empty if it is. Called once a tick."""
         if self._status.armed or self.goal not in (OffboardGoal.NONE, OffboardGoal.DISARM):
             return "" if self.goal is OffboardGoal.FOLLOW else "it is armed"
         return self._preflight_mode.step(now)
@@ -149,14 +155,15 @@ class OffboardControl:
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors, also of a vehicle that is controlled by somebody else."""
+        """Stop the rotors, even if somebody else controls the vehicle."""
         self._begin(OffboardGoal.KILL, now)
         self.stream.stop()
         self.modes.want(None)
         self._motor_stop = MotorStop(self._status, self._requests)
 
     def land(self, now: Time) -> bool:
-        """Land by the autopilot's own mode; returns whether it is disarmed. Raises Refused."""
+        """Land in the autopilot's own land mode; return whether the vehicle is disarmed. Called
+        once a tick. Raises Refused."""
         if self.override is not None and not self.override.lands:
             raise Refused(f"somebody else has it: {self.override.reason}")
         if self.goal is not OffboardGoal.LAND or self.override is not None:
@@ -180,7 +187,7 @@ class OffboardControl:
         return False
 
     def reclaim(self, now: Time) -> None:
-        """Request control of the vehicle, which then holds still until it is commanded again."""
+        """Request control of the vehicle. It then holds still until it is commanded again."""
         if self.override is None or self._recovery.is_under_way:
             return
         if not self._status.armed:
@@ -192,7 +199,7 @@ class OffboardControl:
 
     @property
     def is_disarming(self) -> bool:
-        """Whether disarming is under way and not overdue yet."""
+        """Whether disarming is under way and not yet overdue."""
         return (
             self.goal is OffboardGoal.DISARM
             and self.override is None
@@ -200,8 +207,8 @@ class OffboardControl:
         )
 
     def update(self, age: float, silence: Silence | None, now: Time) -> None:
-        """React to what the autopilot does, once a tick after its messages were taken in. age:
-        seconds since its last message. silence: the newest interval without one."""
+        """React to the autopilot's state, once a tick after its messages were handled. age: seconds
+        since its last message. silence: the most recent interval without one."""
         self.detector.silence = silence
         if not self._status.armed:
             self._lift_off.stand(now)
@@ -216,7 +223,8 @@ class OffboardControl:
             self._watch_control(now)
 
     def _step_mode(self, now: Time) -> bool:
-        """Request the mode that follows setpoints once setpoints flow; whether it is in force."""
+        """Request the mode that follows setpoints; if the firmware requires it, only after
+        setpoints have been sent for `LEAD`. Return whether the mode is in force."""
         leads = not self._profile.streams_first or self.stream.flows(now) >= LEAD
         return leads and self.modes.step(now)
 
@@ -238,7 +246,7 @@ class OffboardControl:
             self._disarming.step(now)
 
     def _watch_control(self, now: Time) -> None:
-        """Notice when the vehicle, asked to follow or to land, no longer does."""
+        """Detect that the vehicle no longer follows setpoints, or no longer lands, as requested."""
         found = self.detector.found(now)
         if found is not None:
             self._lose_control(Override(found.reason, found.by_itself and not self._resumes))
@@ -255,9 +263,9 @@ class OffboardControl:
         self.modes.want(None)
 
     def _wait_or_recover(self, override: Override, age: float, now: Time) -> None:
-        """While overridden: take control again where it was requested or returns by itself. A
-        vehicle that has landed would take off again, and one that a person may control is left
-        alone."""
+        """While overridden, take control back if that was requested or may happen without a
+        request. The latter is ruled out for a vehicle that has landed, which would take off again,
+        and for one that a person may be controlling."""
         silence = self.detector.silence
         is_stable = age < MOST_GAP and (silence is None or now - silence.ended > STABLE)
         back = self._recovery
@@ -270,7 +278,7 @@ class OffboardControl:
             self._recover(override, now)
 
     def _recover(self, override: Override, now: Time) -> None:
-        """Request control until the vehicle follows, is disarmed, or the time limit is over."""
+        """Request control until the vehicle follows, is disarmed, or the time limit is reached."""
         refused = self._recovery.timed_out(now)
         if refused or not self._status.armed:
             self.override = override._replace(refused=refused)

@@ -1,20 +1,21 @@
-"""Detection of other programs that command the autopilot; a person who takes it over is in
+"""Detection of other programs that command the autopilot. A person who takes control is handled in
 `override`.
 
 Autopilots take setpoints, commands and parameters from every system whose signature they accept,
-and forward no more than the others' heartbeats to us. So this module watches what the autopilot
+and forward only other systems' heartbeats to us. This module therefore watches what the autopilot
 does:
 
-- the target that it reports (POSITION_TARGET_LOCAL_NED) while it follows setpoints in the air: its
-  highest field, position, velocity or acceleration, must be near one that we sent in the last
-  second, or near our last one. Both firmwares alternate between two senders, and report what they
-  follow. A target at rest does not count: Copter rests once setpoints stop. Neither do 100 m/s^2
-  downwards: PX4 replaces every target with that while it detects ground contact;
+- the target that it reports (POSITION_TARGET_LOCAL_NED) while it follows setpoints in the air. The
+  first field used, of position, velocity and acceleration, must be near that of a setpoint that we
+  sent in the last second, or of our last one. If two programs send setpoints, both firmwares
+  alternate between them, and report which they follow. A target at rest is ignored: Copter rests
+  once setpoints stop. So is an acceleration of 100 m/s^2 downwards: PX4 replaces every target with
+  it while it detects ground contact;
 - acknowledgements of commands from others (PX4 broadcasts them);
 - safety parameters, which are read again in flight: none of them changes by itself;
 - commands on a shared wire.
 
-Each cause is reported once in ten seconds.
+Each finding is reported at most once in ten seconds.
 """
 
 from __future__ import annotations
@@ -34,42 +35,43 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 STREAMS = MappingProxyType({"POSITION_TARGET_LOCAL_NED": 4.0})
-"""Streams that are read, Hz."""
+"""The streams that are read, Hz."""
 STEERING = (
     "COMMAND_LONG", "COMMAND_INT", "SET_MODE", "PARAM_SET", "MANUAL_CONTROL",
     "RC_CHANNELS_OVERRIDE", "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT",
     "SET_ATTITUDE_TARGET",
 )  # fmt: skip
-"""Messages with which a vehicle is commanded."""
+"""Messages that command a vehicle."""
 REQUESTS = 500
-"""MAV_CMD from here on request data or set up a device; smaller ones make a vehicle act."""
+"""From this MAV_CMD on, commands request data or set up a device; lower ones make a vehicle act."""
 SENT: Time = NS
-"""How long the autopilot may follow a setpoint that we sent."""
+"""How long the autopilot may follow a setpoint after we sent it."""
 MOST_SENT = 256
 NEAR = (0.3, 0.3, 1.0)
-"""How far the target may be from that setpoint: metres, m/s, m/s^2."""
+"""The largest distance between the target and our setpoint: metres, m/s, m/s^2."""
 RESTS = 0.05
-"""A velocity or an acceleration below is a rest, m/s or m/s^2."""
+"""A velocity or an acceleration up to this counts as rest, m/s or m/s^2."""
 NO_THRUST: Vec3 = (0.0, 0.0, 100.0)
-"""The acceleration with which PX4's position controller commands zero thrust (NED)."""
+"""The acceleration (NED, m/s^2) with which PX4's position controller commands zero thrust."""
 OFTEN, WITHIN = 2, 3 * NS
-"""So many foreign targets within so long are reported."""
+"""This many foreign targets within this time are reported."""
 AGAIN: Time = 10 * NS
-"""Pause before a cause is reported again."""
+"""The pause before a finding is reported again."""
 IGNORED = (NO_POSITION, NO_VELOCITY, NO_ACCELERATION)
 FIELDS = ("position", "velocity", "acceleration")
 
 
 class _Target(NamedTuple):
-    """The highest field of a target: 0 position, 1 velocity, 2 acceleration; its value (NED)."""
+    """The controlling field of a target. field: 0 position, 1 velocity, 2 acceleration. value: in
+    NED."""
 
     field: int
     value: Vec3
 
 
 class OtherCommanders:
-    """Watches one autopilot for commands of others. system: its id. own_system: ours. `stations`:
-    the other ground stations that sent heartbeats."""
+    """Watches one autopilot for commands from others. system: its system id. own_system: ours.
+    stations: the system ids of other ground stations that sent heartbeats."""
 
     def __init__(self, system: int, own_system: int) -> None:
         self.stations: set[int] = set()
@@ -80,18 +82,18 @@ class OtherCommanders:
         self._new: list[str] = []
 
     def take(self) -> list[str]:
-        """The causes since the last call, in words."""
+        """Return descriptions of the findings since the last call."""
         if not self._new:
             return []
         new, self._new = self._new, []
         return new
 
     def sent(self, message: Message, now: Time) -> None:
-        """Note a setpoint of ours."""
+        """Record a setpoint of ours."""
         self._sent.append((now, message))
 
     def follows(self, message: Message, now: Time) -> None:
-        """Check the target that the autopilot follows (POSITION_TARGET_LOCAL_NED), while it follows
+        """Check the target that the autopilot reports (POSITION_TARGET_LOCAL_NED) while it follows
         setpoints in the air."""
         target = _target(message)
         if target is None or _rests(target) or self._is_ours(target, now):
@@ -108,8 +110,8 @@ class OtherCommanders:
             )
 
     def follow_nobody(self) -> None:
-        """Note that the autopilot does not follow setpoints now: a target that came while it
-        changed its mode is its own."""
+        """Record that the autopilot doesn't follow setpoints now. Targets seen while it changes its
+        mode are its own, so earlier findings are discarded."""
         self._foreign.clear()
 
     def _is_ours(self, target: _Target, now: Time) -> bool:
@@ -120,13 +122,13 @@ class OtherCommanders:
         )
 
     def answered(self, message: Message, now: Time) -> None:
-        """Check a COMMAND_ACK."""
+        """Check a COMMAND_ACK for a command from another system."""
         to = message.target_system
         if to not in (0, self._own, self._system) and message.command < REQUESTS:
             self._report(f"system {to} commands it: {name_of(message.command)}", now)
 
     def overheard(self, message: Message, now: Time) -> None:
-        """Check a message of another system on the same wire."""
+        """Check a message from another system on the same wire."""
         sender, kind = message.get_srcSystem(), message.get_type()
         if kind == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_GCS:
@@ -138,7 +140,7 @@ class OtherCommanders:
                 self._report(f"system {sender} commands it: {what}", now)
 
     def changed(self, name: str, before: float, value: float, now: Time) -> None:
-        """Note a safety parameter that has another value than when it was read last."""
+        """Report a safety parameter whose value has changed since it was last read."""
         self._report(f"somebody set {name} from {before:g} to {value:g}{self._who()}", now)
 
     def _who(self) -> str:
@@ -156,7 +158,7 @@ class OtherCommanders:
 
 
 def _target(message: Message) -> _Target | None:
-    """The highest field of a target, None where it has none, such as one of attitude."""
+    """Return the controlling field of a target; None if it has none, as a target of attitude."""
     mask = getattr(message, "type_mask", None)
     if mask is None or not hasattr(message, "vx"):
         return None

@@ -1,13 +1,15 @@
 """Manual override and failsafes: what took an autopilot out of offboard control, and how control
 returns.
 
-A manual mode is a pilot's, unless the autopilot's texts report a failsafe. Any other mode is its
-own failsafe where a cut link or its texts explain it; texts may arrive a moment after the mode.
-Otherwise the reason names the mode and says that the cause is unknown.
+A manual mode is attributed to a pilot, unless the autopilot's texts report a failsafe. Any other
+mode is attributed to the autopilot's own failsafe if a link loss or its texts explain it; texts may
+arrive a moment after the mode. Otherwise the reason names the mode and says that the cause is
+unknown.
 
-Control is requested for 10 s at most: later the pilot would not expect the change any more. A
-vehicle in its own failsafe may return by itself. That ends with the first mode that is manual or
-differs from the failsafe's: a person may have chosen it."""
+Control is requested for at most 10 s: after that the pilot would no longer expect the change. After
+the autopilot's own failsafe, control may be taken back without a request. This possibility ends
+with the first mode that is manual or differs from the failsafe's, since a person may have chosen
+it."""
 
 from __future__ import annotations
 
@@ -27,29 +29,32 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
 FAILSAFE_WORDS = (
     "lost", "variance", "emergency", "critical", "timeout", "battery", "fence breach", "geofence",
 )  # fmt: skip
-"""Words in a text with which an autopilot reports that it acted by itself. Some texts are notices
-only, such as ArduPilot's breach of its own fence."""
+"""Words in a text by which an autopilot reports that it acted by itself. Some such texts are only
+notices, for example ArduPilot's text about a breach of its own fence."""
 BEFORE: Time = 2 * NS
-"""How much earlier than the change a text may be about it."""
+"""How long before the mode change a text may have arrived to explain it."""
 AFTER: Time = NS // 2
-"""How long texts about the change are awaited."""
+"""How long to wait for texts that explain the mode change."""
 LANDING_GRACE: Time = 3 * NS
-"""How long a vehicle on the ground may be disarmed or in another mode before this is an override:
-an autopilot ends a landing by itself, and the mission may detect the touchdown later."""
+"""How long a vehicle on the ground may be disarmed or in another mode before this counts as an
+override: an autopilot ends a landing by itself, and the mission may detect the touchdown later."""
 CUT_BEFORE: Time = 3 * NS
-"""How long ago a link may have returned that explains the change."""
+"""How long ago the link may have returned for its loss to explain the mode change."""
 
 
 class OverrideCause(NamedTuple):
-    """reason: in words. by_itself: whether the autopilot's own failsafe is the cause."""
+    """Why an autopilot left offboard control. reason: a description. by_itself: whether its own
+    failsafe is the cause."""
 
     reason: str
     by_itself: bool = False
 
 
 class OverrideDetector:
-    """Detects that an armed autopilot has left the requested mode, and why. `silence`: the newest
-    one of the link. `is_in_doubt`: whether it has left and the cause is not known yet."""
+    """Detects that an armed autopilot has left the requested mode, and why.
+
+    silence: the most recent interval without a message.
+    is_in_doubt: whether the autopilot has left the mode for a reason not yet known."""
 
     def __init__(self, status: ReceivedStatus, modes: Modes) -> None:
         self.silence: Silence | None = None
@@ -61,12 +66,12 @@ class OverrideDetector:
         return self._since is not None
 
     def forget(self) -> None:
-        """Begin anew: another goal is requested now."""
+        """Discard the current finding, because another goal is requested."""
         self._since = None
 
     def found(self, now: Time) -> OverrideCause | None:
-        """Why the vehicle does not follow; None while it follows, and while texts are awaited.
-        Called once a tick."""
+        """Return why the vehicle doesn't follow. Return None while it follows, and while explaining
+        texts may still arrive. Called once a tick."""
         if self._status.armed and not self._modes.has_left:
             self._since = None
             return None
@@ -100,7 +105,7 @@ class OverrideDetector:
         )
 
     def _rotors(self, since: Time, now: Time) -> OverrideCause | None:
-        """The cause of a disarming that was not requested here."""
+        """Return the cause of a disarming that was not requested here."""
         in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
         if not in_air and now - since <= LANDING_GRACE:
             return None
@@ -115,10 +120,12 @@ NO_POSITION = "its position is unknown, so it can't hold it"
 
 
 class ControlRecovery:
-    """Takes one vehicle back into offboard control. stream: carries the command to hold meanwhile.
-    hold: makes that command, None while the position is unknown. follows: requests the mode that
-    follows setpoints and returns whether it is in force. `is_unasked`: control returns without a
-    request."""
+    """Takes a vehicle back into offboard control.
+
+    stream: sends the hold command in the meantime.
+    hold: returns that command, or None while the position is unknown.
+    follows: requests the mode that follows setpoints, and returns whether it is in force.
+    is_unasked: whether control may be taken back without a request."""
 
     def __init__(
         self, modes: Modes, stream: SetpointStream, hold: Callable[[], Command | None],
@@ -136,18 +143,19 @@ class ControlRecovery:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether a person may have taken the vehicle: its mode is manual, or is neither its
-        failsafe's nor the one that follows setpoints."""
+        """Whether a person may have taken control: the mode is manual, or is neither the failsafe's
+        mode nor the one that follows setpoints."""
         mode = self._modes.reported
         is_other = mode != self._failsafe_mode and not self._modes.is_in("offboard")
         return self._modes.is_manual or is_other
 
     def expect(self) -> None:
-        """Let control return without a request, from the mode that is reported now."""
+        """Allow control to be taken back without a request, from the mode reported now."""
         self.is_unasked, self._failsafe_mode = True, self._modes.reported
 
     def begin(self, now: Time) -> str:
-        """Begin to request control; returns the reason where that is impossible, else empty."""
+        """Begin to request control. Return the reason if that is impossible, otherwise an empty
+        string."""
         self._holding, self._asked = self._hold(), now
         if self._holding is None:
             return NO_POSITION
@@ -155,23 +163,24 @@ class ControlRecovery:
         return ""
 
     def forget(self) -> None:
-        """Begin anew: another goal is requested now."""
+        """Discard the current request, because another goal is requested."""
         self._holding, self.is_unasked = None, False
 
     def end(self) -> None:
-        """Withdraw the request, and do not let control return by itself."""
+        """Withdraw the request, and no longer allow control to be taken back without one."""
         self.forget()
         self._stream.stop()
         self._modes.want(None)
 
     def timed_out(self, now: Time) -> str:
-        """Why control has not returned within the time limit; empty before that."""
+        """Return why control has not returned within the time limit; empty until then."""
         if now - self._asked <= REQUESTED:
             return ""
         return f"{self._modes.trouble}, asked for {REQUESTED / NS:.0f} s"
 
     def step(self, now: Time) -> bool:
-        """Returns whether the vehicle follows; called once a tick while control is requested."""
+        """Send the hold command and request the mode; return whether the vehicle follows. Called
+        once a tick while control is requested."""
         if self._holding is not None:
             self._stream.feed(self._holding, now)
         return self._follows(now)

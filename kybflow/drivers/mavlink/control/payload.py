@@ -1,8 +1,9 @@
-"""The payload's output: commanded, acknowledged, and reported to have moved.
+"""The output that holds the payload: commands to it, their acknowledgement, and its reported
+movement.
 
-An acknowledgement is not enough where the autopilot reports its outputs: some acknowledge a command
-that moves nothing. Where the function of an output is unknown, the commands that may move it are
-tried in turn.
+If the autopilot reports its outputs, an acknowledgement is not enough: some autopilots acknowledge
+a command that moves nothing. If the function of an output is unknown, the commands that may move it
+are tried in turn.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 STREAMS = MappingProxyType({"SERVO_OUTPUT_RAW": 10.0})
-"""Reports the position of the output, Hz."""
+"""The stream that reports the position of the output, Hz."""
 SEEN = 2.0
-"""Seconds within which an acknowledged output must have moved, and the largest age of a report of
-the outputs."""
+"""Seconds within which an output must move after the acknowledgement; also the greatest age of a
+report of the outputs."""
 
 
 class PayloadGrip:
-    """Opens and closes the payload. output: the one that holds it."""
+    """Opens and closes the payload's grip. output: the output that moves it."""
 
     def __init__(
         self,
@@ -45,8 +46,8 @@ class PayloadGrip:
         self._accepted: Time | None = None
 
     def ask(self, is_open: bool, now: Time) -> Payload | None:
-        """Open or close; called once a tick until it returns the payload's state. Raises Refused,
-        and the next call starts over."""
+        """Open or close the grip. Called once a tick until it returns the payload's state. Raises
+        Refused; the next call then starts over."""
         if self._is_open is not is_open:
             self._begin(is_open)
         if self._request is None:
@@ -75,7 +76,8 @@ class PayloadGrip:
         self._is_open, self._refusals, self._request = is_open, [], None
 
     def _is_done(self, is_open: bool, now: Time) -> bool:
-        """Whether the output reports the acknowledged movement, where it is reported at all."""
+        """Return whether the acknowledged movement is reported; always true if the output is not
+        reported."""
         if self._accepted is None:
             self._accepted = now
         reported = self._status.at.get("SERVO_OUTPUT_RAW")
@@ -93,7 +95,7 @@ class PayloadGrip:
         return False
 
     def _next(self, refusal: str) -> None:
-        """Try the next command. Raises Refused where there is none."""
+        """Try the next command. Raises Refused if there is none left."""
         self._refusals.append(refusal)
         self._request = None
         del self._left[0]

@@ -1,14 +1,14 @@
 """Commands to an autopilot, with acknowledgements and retries.
 
-COMMAND_ACK names the command and nothing more, so only one request of each command is under way at
+COMMAND_ACK contains only the id of the command, so only one request of each command is under way at
 a time. A newer request on the same subject replaces the older one, which is not sent again: a late
-retry must not arm a vehicle that was disarmed meanwhile. The first answer after that counts for
-the older one.
+retry must not arm a vehicle that was disarmed in the meantime. The first acknowledgement after that
+is taken as the older request's.
 
 A request is sent again after its `timeout`, then after twice as long each time, up to 2 s. An
-acknowledgement does not mean that the command was carried out, and an autopilot that refuses now
-may accept in a second. So `Retries` repeats the command, with pauses that double, until the caller
-sees the effect in what the autopilot reports."""
+acknowledgement doesn't mean that the command was carried out, and an autopilot that refuses now may
+accept in a second. So `Retries` repeats the command, with pauses that double, until the caller sees
+the effect in what the autopilot reports."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ TIMEOUT = 0.3
 ATTEMPTS = 5
 LONGEST: Time = 2 * NS
 WORDS_LATE: Time = 3 * NS // 10
-"""How long after a refusal its reason may arrive."""
+"""How long after a refusal the text with its reason may arrive."""
 PROGRESS: Time = 10 * NS
-"""How long a command in progress may be silent."""
+"""How long a command in progress may go without a report."""
 
 ACCEPTED, IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
 RESULTS = (
@@ -38,7 +38,7 @@ RESULTS = (
     "CANCELLED", "COMMAND_LONG_ONLY", "COMMAND_INT_ONLY", "UNSUPPORTED_MAV_FRAME",
     "NOT_IN_CONTROL",
 )  # fmt: skip
-"""MAV_RESULT, with those that the dialect of pymavlink lacks."""
+"""The names of MAV_RESULT, including those that pymavlink's dialect lacks."""
 NUMBERED = frozenset(
     {
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
@@ -48,12 +48,12 @@ NUMBERED = frozenset(
         mavlink.MAV_CMD_DO_GRIPPER,
     }
 )
-"""Commands whose first parameter names their subject."""
+"""Commands whose first parameter identifies their subject."""
 
 
 class CommandRequest:
-    """One command, from the request to its end. `words`: why it was not accepted, as far as the
-    autopilot reports it; empty while it waits and when it was accepted."""
+    """One command, from its request to its end. `words`: why the command was not accepted, as far
+    as the autopilot reports it; empty while it waits and if it was accepted."""
 
     def __init__(
         self, command: int, params: tuple[float, ...], asked: Time, timeout: float, attempts: int
@@ -70,7 +70,7 @@ class CommandRequest:
 
     @property
     def subject(self) -> tuple[float, ...]:
-        """What it is about: a newer request on the same subject replaces it."""
+        """What the request is about; a newer request on the same subject replaces it."""
         return (self.command, self.params[0]) if self.command in NUMBERED else (self.command,)
 
     def end(self, outcome: Outcome, words: str = "") -> None:
@@ -78,8 +78,12 @@ class CommandRequest:
 
 
 class CommandRequests:
-    """The requests to one autopilot. target: its system and component. own_system: ours; answers to
-    others are ignored (0 takes every answer). status: holds its texts."""
+    """The requests to one autopilot.
+
+    status: holds its texts.
+    target: its system and component id.
+    own_system: our system id; acknowledgements addressed to others are ignored. With 0 all are
+    taken."""
 
     def __init__(
         self, status: ReceivedStatus, *, target: tuple[int, int], own_system: int = 0
@@ -96,15 +100,15 @@ class CommandRequests:
         timeout: float = TIMEOUT,
         attempts: int = ATTEMPTS,
     ) -> CommandRequest:
-        """Request a command (MAV_CMD) with up to seven parameters, the rest being 0. An identical
-        request that still waits is returned. timeout: seconds until it is sent again. attempts: how
-        often it is sent at most."""
+        """Request a command (MAV_CMD) with up to seven parameters; missing ones are 0. If an
+        identical request is still waiting, return that one. timeout: seconds until the command is
+        sent again. attempts: how often it is sent at most."""
         filled = (*map(float, params), *(0.0,) * (7 - len(params)))
         request = CommandRequest(command, filled, now, timeout, attempts)
         for other in self._waiting:
             if other.subject != request.subject or other.refusal:
                 continue
-            if repr(other.params) == repr(filled):  # one NaN is like another
+            if repr(other.params) == repr(filled):  # NaN equals NaN here
                 return other
             other.end("refused", "a newer request took its place")
             if other.sent and not other.is_in_progress:
@@ -114,7 +118,7 @@ class CommandRequests:
         return request
 
     def handle(self, message: Message, now: Time) -> None:
-        """Take in a message; all but COMMAND_ACK are ignored."""
+        """Handle a COMMAND_ACK; other messages are ignored."""
         if message.get_type() != "COMMAND_ACK":
             return
         if self._own and message.target_system not in (0, self._own):
@@ -130,8 +134,8 @@ class CommandRequests:
         self._tidy()
 
     def due(self, now: Time) -> list[Message]:
-        """The messages to send now, the oldest first. Called every tick: it also ends requests that
-        were refused or not answered."""
+        """Return the messages to send now, oldest first, and end requests that were refused or not
+        answered. Must be called every tick."""
         if not (self._waiting or self._replaced):
             return []
         self._replaced = [request for request in self._replaced if now < request.next]
@@ -142,7 +146,7 @@ class CommandRequests:
         return [self._send(request, now) for request in self._turns() if now >= request.next]
 
     def _expire(self, request: CommandRequest) -> None:
-        """End it if its time is over."""
+        """End the request if it was refused or has timed out."""
         if request.refusal:
             texts = self._status.words(request.asked)
             why = f": {texts}" if texts else ", and it does not say why"
@@ -154,7 +158,8 @@ class CommandRequests:
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
 
     def _turns(self) -> Iterator[CommandRequest]:
-        """The first request of each command; one that was refused only waits for its reason."""
+        """Yield the first request of each command, except refused ones, which only wait for their
+        reason."""
         seen: set[int] = set()
         for request in self._waiting:
             if not request.refusal and request.command not in seen:
@@ -175,7 +180,7 @@ class CommandRequests:
 
 
 def name_of(command: int) -> str:
-    """A command's name in MAVLink, such as `DO_SET_MODE`."""
+    """Return a command's name in MAVLink, such as `DO_SET_MODE`."""
     entry = mavlink.enums["MAV_CMD"].get(command)
     return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
 
@@ -192,14 +197,16 @@ def _answer(request: CommandRequest, result: int, now: Time) -> None:
 
 
 SHOWN = 1.5
-"""Seconds within which the effect of an accepted command must show: heartbeats come once a
+"""Seconds within which the effect of an accepted command must show; heartbeats arrive once a
 second."""
 
 
 class Retries:
-    """Repeats one command until it has its effect. first, most: the shortest and the longest pause
-    between attempts, seconds. shown: the shortest pause after an acceptance. `refusal`: the
-    autopilot's last refusal in words, empty without one."""
+    """Repeats one command until its effect shows.
+
+    first, most: the shortest and the longest pause between attempts, seconds.
+    shown: the shortest pause after an acceptance, seconds.
+    refusal: the autopilot's last refusal; empty if there is none."""
 
     def __init__(
         self, requests: CommandRequests, command: int, params: tuple[float, ...],
@@ -212,7 +219,8 @@ class Retries:
         self._due: Time | None = None
 
     def step(self, now: Time) -> None:
-        """Send the command when it is due; called once a tick until its effect shows."""
+        """Send the command if it is due. Called once a tick until the effect of the command
+        shows."""
         request = self._request
         if request is not None and request.outcome != "waiting":
             self._answered(request, now)
@@ -226,7 +234,7 @@ class Retries:
             )
 
     def drop(self) -> None:
-        """Withdraw a request that was not answered: it is not sent again."""
+        """Withdraw an unanswered request, so that it is not sent again."""
         if self._request is not None and self._request.outcome == "waiting":
             self._request.end("silent", "it was withdrawn")
 

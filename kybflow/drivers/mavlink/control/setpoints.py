@@ -1,14 +1,14 @@
-"""The setpoints that are sent: how often, how far ahead of time, and with which throttle.
+"""The setpoints sent to an autopilot: their rate, their latency compensation, and their throttle.
 
-`SetpointStream` sends the newest command at its own rate and repeats it until it is 250 ms old.
-Then it stops, and the vehicle's own watchdog acts.
+`SetpointStream` sends the newest command at its own rate and repeats it until the command is 250 ms
+old. Then it stops, and the vehicle's own watchdog acts.
 
-`compensated` sends setpoints ahead by the vehicle's `Latency`, which is that of its attitude loop
-and rotors: the setpoint is extrapolated with its own velocity, acceleration and jerk.
+`compensated` extrapolates a setpoint by the vehicle's `Latency`, that of its attitude loop and
+rotors, using the setpoint's own velocity, acceleration and jerk.
 
-`HoverThrottle` learns the throttle that holds the vehicle in the air, for commands in newtons:
-first from the autopilot's own parameter; then, while it hovers under setpoints of position or
-acceleration, from the slowly averaged throttle of its attitude controller."""
+`HoverThrottle` learns the hover throttle, which converts newtons to throttle: at first it is the
+autopilot's own parameter; then, while the vehicle hovers under position or acceleration setpoints,
+the slowly averaged throttle of its attitude controller."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from kybflow.drivers.mavlink.firmware import Latency
 from kybflow.drivers.mavlink.protocol.codec import Throttle
 
 OLDEST: Time = NS // 4
-"""A command that is older is not sent any more."""
+"""A command older than this is no longer sent."""
 
 
 class SetpointStream:
-    """The stream of one vehicle's setpoints. rate: setpoints a second."""
+    """The stream of one vehicle's setpoints. rate: in Hz."""
 
     def __init__(self, rate: float) -> None:
         self._period: Time = round(NS / rate)
@@ -36,7 +36,7 @@ class SetpointStream:
         self._due: Time = 0
 
     def feed(self, command: Command, now: Time) -> None:
-        """Take the newest command; the first one begins the stream."""
+        """Set the newest command; the first one begins the stream."""
         if self._begun is None:
             self._begun = self._due = now
         self._command, self._fed = command, now
@@ -45,8 +45,8 @@ class SetpointStream:
         self._command = self._begun = None
 
     def due(self, now: Time) -> Command | None:
-        """The command to send now, None while none is due. Late ones are skipped, not sent in a
-        burst."""
+        """Return the command to send now, or None if none is due. Missed ones are skipped, not sent
+        in a burst."""
         command = self._command
         if command is None or now < self._due:
             return None
@@ -59,12 +59,12 @@ class SetpointStream:
         return command
 
     def flows(self, now: Time) -> float:
-        """The seconds since the stream began; zero while it is stopped."""
+        """Return the seconds since the stream began; zero while it is stopped."""
         return 0.0 if self._begun is None else (now - self._begun) / NS
 
 
 def compensated(command: Command, latency: Latency) -> Command:
-    """The command extrapolated by the vehicle's latency; unchanged where the setpoint has no
+    """Return the command extrapolated by the vehicle's latency; unchanged if its setpoint has no
     acceleration."""
     setpoint = command.setpoint
     if setpoint is None or (acceleration := setpoint.acceleration) is None:
@@ -91,17 +91,20 @@ STREAMS = MappingProxyType({"ATTITUDE_TARGET": 10.0})
 USUAL = 0.5
 LEAST, MOST = 0.1, 0.9
 SLOW = 5.0
-"""Time constant of the average, seconds."""
+"""The time constant of the average, seconds."""
 STILL = 0.3
-"""The vehicle hovers below this speed, m/s."""
+"""Below this speed, m/s, the vehicle counts as hovering."""
 
 THRUST_BY_AUTOPILOT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
-"""Commands under which the autopilot itself sets the thrust."""
+"""Kinds of commands under which the autopilot itself sets the thrust."""
 
 
 class HoverThrottle:
-    """The hover throttle of one vehicle. parameter: the autopilot's name for it. newtons: the
-    vehicle's weight. raised: whether the autopilot itself raises the thrust with the tilt."""
+    """The hover throttle of one vehicle.
+
+    parameter: the autopilot's parameter that holds it.
+    newtons: the vehicle's weight, N.
+    raised: whether the autopilot itself raises the thrust with the tilt."""
 
     def __init__(self, parameter: str, newtons: float, raised: bool) -> None:
         self._parameter, self._newtons, self._raised = parameter, newtons, raised
@@ -109,7 +112,7 @@ class HoverThrottle:
         self._last: Time | None = None
 
     def throttle(self, values: Mapping[str, float]) -> Throttle:
-        """The throttle to command with. values: the parameters that were read."""
+        """Return the conversion from thrust to throttle. values: the parameters that were read."""
         share = self._share or values.get(self._parameter, USUAL)
         share = share if isfinite(share) else USUAL
         return Throttle(min(max(share, LEAST), MOST), self._newtons, self._raised)
@@ -118,8 +121,8 @@ class HoverThrottle:
         self, asked: float | None, command: Command, odometry: Odometry | None,
         values: Mapping[str, float], now: Time,
     ) -> None:  # fmt: skip
-        """Learn from one tick of hovering. asked: the throttle that the attitude controller asks
-        for, 0 to 1, None while it is not in the air."""
+        """Learn from one tick of hovering. asked: the throttle that the attitude controller
+        commands, 0 to 1; None while the vehicle is not in the air."""
         still = odometry is not None and norm(odometry.velocity) < STILL
         if asked is None or not still or command.kind not in THRUST_BY_AUTOPILOT:
             self._last = None

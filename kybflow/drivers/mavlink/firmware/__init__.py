@@ -1,9 +1,9 @@
-"""Autopilot firmware: what differs between kinds of autopilot, as data and small functions.
+"""The differences between autopilot firmwares, as data and small functions.
 
-Each module of this folder is one firmware; its file name is the name in YAML and on the command
-line, and its `PROFILE` is a `FirmwareProfile`. Adding a file adds the firmware: its targets, the
-choices of commands, the schema and the reference follow. Nothing here needs pymavlink, because the
-compiler reads profiles too."""
+Each module of this package is one firmware. Its file name is the name used in YAML and on the
+command line, and its `PROFILE` is a `FirmwareProfile`. Adding a file adds a firmware: its targets,
+the choices of commands, the schema and the reference follow. Nothing here needs pymavlink, because
+the compiler reads profiles too."""
 
 from __future__ import annotations
 
@@ -23,20 +23,22 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 OWN: Final = "own"
-"""In place of a parameter's value: the system id of this program."""
+"""Used as a parameter's value: stands for this program's system id."""
 DO_SET_RELAY, DO_SET_SERVO, DO_SET_ACTUATOR, DO_GRIPPER = 181, 183, 187, 211
 RELEASE, GRAB = 0.0, 1.0
-"""GRIPPER_ACTIONS."""
+"""Values of GRIPPER_ACTIONS."""
 
 
 class Needed(NamedTuple):
-    """A parameter that flight indoors needs, and the reason in one plain line.
+    """A parameter that flight indoors needs.
 
-    value: the value to write; `OWN` stands for this program's system id. why: its effect. allowed:
-    other acceptable values, with their effects. rule: `equal` accepts the value and the allowed
-    ones, `at_most` what is above zero and not above the value, `bits` all values with these bits.
-    simulator_only: only the firmware's own simulator has it. restart: it counts only after a
-    restart.
+    value: the value to write; `OWN` stands for this program's system id.
+    why: the effect of that value, in one plain line.
+    allowed: other acceptable values, with their effects.
+    rule: `equal` accepts the value and the allowed ones; `at_most` accepts what is above zero and
+    not above the value; `bits` accepts any value that has these bits set.
+    simulator_only: whether only the firmware's own simulator has the parameter.
+    restart: whether the value takes effect only after a restart.
     """
 
     name: str
@@ -48,7 +50,7 @@ class Needed(NamedTuple):
     restart: bool = False
 
     def wanted(self, own: int, found: float = 0.0) -> float:
-        """The value to write. own: this program's system id."""
+        """Return the value to write. own: this program's system id. found: the value found."""
         if self.value == OWN:
             return float(own)
         if self.rule == "bits" and isfinite(found):
@@ -56,11 +58,12 @@ class Needed(NamedTuple):
         return float(self.value)
 
     def does(self, found: float) -> str:
-        """The effect of the value found where it is acceptable, else of the one to write."""
+        """Return the effect of the value found if it is an allowed one, otherwise that of the value
+        to write."""
         return self.allowed.get(round(found), self.why) if isfinite(found) else self.why
 
     def accepts(self, found: float, own: int) -> bool:
-        """Whether the value found is acceptable, to the precision of a float of 32 bits."""
+        """Return whether the value found is acceptable, to the precision of a float32."""
         wanted = self.wanted(own, found)
         if self.rule == "at_most":
             return 0.0 < found <= wanted + 1e-6
@@ -68,20 +71,22 @@ class Needed(NamedTuple):
 
 
 class Latency(NamedTuple):
-    """How late a vehicle follows its setpoints, seconds: those with a position or velocity, and
-    those of acceleration alone."""
+    """The delay with which a vehicle follows its setpoints, seconds: `position` for setpoints with
+    a position or velocity, `acceleration` for those with an acceleration alone."""
 
     position: float
     acceleration: float
 
 
 class Danger(NamedTuple):
-    """A parameter that makes a vehicle dangerous once this program or the link fails.
+    """A parameter that makes a vehicle dangerous if this program or the link fails.
 
-    values: the dangerous ones, with what would happen. above: larger values are dangerous too;
-    `excess` says what would happen. others: what would happen with any but this program's system
-    id, where that is dangerous. cure: what to set, except for `others`. indoors: whether it is
-    dangerous only where the position comes from outside.
+    values: the dangerous values, with what would happen.
+    cure: what to set instead, except for `others`.
+    above: larger values are dangerous as well.
+    excess: what would happen with such a value.
+    others: what would happen with any value but this program's system id, if that is dangerous.
+    indoors: whether the value is dangerous only if the position comes from outside.
     """
 
     name: str
@@ -93,7 +98,7 @@ class Danger(NamedTuple):
     indoors: bool = False
 
     def of(self, found: float, own: int) -> str | None:
-        """What the preflight shows of the value found; None where it is not dangerous."""
+        """Return the preflight's text about the value found; None if it is not dangerous."""
         if not isfinite(found):
             return f"{self.name} is {found:g}, which is no value; set {self.cure or own}"
         said, cure = self.values.get(round(found)), self.cure
@@ -105,9 +110,9 @@ class Danger(NamedTuple):
 
 
 class PayloadCommand(NamedTuple):
-    """A COMMAND_LONG that opens or closes an output. command, params: its MAV_CMD and its first
-    parameters. seen: whether its effect shows in SERVO_OUTPUT_RAW; else only its acknowledgement is
-    known."""
+    """A COMMAND_LONG that opens or closes an output. command: its MAV_CMD. params: its first
+    parameters. seen: whether its effect shows in SERVO_OUTPUT_RAW; otherwise only its
+    acknowledgement is known."""
 
     command: int
     params: tuple[float, ...]
@@ -115,8 +120,8 @@ class PayloadCommand(NamedTuple):
 
 
 class Output(NamedTuple):
-    """An auxiliary output. number: among all outputs of the autopilot. parameter: the one that sets
-    its function. shown: whether SERVO_OUTPUT_RAW reports its pulses."""
+    """An auxiliary output. number: its number among all outputs of the autopilot. parameter: the
+    parameter that sets its function. shown: whether SERVO_OUTPUT_RAW reports its pulses."""
 
     number: int
     parameter: str
@@ -132,36 +137,36 @@ class FirmwareProfile:
     modes: custom_mode by those names and by ours: `offboard` (follows setpoints), `land`, `hold`.
     manual_modes: the names of the modes that a person flies.
     streams: the messages that can be requested from it.
-    polled: those of them whose rate can't be set, so that each one is requested by itself.
+    polled: those streams whose rate can't be set, so that every message is requested separately.
     indoors: the parameters that flight without GPS needs.
     dangers: the parameters that can be dangerous.
-    renamed: what other versions of the firmware call a parameter, by the name used here.
-    streams_first: whether setpoints must flow before it accepts `offboard`.
+    renamed: parameter names in other firmware versions, by the names used here.
+    streams_first: whether setpoints must be sent before it accepts `offboard`.
     climbs: whether it leaves the ground only by its own take-off.
-    needs_origin: whether it needs a place on earth before it has a position.
-    raises: whether it raises the thrust by the tilt itself.
-    integer_parameters_bytewise: whether integers travel as their bytes in the field of a float.
-    hover_parameter: the parameter with its throttle in hover.
-    reaction: the parameter that says what it does once this program is dead.
+    needs_origin: whether it needs a geographic position before it has a position.
+    raises: whether it raises the thrust with the tilt itself.
+    integer_parameters_bytewise: whether the bytes of an integer are sent in the float field.
+    hover_parameter: the parameter that holds its hover throttle.
+    reaction: the parameter that sets its reaction when this program fails.
     feeds: the parameters that select kybflow as the source of its position.
     feeds_own: the parameters that select a source of its own.
     takeoff_height: the height of a take-off, metres.
     latency: how late it follows its setpoints.
-    attitude_gain: of its attitude loop by default, 1/s.
-    gyro_filter: the cut-off of its rate loop's filter, Hz.
+    attitude_gain: the default gain of its attitude loop, 1/s.
+    gyro_filter: the cut-off frequency of its rate loop's filter, Hz.
     keeps_height: whether it holds the height that it integrates from commanded accelerations.
-    sphere: the radius of the earth in its simulator, metres; None for the ellipsoid.
+    sphere: the radius of the earth in its simulator, metres; None if it uses the ellipsoid.
     mode_params: the first three parameters of DO_SET_MODE for a custom_mode.
     default_address: the address of its simulator, by system id.
     output: the n-th auxiliary output, from 1, of the simulator or of hardware.
-    grip: the commands that open or close the payload on an output, the likeliest first, none where
+    grip: the commands that open or close the payload on an output, the likeliest first, none if
         nothing can be moved; takes the output's number, whether to open, and the value of the
         output's parameter, None while unknown.
-    ready: why it can't be armed yet in its present mode; None where it can.
+    ready: why it can't be armed yet in its current mode; None if it can.
     spread: the standard deviation of its position, metres, from a message of its estimator's
         status; None while it has no position.
     battery_acts_at: the state of the battery (MAV_BATTERY_CHARGE_STATE) at which its own failsafe
-        acts where it is set up to: 2 is low, 3 critical.
+        acts, if enabled: 2 is low, 3 critical.
     """
 
     mav_autopilot: int
@@ -198,12 +203,12 @@ class FirmwareProfile:
     name: str = ""
 
     def mode_name(self, custom_mode: int) -> str:
-        """A mode by its own name."""
+        """Return the firmware's name of a mode."""
         return self.names.get(custom_mode, f"mode {custom_mode}")
 
     def dangers_in(self, values: Mapping[str, float], own: int, *, indoors: bool) -> dict[str, str]:
-        """The dangerous parameters among `values`, each with the preflight's words. own: this
-        program's system id. indoors: the position comes from outside."""
+        """Return the dangerous parameters among `values`, each with the preflight's text. own: this
+        program's system id. indoors: whether the position comes from outside."""
         said = (
             (danger.name, danger.of(values[danger.name], own))
             for danger in self.dangers
@@ -214,7 +219,7 @@ class FirmwareProfile:
 
 @cache
 def profile_of(name: str) -> FirmwareProfile:
-    """The profile of a firmware. Raises DriverError for an unknown name."""
+    """Return the profile of a firmware. Raises DriverError for an unknown name."""
     names = firmware_names("mavlink")
     if name not in names:
         raise DriverError(f"no autopilot {name!r}: there are {' and '.join(names)}")
@@ -223,12 +228,14 @@ def profile_of(name: str) -> FirmwareProfile:
 
 
 def firmware_by(mav_autopilot: int | None) -> str | None:
-    """The name of the firmware with this MAV_AUTOPILOT; None for one that kybflow does not fly."""
+    """Return the name of the firmware with this MAV_AUTOPILOT; None if kybflow doesn't support
+    it."""
     profiles = map(profile_of, firmware_names("mavlink"))
     return next((p.name for p in profiles if p.mav_autopilot == mav_autopilot), None)
 
 
 def named(names: Mapping[int, str], **ours: str) -> Mapping[str, int]:
-    """Numbers by a firmware's own names, and by ours, each of which stands for one of those."""
+    """Return the mode numbers by the firmware's own names and by kybflow's. ours: for each of
+    kybflow's names the firmware's name of that mode."""
     own = {name: number for number, name in names.items()}
     return MappingProxyType(own | {our: own[name] for our, name in ours.items()})

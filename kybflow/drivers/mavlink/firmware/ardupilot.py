@@ -34,19 +34,19 @@ NAMES = MappingProxyType(
     }
 )  # fmt: skip
 HAS_POSITION, GUESSES = 16, 128
-"""Flags of its estimator: it has an absolute position; it only holds the last one."""
+"""Flags of its estimator: it has an absolute position; it only holds its last position."""
 GRIPPER, RELAY, FREE = 28, -1, 0
-"""Functions of an output: the gripper, a pin that is on or off, or none, which can be commanded
-freely."""
+"""Functions of an output: the gripper; a relay, which is on or off; none, so that the output can be
+commanded freely."""
 FIRST_AUXILIARY = 9
-"""The first auxiliary output; as a relay it is number 0."""
+"""The number of the first auxiliary output; as a relay it is number 0."""
 OPEN, CLOSED = 1100.0, 1900.0
-"""Microseconds."""
+"""Pulse lengths in microseconds."""
 GATE = 0.6
-"""The largest innovation that its estimator accepts, metres: three times 0.2 m, the least standard
-deviation that it gives a position from outside."""
+"""The largest innovation that its estimator accepts, metres: three times 0.2 m, the smallest
+standard deviation that the estimator assigns to an external position."""
 FINEST = 0.02
-"""The least standard deviation that is reported, metres."""
+"""The smallest standard deviation that is reported, metres."""
 
 _CLIMBS = "it would climb and return"
 INDOORS = (
@@ -72,7 +72,7 @@ INDOORS = (
 )  # fmt: skip
 
 RENAMED = MappingProxyType({"GPS_TYPE": "GPS1_TYPE", "SYSID_MYGCS": "MAV_GCS_SYSID"})
-"""Names since versions 4.6 and 4.7."""
+"""Parameter names since the versions 4.6 and 4.7."""
 _RETRACES, _FALLS = "it would fly back the way it came", "its rotors would stop in the air"
 _EARLY_RETURN = MappingProxyType(
     dict.fromkeys((2, 6), f"on a low battery {_CLIMBS}")
@@ -130,7 +130,8 @@ def output(channel: int, _simulator: bool) -> Output:
 
 
 def grip(channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
-    """An open relay is off. Its gripper is the first one."""
+    """Return the commands that open or close an output. A relay is open when it is off. The gripper
+    is the first one."""
     servo = PayloadCommand(DO_SET_SERVO, (float(channel), OPEN if is_open else CLOSED))
     gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function is None:
@@ -144,7 +145,8 @@ def grip(channel: int, is_open: bool, function: float | None) -> tuple[PayloadCo
 
 
 def ready(status: ReceivedStatus) -> str | None:
-    """In STABILIZE it reports ready without a position, but GUIDED won't arm without one."""
+    """Return why the vehicle can't be armed yet; None if it can. In STABILIZE ArduPilot reports
+    ready without a position, but in GUIDED it doesn't arm without one."""
     if status.mode is None or NAMES.get(status.mode) != "GUIDED":
         return "it reports its readiness only for its current mode, which is not GUIDED yet"
     if status.ekf is None:
@@ -157,8 +159,9 @@ def ready(status: ReceivedStatus) -> str | None:
 
 
 def spread(status: Message) -> float | None:
-    """From EKF_STATUS_REPORT, whose variance is the last innovation as a share of the accepted one;
-    so this is a bound, not an estimate."""
+    """Return an upper bound on the standard deviation of the position, metres, from
+    EKF_STATUS_REPORT; None without a position. The "variance" there is the last innovation divided
+    by the largest accepted one, so the result is a bound and not an estimate."""
     if not status.flags & HAS_POSITION or status.flags & GUESSES:
         return None
     return max(GATE * float(status.pos_horiz_variance), FINEST)

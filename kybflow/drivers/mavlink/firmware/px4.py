@@ -37,10 +37,11 @@ NAMES = MappingProxyType(
     }
 )  # fmt: skip
 HAS_POSITION = 8 | 16
-"""Flags of its estimator: a horizontal position, relative or absolute."""
+"""Flags of its estimator: it has a horizontal position, relative or absolute."""
 MOTORS = 4
 GRIPPER, FIRST_SET, SETS = 430, 301, 6
-"""Functions of an output: the gripper, or one of the six actuator sets."""
+"""Functions of an output: the gripper, the first of the actuator sets, and the number of those
+sets."""
 
 INDOORS = (
     Needed("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
@@ -113,14 +114,16 @@ def default_address(system: int) -> str:
 
 
 def output(channel: int, simulator: bool) -> Output:
-    """The simulator has main outputs only, four of them for the motors."""
+    """Return the payload's output. The simulator has main outputs only, the first four of which
+    drive the motors."""
     if simulator:
         return Output(MOTORS + channel, f"PWM_MAIN_FUNC{MOTORS + channel}")
     return Output(channel, f"PWM_AUX_FUNC{channel}", shown=False)
 
 
 def grip(_channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
-    """Its acknowledgement proves nothing; only the pulses do."""
+    """Return the commands that open or close the payload. PX4's acknowledgement proves nothing;
+    only the pulses do."""
     gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function == GRIPPER:
         return (gripper,)
@@ -145,12 +148,14 @@ def ready(status: ReceivedStatus) -> str | None:
 
 
 def spread(status: Message) -> float | None:
-    """From ESTIMATOR_STATUS, which has it in metres."""
+    """Return the standard deviation of the position from ESTIMATOR_STATUS, metres; None without a
+    position."""
     return float(status.pos_horiz_accuracy) if status.flags & HAS_POSITION else None
 
 
 def _actuator(number: int, is_open: bool) -> PayloadCommand:
-    """One of six, -1 open, 1 closed. The others' NaN leaves them as they are."""
+    """Return the command that sets one of the six actuators, -1 to open and 1 to close. NaN leaves
+    the others unchanged."""
     values = [float("nan")] * SETS
     values[number - 1] = -1.0 if is_open else 1.0
     return PayloadCommand(DO_SET_ACTUATOR, (*values, 0.0))

@@ -1,14 +1,15 @@
-"""The preflight's checks of an autopilot and of its serial line, with the autopilot's texts.
+"""The preflight checks of an autopilot and of its serial line, with the autopilot's texts.
 
-An autopilot reports its readiness for its current mode only, so a disarmed vehicle is first put
-into the mode in which it follows setpoints. One that stays unready is requested to run its checks,
-because not every autopilot reports unasked what is wrong; unhealthy sensors are named beside its
-texts.
+An autopilot reports its readiness only for its current mode, so a disarmed vehicle is first put
+into the mode in which it follows setpoints. If it stays unready, it is requested to run its own
+checks, because not every autopilot reports unasked what is wrong. Unhealthy sensors are named along
+with its texts.
 
-A serial line of B baud carries B / 10 bytes a second each way. The streams of the autopilot get
-half of that: all of them are slowed by the same factor, but not below once a second. The other half
-is for parameters, answers and texts, and for radios that send one way at a time. Setpoints and
-poses are not slowed; where they don't fit, the check fails. Other wires count as fast enough."""
+A serial line of B baud carries B / 10 bytes a second each way. The autopilot's streams get half of
+that: they are all slowed by the same factor, but not below once a second. The other half is for
+parameters, replies and texts, and for radios that send in only one direction at a time. Setpoints
+and poses are not slowed; if they don't fit, the check fails. Other kinds of connection count as
+fast enough."""
 
 from __future__ import annotations
 
@@ -32,17 +33,17 @@ if TYPE_CHECKING:
 
 ALIVE: Time = 3 * NS
 REPEATED: Time = 35 * NS
-"""How long a text about arming counts; it is repeated every 30 s."""
+"""How long a text about arming counts; autopilots repeat it every 30 s."""
 UNREADY: Time = 3 * NS
-"""How long an autopilot may be unready before its checks are requested."""
+"""How long an autopilot may be unready before its own checks are requested."""
 AGAIN: Time = 10 * NS
-"""Pause between two of these requests."""
+"""The pause between two such requests."""
 APART = 0.5
-"""The largest distance between the autopilot's position and ours, metres."""
+"""The largest allowed distance between the autopilot's position and ours, metres."""
 
 
 class PreflightChecks:
-    """The preflight's checks of one autopilot. params: the driver's, as the mission sets them."""
+    """The preflight checks of one autopilot. params: the driver's parameters in the mission."""
 
     def __init__(self, autopilot: AutopilotState, modes: Modes, params: MavlinkParams) -> None:
         self._profile, self._status, self._modes = autopilot.profile, autopilot.status, modes
@@ -53,12 +54,12 @@ class PreflightChecks:
         self._checks_at: Time | None = None
 
     def names(self) -> list[str]:
-        """The parameters to read."""
+        """Return the names of the parameters to read."""
         return self._required.names()
 
     def checks(self, misses: str, sent: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
-        """misses: why the mode that follows setpoints is not in force, empty where it is. sent: the
-        last estimate that was sent to the autopilot, and when."""
+        """Return the current checks. misses: why the mode that follows setpoints is not in force,
+        empty if it is. sent: the last estimate sent to the autopilot, and the time of sending."""
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
             unknown = "not known: its parameters are read once its heartbeat is right"
@@ -116,7 +117,7 @@ class PreflightChecks:
         )
 
     def _request_checks(self, now: Time) -> None:
-        """Make the autopilot run its checks, so that it reports what is wrong."""
+        """Request the autopilot's own checks, so that it reports what is wrong."""
         if self._checks_at is None:
             self._checks_at = now + UNREADY
         elif now >= self._checks_at:
@@ -126,16 +127,17 @@ class PreflightChecks:
 
 BITS = 10
 HEAD = 12
-"""Bytes of a frame without its fields and its signature."""
+"""The bytes of a frame apart from its fields and its signature."""
 STREAMS, OURS = 0.5, 0.8
-"""The share of a line that streams get, and the largest share of what we send."""
+"""The fraction of a line's capacity for the streams, and the largest fraction that our messages may
+take."""
 SLOWEST = 1.0
-"""Hz."""
+"""The rate, Hz, below which streams are not slowed."""
 
 
 class LineCapacity:
-    """The serial line to one vehicle. `line`: bytes a second each way, None for wires that are fast
-    enough. params: the driver's, as the mission sets them."""
+    """The serial line to one vehicle. line: its capacity each way, bytes per second; None for
+    connections that are fast enough. params: the driver's parameters in the mission."""
 
     def __init__(self, params: MavlinkParams) -> None:
         place = None if params.address is None else read_address(params.address)
@@ -145,14 +147,14 @@ class LineCapacity:
         self._head = HEAD + (0 if params.key is None else SIGNATURE)
 
     def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
-        """These streams, Hz, slowed to what the line carries."""
+        """Return these stream rates, Hz, slowed to what the line carries."""
         if self.line is None:
             return dict(rates)
         factor = min(1.0, STREAMS * self.line / self._load(rates))
         return {name: min(rate, max(factor * rate, SLOWEST)) for name, rate in rates.items()}
 
     def check(self) -> list[Check]:
-        """The preflight's check of the line; none for a wire that is fast enough."""
+        """Return the preflight check of the line; none for a connection that is fast enough."""
         if self.line is None:
             return []
         params = self._params
@@ -167,6 +169,6 @@ class LineCapacity:
         return [Check("serial line", False, f"{found}: {way_out}", waits=False)]
 
     def _load(self, rates: Mapping[str, float]) -> float:
-        """Bytes a second."""
+        """Return the load of these streams, bytes per second."""
         sizes = {name: int(LAYOUTS[NUMBERS[name]].size) for name in rates if name in NUMBERS}
         return sum(rates[name] * (self._head + size) for name, size in sizes.items())

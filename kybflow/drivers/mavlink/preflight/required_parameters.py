@@ -1,9 +1,9 @@
-"""The parameters that an autopilot must have before it flies: the preflight's lines about them, and
+"""The parameters that an autopilot must have before it flies: the preflight checks of them, and
 their setup with `kybflow mavlink setup`.
 
-Values that make the vehicle dangerous once this program or the link fails turn the line `watchdog`
-red. The line `parameters` has what flight without GPS needs besides: one row for each wrong value,
-and the command that sets them. Each wrong value is shown once."""
+The check `watchdog` fails on values that make the vehicle dangerous if this program or the link
+fails. The check `parameters` covers what else flight without GPS needs: it lists each wrong value
+on a line, and the command that corrects them all. Each wrong value appears only once."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 class RequiredParameters:
-    """The preflight's lines about the parameters of one autopilot. params: the driver's, as the
-    mission sets them."""
+    """The preflight checks of one autopilot's parameters. params: the driver's parameters in the
+    mission."""
 
     def __init__(self, autopilot: AutopilotState, params: MavlinkParams) -> None:
         self._profile, self._parameters = autopilot.profile, autopilot.parameters
@@ -33,13 +33,13 @@ class RequiredParameters:
         self._feeds = feeds
 
     def names(self) -> list[str]:
-        """The parameters to read."""
+        """Return the names of the parameters to read."""
         settings = (setting.name for setting in self._settings())
         dangers = (danger.name for danger in self._profile.dangers)
         return list(dict.fromkeys((*settings, *dangers, *self._feeds)))
 
     def watchdog(self) -> Check:
-        """Whether the vehicle makes itself safe once this program or the link fails."""
+        """Check that the vehicle makes itself safe if this program or the link fails."""
         names = [danger.name for danger in self._profile.dangers]
         if not self._parameters.is_complete(names):
             return Check("watchdog", False, "its parameters are being read")
@@ -53,7 +53,7 @@ class RequiredParameters:
         return Check("watchdog", True, self._reaction() + self._missing(names))
 
     def set_up(self) -> Check:
-        """Whether the autopilot is set up for flight without GPS."""
+        """Check that the autopilot is set up for flight without GPS."""
         settings, values = list(self._settings()), self._parameters.values
         names = [setting.name for setting in settings]
         if not self._parameters.is_complete(names):
@@ -71,7 +71,8 @@ class RequiredParameters:
         return Check("parameters", False, detailed(summary, rows), waits=False)
 
     def fed(self) -> str:
-        """Where the autopilot should get its position from, and what to do where it has none."""
+        """Describe where the autopilot should get its position from, and what to do if it has
+        none."""
         values = self._parameters.values
         known = ", ".join(
             f"{self._parameters.called(name)} {values[name]:g}"
@@ -88,7 +89,7 @@ class RequiredParameters:
         )
 
     def _settings(self) -> Iterator[Needed]:
-        """The settings that flight without GPS needs; none where the vehicle flies by its own
+        """Yield the settings that flight without GPS needs; none if the vehicle flies by its own
         GPS."""
         if self._is_outside:
             for setting in self._profile.indoors:
@@ -96,7 +97,7 @@ class RequiredParameters:
                     yield setting
 
     def _dangers(self) -> dict[str, str]:
-        """The dangers in words, by the parameter's name."""
+        """Return descriptions of the dangers, by parameter name."""
         values = self._parameters.values
         found = self._profile.dangers_in(values, self._own, indoors=self._is_outside)
         called = self._parameters.called
@@ -110,7 +111,8 @@ class RequiredParameters:
         return f"{name} is {values[name]:g}, which is not dangerous here"
 
     def _table(self, wrong: Sequence[Needed]) -> Iterator[str]:
-        """One line a parameter: name, value found, value needed, reason."""
+        """Yield one line per parameter: its name, the value found, the value needed, and the
+        reason."""
         values, own, called = self._parameters.values, self._own, self._parameters.called
         cells = [
             (
@@ -124,7 +126,7 @@ class RequiredParameters:
             yield f"{row[0]:{found}}  {row[1]:{wanted}}  {setting.why}"
 
     def _cure(self) -> str:
-        """The command that shows and sets the parameters."""
+        """Return the command line that shows and sets the parameters."""
         params = self._params
         words = f"kybflow mavlink setup --vehicle {self._profile.name} --system {self._system}"
         if params.address is not None:
@@ -136,7 +138,7 @@ class RequiredParameters:
         return words + (" --simulator" if params.simulator else "")
 
     def _is_wrong(self, setting: Needed) -> bool:
-        """Whether the value is known and not acceptable."""
+        """Return whether the value is known and not acceptable."""
         found = self._parameters.values.get(setting.name)
         return found is not None and not setting.accepts(found, self._own)
 
@@ -149,8 +151,11 @@ RowState = Literal["right", "written", "WRONG", "MISSING", "REFUSED"]
 
 
 class ParameterRow(NamedTuple):
-    """One setting as it was found: what the autopilot has, None where it has none; what it needs,
-    in words; the reason where it refused what was written."""
+    """One setting as it was found.
+
+    found: the autopilot's value, None if it has no such parameter.
+    needs: a description of the value needed.
+    reason: why the autopilot refused the written value."""
 
     setting: Needed
     found: float | None
@@ -165,7 +170,8 @@ class ParameterRow(NamedTuple):
 
 class ParameterSetup:
     """The parameters that a firmware needs. own: our system id. simulator: whether it is the
-    firmware's own simulator, which has a few more. names: all to read, dangerous ones included."""
+    firmware's own simulator, which has a few more. names: all parameters to read, including
+    dangerous ones."""
 
     def __init__(self, profile: FirmwareProfile, own: int, *, simulator: bool) -> None:
         self.profile, self._own = profile, own
@@ -174,7 +180,7 @@ class ParameterSetup:
         self.names = tuple(dict.fromkeys((*(s.name for s in self.settings), *dangers)))
 
     def wrong(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The values to write, by name. values: those of the autopilot."""
+        """Return the values to write, by name. values: the autopilot's values."""
         return {
             s.name: s.wanted(self._own, values[s.name])
             for s in self.settings
@@ -184,13 +190,13 @@ class ParameterSetup:
     def rows(
         self, parameters: AutopilotParameters, written: Mapping[str, float]
     ) -> list[ParameterRow]:
-        """A row for each setting. written: the written values, by name."""
+        """Return one row per setting. written: the written values, by name."""
         return [
             self._row(setting, parameters, setting.name in written) for setting in self.settings
         ]
 
     def dangers(self, values: Mapping[str, float]) -> list[str]:
-        """The dangers that no setting cures, in words."""
+        """Return descriptions of the dangers that no setting removes."""
         cured = {setting.name for setting in self.settings}
         rest = {name: value for name, value in values.items() if name not in cured}
         return list(self.profile.dangers_in(rest, self._own, indoors=True).values())

@@ -1,6 +1,6 @@
-"""MAVLink as pure functions: frames and signatures, messages to and from kybflow's values, and the
-frames of reference between them.
+"""MAVLink as pure functions: frames and signatures, the conversion between messages and kybflow's
+values, and between their frames of reference.
 
-NED, FRD and scaled integers exist here and in the emulator only. No socket, no clock but the one
-that stamps signatures; the rest of the driver and the emulator call it.
+Only this package and the emulator use NED, FRD and scaled integers. It opens no socket and reads no
+clock except the one that stamps signatures. The rest of the driver and the emulator call it.
 """

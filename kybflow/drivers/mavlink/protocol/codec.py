@@ -1,20 +1,23 @@
-"""Commands and estimates as MAVLink messages, and MAVLink messages as measurements. Pure.
+"""Conversion of commands and estimates to MAVLink messages, and of messages to measurements. Pure.
 
-SET_POSITION_TARGET_LOCAL_NED: PX4 follows any of position, velocity and acceleration, and feeds
-forward whatever else is given. ArduPilot follows position; position and velocity; velocity;
-acceleration; each of the last three with acceleration fed forward; but position with acceleration
-alone stops it, so acceleration is sent only beside a velocity, or by itself. Without yaw and
-without yaw rate ArduPilot turns to where it flies, so one of both is always sent. Both autopilots
-take both, with the rate fed forward.
+SET_POSITION_TARGET_LOCAL_NED: PX4 follows position, velocity or acceleration, and feeds forward any
+others that are given. ArduPilot follows position; position and velocity; velocity; or acceleration;
+acceleration is fed forward if a velocity is given. Position with acceleration alone would stop it,
+so an acceleration is only sent with a velocity, or by itself. Without yaw and yaw rate ArduPilot
+turns in the direction of flight, so at least one of them is always sent. Both autopilots accept yaw
+with a yaw rate, which they feed forward.
 
-SET_ATTITUDE_TARGET: PX4 takes rates beside an attitude for a second, competing setpoint, and
-ArduPilot takes all three or none; so beside an attitude all three are ignored. ArduPilot takes
-`thrust` for a climb rate unless GUID_OPTIONS has bit 3, and raises it by the commanded tilt.
+SET_ATTITUDE_TARGET: if rates are given with an attitude, PX4 takes them for a second, competing
+setpoint, and ArduPilot takes all three or none; so with an attitude all three are ignored.
+ArduPilot takes `thrust` for a climb rate unless GUID_OPTIONS has bit 3, and raises the thrust by
+the commanded tilt.
 
-ODOMETRY: ArduPilot drops all but frame LOCAL_FRD with child BODY_FRD; PX4 takes these too.
+ODOMETRY: ArduPilot accepts only the frame LOCAL_FRD with the child frame BODY_FRD; PX4 accepts them
+as well.
 
-Messages are read by their fields alone. `time` is when a message was true, in the run's time;
-`telemetry.clocks` converts the autopilot's. Fields that a message leaves open give None."""
+Messages are read only through their fields. `time` is when the content of a message was true, in
+the run's time; `telemetry.clocks` converts the autopilot's stamps. A field that the message leaves
+unset gives None."""
 
 from __future__ import annotations
 
@@ -64,22 +67,22 @@ NO_YAW, NO_YAW_RATE = 1 << 10, 1 << 11
 NO_RATES, NO_ATTITUDE = 0b111, 1 << 7
 """Bits of the type mask of SET_ATTITUDE_TARGET: the fields to ignore."""
 ATTITUDE_SPREAD, VELOCITY_SPREAD = 0.03, 0.05
-"""The standard deviations of attitude, rad, and velocity, m/s, that are sent to an autopilot: no
-estimator gives them."""
+"""The standard deviations of attitude, rad, and velocity, m/s, sent to an autopilot; no estimator
+provides them."""
 QUALITY = 100
-"""The quality of a pose, per cent."""
+"""The quality of a pose in ODOMETRY, per cent."""
 
 
 class Throttle(NamedTuple):
-    """Converts thrust to throttle, in proportion: the share `hover` lifts `newtons`. raised:
-    whether the autopilot itself raises the thrust with the tilt."""
+    """Converts thrust to throttle in proportion: the throttle `hover` (0 to 1) lifts `newtons`.
+    raised: whether the autopilot itself raises the thrust with the tilt."""
 
     hover: float
     newtons: float
     raised: bool = False
 
     def share(self, newtons: float) -> float:
-        """0 to 1."""
+        """Return the throttle for this thrust, 0 to 1."""
         return min(max(self.hover * newtons / self.newtons, 0.0), 1.0)
 
 
@@ -87,10 +90,13 @@ def encode(
     command: Command, *, target: tuple[int, int], boot_ms: int, anchor: Anchor,
     throttle: Throttle, own_heading: float | None = None,
 ) -> Message:  # fmt: skip
-    """The setpoint message of a command. target: system and component. boot_ms: the vehicle's time
-    since its start. own_heading: the autopilot's, in its own frame but as ENU; it is held where the
-    command has none. A command that is not armed has no thrust. Raises ValueError where the
-    setpoint lacks what its kind needs, which is a tracker's mistake."""
+    """Return the setpoint message for a command. A command that is not armed has no thrust.
+
+    target: system and component id.
+    boot_ms: the time since the vehicle's boot, ms.
+    own_heading: the heading in the autopilot's own frame, in the ENU convention, radians; held if
+    the command has none.
+    Raises ValueError if the setpoint lacks what its kind needs, which is a bug of the tracker."""
     boot_ms &= 0xFFFFFFFF
     if command.kind in (CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST):
         return _attitude_target(command, target, boot_ms, anchor, throttle, own_heading)
@@ -98,8 +104,9 @@ def encode(
 
 
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
-    """ODOMETRY of kybflow's estimate, whose world becomes the autopilot's own frame. stamp_us: when
-    it was true, in the vehicle's time. resets: how often the estimate has jumped."""
+    """Return an ODOMETRY message of kybflow's estimate; kybflow's world becomes the autopilot's own
+    frame. stamp_us: when the estimate was true, in the vehicle's time, us. resets: how often it has
+    jumped."""
     body = conjugate(estimate.attitude)
     return ODOMETRY.of(
         stamp_us, *to_ned(estimate.position), *attitude_to_ned(estimate.attitude),
@@ -136,7 +143,7 @@ def _position_target(
 def _followed(
     kind: CommandKind, setpoint: Setpoint
 ) -> tuple[Vec3 | None, Vec3 | None, Vec3 | None]:
-    """What of position, velocity and acceleration is sent."""
+    """Return the position, velocity and acceleration to send; None for those that are not sent."""
     _, position, velocity, acceleration, *_ = setpoint
     if kind is CommandKind.POSITION:
         wanted = position
@@ -167,14 +174,15 @@ def _attitude_target(
 
 
 def _wanted(command: Command, anchor: Anchor, own_heading: float | None) -> Quat:
-    """The attitude in the autopilot's frame, FLU to ENU."""
+    """Return the commanded attitude in the autopilot's frame, FLU to ENU."""
     if command.heading is None and own_heading is not None:
         return with_heading(command.attitude, own_heading)
     return anchor.attitude_from_world(command.attitude)
 
 
 def _covariance(spread: float) -> tuple[float, ...]:
-    """The upper triangle of a pose's covariance, or a velocity's, by rows: no correlations."""
+    """Return the upper triangle, by rows, of the covariance of a pose or a velocity, without
+    correlations. spread: the standard deviation of the first three components."""
     p, a = spread * spread, ATTITUDE_SPREAD * ATTITUDE_SPREAD
     return (
         p, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -190,26 +198,26 @@ VELOCITY_COVARIANCE = _covariance(VELOCITY_SPREAD)
 
 
 MILLI_G, MILLI = 9.80665e-3, 1e-3
-"""m/s^2 and rad/s in a unit of RAW_IMU and SCALED_IMU."""
+"""The units of RAW_IMU and SCALED_IMU in m/s^2 and rad/s."""
 UNKNOWN = 0xFFFF
-"""An unsigned 16-bit field without a value."""
+"""The value of an unset unsigned 16-bit field."""
 NO_STICK = 0x7FFF
-"""A signed 16-bit field without a value."""
+"""The value of an unset signed 16-bit field."""
 FIX = mavlink.GPS_FIX_TYPE_3D_FIX
-"""The first kind of GPS fix that has a height."""
+"""The lowest GPS fix type that includes a height."""
 DILUTED = 2.5
-"""The standard deviation of a GPS position, metres for each unit of its dilution, where the
-receiver reports no accuracy."""
+"""The standard deviation of a GPS position, metres per unit of its dilution of precision, used if
+the receiver reports no accuracy."""
 SERVO_MIDDLE = 1500
-"""Microseconds: shorter pulses open, longer ones close."""
+"""Pulse length in microseconds: shorter pulses open, longer ones close."""
 BUTTONS = 16
 
 
 def odometry(
     local: Message, attitude: Message, time: Time, *, spread: float, anchor: Anchor
 ) -> Odometry:
-    """The autopilot's own estimate, from LOCAL_POSITION_NED, which was true at `time`, and the
-    newest ATTITUDE_QUATERNION. spread: the standard deviation of the position, metres."""
+    """Return the autopilot's own estimate, from LOCAL_POSITION_NED, which was true at `time`, and
+    the newest ATTITUDE_QUATERNION. spread: the standard deviation of the position, metres."""
     turn = attitude_from_ned((attitude.q1, attitude.q2, attitude.q3, attitude.q4))
     return Odometry(
         time,
@@ -222,27 +230,29 @@ def odometry(
 
 
 def is_finite(*numbers: float) -> bool:
-    """Whether all are; a sum is finite only where every part of it is."""
+    """Return whether all numbers are finite; a sum is finite only if every part of it is."""
     total = sum(numbers)
     return total - total == 0.0
 
 
 def is_attitude(message: Message) -> bool:
-    """Whether ATTITUDE_QUATERNION has a valid rotation and finite rates."""
+    """Return whether an ATTITUDE_QUATERNION has a valid rotation and finite rates."""
     w, x, y, z = message.q1, message.q2, message.q3, message.q4
     turns = 0.9 < w * w + x * x + y * y + z * z < 1.1
     return turns and is_finite(message.rollspeed, message.pitchspeed, message.yawspeed)
 
 
 def own_heading(attitude: Message) -> float:
-    """The heading of ATTITUDE_QUATERNION in the autopilot's own frame, as ENU, radians."""
+    """Return the heading from ATTITUDE_QUATERNION in the autopilot's own frame, in the ENU
+    convention, radians."""
     yaw = to_euler((attitude.q1, attitude.q2, attitude.q3, attitude.q4))[2]
     return heading_from_ned(yaw)
 
 
 def imu(message: Message, time: Time, last: Time | None) -> Imu | None:
-    """A sample of the IMU, from HIGHRES_IMU, or from RAW_IMU and SCALED_IMU in thousandths of g and
-    rad/s. last: the time of the sample before; None gives no sample, for lack of a period."""
+    """Return an IMU sample from HIGHRES_IMU, or from RAW_IMU or SCALED_IMU, which count in
+    thousandths of g and rad/s. last: the time of the previous sample; without it the period is
+    unknown and the result is None."""
     if last is None or time <= last:
         return None
     force: Vec3 = (message.xacc, message.yacc, message.zacc)
@@ -253,8 +263,8 @@ def imu(message: Message, time: Time, last: Time | None) -> Imu | None:
 
 
 def battery(message: Message, time: Time) -> Battery | None:
-    """The battery, from BATTERY_STATUS (the first battery only) or SYS_STATUS; None where the
-    message has no voltage or no remaining charge."""
+    """Return the battery's state from BATTERY_STATUS (the first battery only) or SYS_STATUS. Return
+    None if the message has no voltage or no remaining charge."""
     if message.battery_remaining < 0:
         return None
     if message.get_type() == "SYS_STATUS":
@@ -270,8 +280,8 @@ def battery(message: Message, time: Time) -> Battery | None:
 
 
 def gps(message: Message, time: Time, *, origin: Tangent, anchor: Anchor) -> Position | None:
-    """The GPS receiver's position, from GPS_RAW_INT; None without a 3D fix. origin: the zero of the
-    autopilot's own frame, from GPS_GLOBAL_ORIGIN."""
+    """Return the GPS receiver's position from GPS_RAW_INT; None without a 3D fix. origin: the
+    origin of the autopilot's own frame, from GPS_GLOBAL_ORIGIN."""
     if message.fix_type < FIX:
         return None
     place = origin.local(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3)
@@ -283,14 +293,14 @@ def gps(message: Message, time: Time, *, origin: Tangent, anchor: Anchor) -> Pos
 
 
 def tangent(message: Message) -> Tangent:
-    """The zero of the autopilot's own frame, from GPS_GLOBAL_ORIGIN."""
+    """Return the origin of the autopilot's own frame, from GPS_GLOBAL_ORIGIN."""
     degrees = (message.latitude * 1e-7, message.longitude * 1e-7)
     return Tangent.on_ellipsoid(*degrees, message.altitude * 1e-3)
 
 
 def sticks(message: Message, time: Time) -> Sticks | None:
-    """The pilot's sticks, from RC_CHANNELS, whose first four are roll, pitch, throttle and yaw, or
-    from MANUAL_CONTROL; None where no transmitter is received."""
+    """Return the pilot's sticks from RC_CHANNELS, whose first four channels are roll, pitch,
+    throttle and yaw, or from MANUAL_CONTROL. Return None if no transmitter is received."""
     if message.get_type() == "RC_CHANNELS":
         return _transmitter(message, time)
     axes = (message.y, message.x, message.r, message.z)
@@ -302,9 +312,9 @@ def sticks(message: Message, time: Time) -> Sticks | None:
 
 
 def payload(servos: tuple[int, ...], channel: int, time: Time) -> Payload | None:
-    """Whether the payload's servo is open, from the pulses in SERVO_OUTPUT_RAW, microseconds, the
-    first channel first; None while that output has no pulses. Whether anything hangs there is
-    unknown."""
+    """Return whether the payload's servo is open; None while its output has no pulses. Whether it
+    holds a payload is unknown. servos: the pulses of SERVO_OUTPUT_RAW, microseconds, channel 1
+    first."""
     pulse = servos[channel - 1] if channel <= len(servos) else 0
     if pulse in (0, UNKNOWN):
         return None
@@ -323,7 +333,8 @@ def _transmitter(message: Message, time: Time) -> Sticks | None:
 
 
 def _gps_spread(accuracy: int, dilution: int) -> float | None:
-    """Metres: of an accuracy in millimetres, else of a dilution in hundredths."""
+    """Return the standard deviation in metres, from an accuracy in millimetres or else from a
+    dilution in hundredths; None if both are unset."""
     if accuracy > 0:
         return accuracy * MILLI
     return None if dilution == UNKNOWN else DILUTED * dilution / 100.0

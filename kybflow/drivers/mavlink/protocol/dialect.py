@@ -1,5 +1,5 @@
-"""The messages and constants of MAVLink. Only this module imports pymavlink, and its error says how
-to install it."""
+"""The messages and constants of MAVLink. Only this module imports pymavlink; its error says how to
+install it."""
 
 from kybflow.core.errors import DriverError
 

@@ -1,8 +1,9 @@
 """Conversions between the frames of autopilots and kybflow's. Pure.
 
-kybflow: world ENU, body FLU, headings counter-clockwise from east. Autopilots: world NED, body FRD,
-headings clockwise from north. Both turns are half turns, world about (1, 1, 0), body about x, so
-each conversion is its own inverse. NED lives in this folder alone; what leaves it is ENU and FLU.
+kybflow uses the world frame ENU, the body frame FLU, and headings counter-clockwise from east.
+Autopilots use NED, FRD, and headings clockwise from north. Both conversions are half turns, that of
+the world about (1, 1, 0) and that of the body about x, so each is its own inverse. Only this
+package uses NED; everything outside it is in ENU and FLU.
 """
 
 from __future__ import annotations
@@ -26,28 +27,29 @@ from kybflow.core.geometry import (
 _HALF = sqrt(0.5)
 
 EQUATOR, FLATTENING = 6_378_137.0, 1.0 / 298.257223563
-"""The ellipsoid of WGS 84: its radius at the equator, metres, and its flattening."""
+"""The WGS 84 ellipsoid: its equatorial radius, metres, and its flattening."""
 
 
 def to_ned(v: Vec3) -> Vec3:
-    """A world vector, ENU to NED."""
+    """Convert a world vector from ENU to NED."""
     return (v[1], v[0], -v[2])
 
 
 def to_frd(v: Vec3) -> Vec3:
-    """A body vector, FLU to FRD; body rates too."""
+    """Convert a body vector, or body rates, from FLU to FRD."""
     return (v[0], -v[1], -v[2])
 
 
 def attitude_to_ned(q: Quat) -> Quat:
-    """An attitude FLU to ENU as one FRD to NED: (0, h, h, 0) q (0, -1, 0, 0), h the root of 1/2."""
+    """Convert an attitude from FLU-to-ENU to FRD-to-NED: (0, h, h, 0) q (0, -1, 0, 0), with h the
+    square root of 1/2."""
     w, x, y, z = q
     w, x, y, z = _HALF * w, _HALF * x, _HALF * y, _HALF * z
     return (w + z, x + y, x - y, w - z)
 
 
 def heading_to_ned(heading: float) -> float:
-    """A heading from east, counter-clockwise, as one from north, clockwise."""
+    """Convert a heading counter-clockwise from east to one clockwise from north, radians."""
     return wrap(0.5 * pi - heading)
 
 
@@ -56,21 +58,21 @@ attitude_from_ned, heading_from_ned = attitude_to_ned, heading_to_ned
 
 
 def with_heading(q: Quat, heading: float) -> Quat:
-    """`q` turned to another heading, with the same tilt."""
+    """Return `q` turned to another heading, with the same tilt."""
     return multiply(from_heading(heading - heading_of(q)), q)
 
 
 class Anchor(NamedTuple):
-    """Where an autopilot's own frame lies in the world. offset: the world position of its zero,
-    metres. heading: the turn from its ENU to the world, radians, counter-clockwise."""
+    """Where an autopilot's own frame lies in the world. offset: the world position of its origin,
+    metres. heading: the rotation from its ENU to the world, radians, counter-clockwise."""
 
     offset: Vec3 = ZERO
     heading: float = 0.0
 
     @classmethod
     def joining(cls, there: Vec3, heading_there: float, here: Vec3, heading_here: float) -> Anchor:
-        """The anchor by which a place and a heading in the autopilot's frame are `here` in the
-        world."""
+        """Return the anchor that maps the position `there` and `heading_there` in the autopilot's
+        frame to `here` and `heading_here` in the world."""
         turn = wrap(heading_here - heading_there)
         return cls(sub(here, _turned(there, turn)), turn)
 
@@ -81,7 +83,7 @@ class Anchor(NamedTuple):
         return _turned(sub(position, self.offset), -self.heading)
 
     def turned(self, vector: Vec3) -> Vec3:
-        """A velocity or acceleration in the autopilot's frame, as one in the world."""
+        """Rotate a velocity or acceleration from the autopilot's frame to the world."""
         return _turned(vector, self.heading)
 
     def unturned(self, vector: Vec3) -> Vec3:
@@ -102,8 +104,9 @@ IDENTITY = Anchor()
 
 
 class Tangent(NamedTuple):
-    """The plane that touches the earth at a place: latitude and longitude in degrees, height in
-    metres, and the metres in a degree of each. Good for a kilometre."""
+    """The plane tangent to the earth at one point; accurate within about a kilometre. latitude,
+    longitude: of that point, degrees. height: metres. north, east: the metres in a degree of
+    latitude and of longitude."""
 
     latitude: float
     longitude: float
@@ -113,8 +116,8 @@ class Tangent(NamedTuple):
 
     @classmethod
     def on_ellipsoid(cls, latitude: float, longitude: float, height: float) -> Tangent:
-        """The plane on the ellipsoid of WGS 84, by its radii of curvature along the meridian and
-        across it."""
+        """Return the tangent plane of the WGS 84 ellipsoid, from its radii of curvature along the
+        meridian and across it."""
         squared = FLATTENING * (2.0 - FLATTENING)
         bulge = 1.0 - squared * sin(radians(latitude)) ** 2
         across = EQUATOR / sqrt(bulge)
@@ -124,18 +127,20 @@ class Tangent(NamedTuple):
 
     @classmethod
     def on_sphere(cls, latitude: float, longitude: float, height: float, radius: float) -> Tangent:
-        """The plane on a sphere, for which some firmwares take the earth."""
+        """Return the tangent plane of a sphere, as which some firmwares model the earth. radius:
+        metres."""
         east = radius * cos(radians(latitude))
         return cls(latitude, longitude, height, radians(radius), radians(east))
 
     def local(self, latitude: float, longitude: float, height: float) -> Vec3:
-        """The position of a place, metres from this one, ENU."""
+        """Return the position, ENU in metres from the tangent point, of a geographic position."""
         around = (longitude - self.longitude + 180.0) % 360.0 - 180.0
         north = (latitude - self.latitude) * self.north
         return (around * self.east, north, height - self.height)
 
     def place(self, position: Vec3) -> Vec3:
-        """The latitude, longitude and height of a position, metres from this place, ENU."""
+        """Return the latitude, longitude and height of a position given in metres from the tangent
+        point, ENU."""
         x, y, z = position
         return (
             self.latitude + y / self.north, self.longitude + x / self.east, self.height + z,
@@ -143,7 +148,7 @@ class Tangent(NamedTuple):
 
 
 def lean(q: Quat) -> float:
-    """The cosine of an attitude's tilt, at least 0.1."""
+    """Return the cosine of an attitude's tilt, but at least 0.1."""
     return max(cos(tilt_of(q)), 0.1)
 
 

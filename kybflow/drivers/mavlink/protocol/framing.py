@@ -1,12 +1,12 @@
-"""MAVLink frames: bytes to messages and back.
+"""Conversion between MAVLink frames and messages.
 
-Version 2 is sent; version 1 is read too, unless messages are signed. Any float may arrive, NaN
-included, which has a meaning in some fields.
+Version 2 is sent; version 1 is also read, unless messages are signed. A field may hold any float,
+including NaN, which has a meaning in some fields.
 
 pymavlink supplies the message classes with the layout of their fields. Its parser is not used: it
-takes many times as long, loses good frames after a bad byte, and ignores checksums where an
-environment variable is set. A message of numbers is read as a tuple of them (`FieldTuple`), which
-costs a tenth of pymavlink's object; one with texts is that object."""
+is many times slower, loses good frames after a bad byte, and ignores checksums if an environment
+variable is set. A message with only numeric fields is read as a tuple (`FieldTuple`), at a tenth of
+the cost of a pymavlink object; a message with text fields is read as a pymavlink object."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE, Signing
 
 Message = Any
-"""A message object of pymavlink, or a `FieldTuple` with the same methods: `get_type()`,
-`get_srcSystem()`, `get_srcComponent()`, its fields."""
+"""A message object of pymavlink, or a `FieldTuple` with the same attributes: `get_type()`,
+`get_srcSystem()`, `get_srcComponent()` and the fields."""
 ONBOARD: int = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
-"""Our component id, an onboard computer's."""
+"""Our component id, that of an onboard computer."""
 FIRST = 0xFE
 SECOND = 0xFD
-"""The first byte of a frame of version 1 and of version 2."""
+"""The first byte of a frame in version 1 and in version 2."""
 SIGNED = 1
-"""The only known flag among those that a receiver must understand."""
+"""The flag of a signed frame, the only known one of the flags that a receiver must understand."""
 _MARKER = re.compile(b"[\xfd\xfe]")
 _HEADER = struct.Struct("<BBBBBBBHB")
 _FIRST_HEAD, _SECOND_HEAD, _CHECKSUM = 6, 10, 2
 _SHORTEST = _SECOND_HEAD + _CHECKSUM
 _SENDER = -3
-"""Where the system, component and sequence number begin in a `FieldTuple`."""
+"""The index at which system, component and sequence number begin in a `FieldTuple`."""
 
 
 def size_of(data: bytes, at: int, end: int) -> int:
-    """The size of the frame that begins there; 0 where none does, -1 where its end has not
-    arrived."""
+    """Return the size of the frame that begins at index `at`; 0 if none begins there, -1 if it is
+    incomplete. end: the length of the data."""
     if data[at] == SECOND:
         if end - at < 3:
             return -1
@@ -61,26 +61,26 @@ def size_of(data: bytes, at: int, end: int) -> int:
 
 
 Sender = tuple[int, int, int]
-"""A frame's system, component and sequence number."""
+"""A frame's system id, component id and sequence number."""
 
 
 def _head(frame: bytes) -> tuple[int, Sender]:
-    """Where the payload begins, and the sender."""
+    """Return the index at which the payload begins, and the sender."""
     if frame[0] == FIRST:
         return _FIRST_HEAD, (frame[3], frame[4], frame[2])
     return _SECOND_HEAD, (frame[5], frame[6], frame[4])
 
 
 def _body(frame: bytes) -> int:
-    """Where the payload of a whole frame ends."""
+    """Return the index at which the payload of a complete frame ends."""
     if frame[2] == SIGNED and frame[0] == SECOND:
         return len(frame) - _CHECKSUM - SIGNATURE
     return len(frame) - _CHECKSUM
 
 
 def _is_datagram(data: bytes) -> bool:
-    """Whether the bytes are one whole frame of version 2 without a signature, as most datagrams
-    are."""
+    """Return whether the bytes are exactly one frame of version 2 without a signature, as in most
+    datagrams."""
     size = len(data)
     return size >= _SHORTEST and data[0] == SECOND and not data[2] and size == data[1] + _SHORTEST
 
@@ -90,20 +90,20 @@ def is_signed(frame: bytes) -> bool:
 
 
 def number_of(frame: bytes) -> int:
-    """The message's number."""
+    """Return the frame's message id."""
     return frame[5] if frame[0] == FIRST else frame[7] | frame[8] << 8 | frame[9] << 16
 
 
 def next_of(data: bytes, at: int) -> int:
-    """Where the next frame may begin."""
+    """Return the index at or after `at` where the next frame may begin."""
     found = _MARKER.search(data, at)
     return len(data) if found is None else found.start()
 
 
 class FieldTuple(tuple[Any, ...]):
-    """A message of numbers: the fields in the order on the wire, then the sender's system and
-    component and the sequence number. Every kind of message is a subclass, which has the fields as
-    attributes."""
+    """A message with only numeric fields: the fields in the order on the wire, followed by the
+    sender's system id, component id and the sequence number. Each message type has a subclass with
+    the fields as attributes."""
 
     __slots__ = ()
     _made: ClassVar[Any]
@@ -133,7 +133,7 @@ class FieldTuple(tuple[Any, ...]):
 
 
 def _tuple_of(made: Any) -> type[FieldTuple]:
-    """The tuple for a message's class in pymavlink."""
+    """Return the `FieldTuple` subclass for a message class of pymavlink."""
     members: dict[str, Any] = {"__slots__": (), "_made": made}
     members |= {"_name": made.msgname, "_number": made.id}
     start = 0
@@ -151,7 +151,7 @@ def _list_at(span: slice) -> Callable[[tuple[Any, ...]], list[Any]]:
 
 
 class MessageLayout:
-    """The layout of one kind of message in its payload."""
+    """The payload layout of one message type. made: the message's class in pymavlink."""
 
     def __init__(self, made: Any) -> None:
         self.made, self.id = made, made.id
@@ -165,12 +165,12 @@ class MessageLayout:
         self._fields: Callable[[Message], Sequence[Any]] | None = None
 
     def fits(self, frame: bytes, body: int) -> bool:
-        """Whether the checksum is right. body: where the payload ends."""
+        """Return whether the checksum is correct. body: the index at which the payload ends."""
         return _checksum(frame[1:body] + self.extra) == frame[body] | frame[body + 1] << 8
 
     def message(self, frame: bytes, head: int, body: int, sender: Sender) -> Message | None:
-        """The message in a frame; None where a field has an impossible value, such as an invalid
-        text. head, body: where the payload begins and ends."""
+        """Return the message in a frame; None if a field has an impossible value, such as an
+        invalid text. head, body: the indices at which the payload begins and ends."""
         if body - head < self.size:  # zeros at the end are not sent
             values = self._unpack_from(frame[head:body].ljust(self.size, b"\0"))
         else:
@@ -179,15 +179,15 @@ class MessageLayout:
             return tuple.__new__(self._kind, values + sender)
         try:
             message = self.made(*[_value(values, start, count) for start, count in self._spans])
-        except Exception:  # a foreign class made from foreign bytes
+        except Exception:  # pymavlink may raise anything on foreign bytes
             return None
         header = message.get_header()
         header.srcSystem, header.srcComponent, header.seq = sender
         return message
 
     def of(self, *values: float) -> FieldTuple:
-        """A message to send. values: its fields in the order on the wire, arrays as their
-        elements."""
+        """Return a message to send. values: its fields in the order on the wire, with arrays
+        flattened."""
         return tuple.__new__(self._kind, (*values, 0, 0, 0))
 
     @cached_property
@@ -195,8 +195,8 @@ class MessageLayout:
         return _tuple_of(self.made)
 
     def frame(self, message: Message, sequence: int, sender: tuple[int, int], flags: int) -> bytes:
-        """A frame of version 2, without a signature. Raises DriverError where a field does not
-        fit."""
+        """Return a version 2 frame of the message, without a signature. Raises DriverError if a
+        value doesn't fit its field."""
         payload = self._payload(message)
         head = _HEADER.pack(
             SECOND, len(payload), flags, 0, sequence, *sender, self.id & 0xFFFF, self.id >> 16
@@ -227,13 +227,13 @@ def _value(values: tuple[Any, ...], start: int, count: int) -> Any:
 
 
 def _stored(message: Message, name: str, count: int) -> tuple[str, bool]:
-    """The attribute that holds a field, and whether it is an array of numbers."""
-    raw = f"_{name}_raw"  # the bytes of a text
+    """Return the name of the attribute that holds a field, and whether it is a numeric array."""
+    raw = f"_{name}_raw"  # holds the bytes of a text field
     return (raw, False) if hasattr(message, raw) else (name, count > 0)
 
 
 def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]]:
-    """A function that reads these attributes in order, arrays as their elements."""
+    """Return a function that reads these attributes in order, with arrays flattened."""
     names = [name for name, _ in fields]
     if len(names) > 1 and not any(is_array for _, is_array in fields):
         return attrgetter(*names)
@@ -253,21 +253,26 @@ def _slow_checksum(data: bytes) -> int:
 
 
 _checksum: Callable[[bytes], int] = getattr(mavlink, "mcrf4xx", None) or _slow_checksum
-"""CRC-16/MCRF4XX."""
+"""The checksum, CRC-16/MCRF4XX."""
 LAYOUTS: dict[int, MessageLayout] = {
     number: MessageLayout(made) for number, made in mavlink.mavlink_map.items()
 }
 NUMBERS: dict[str, int] = {layout.made.msgname: number for number, layout in LAYOUTS.items()}
 
 _DROPPED = object()
-"""The result of `Parser` for a valid frame that is not read."""
+"""The result of `Parser._frame` for a valid frame that is not read."""
 
 
 @dataclass(slots=True)
 class Counts:
-    """Counts of received frames. bad: stretches of bytes without a valid frame. refused: frames
-    unsigned, wrongly signed or old; stale: those of them that are correctly signed. signed: frames
-    whose signature is not checked, because there is no key. unknown: frames of another dialect."""
+    """Counts of received frames.
+
+    messages: messages returned.
+    bad: runs of bytes without a valid frame.
+    refused: frames that are unsigned, wrongly signed or old.
+    stale: refused frames that are correctly signed, but old.
+    signed: frames whose signature is not checked, because there is no key.
+    unknown: frames of unknown message types."""
 
     messages: int = 0
     bad: int = 0
@@ -280,12 +285,12 @@ class Counts:
 class Parser:
     """Reads the messages of one sender from whole frames or a stream of bytes. Never raises.
 
-    wanted: the numbers of the messages to return; empty returns all. Other frames are dropped
-    before their fields are read; without a key, those alone in a datagram are dropped even before
-    their checksum is compared. unread: counts the dropped ones of known kinds, by
-    sender's system and number.
-    `stale`: the senders, by system and component, whose signature was right but too old. The caller
-    empties it.
+    wanted: the ids of the messages to return; if empty, all are returned. Other frames are dropped
+    before their fields are read; without a key, a frame that fills its datagram is dropped even
+    before its checksum is compared.
+    unread: counts the dropped frames of known types, by the sender's system id and message id.
+    stale: the senders, by system and component id, whose signature was correct but too old. The
+    caller empties it.
     """
 
     def __init__(
@@ -302,10 +307,10 @@ class Parser:
         self._rest = b""
 
     def parse(self, data: bytes) -> list[Message]:
-        """The messages that are complete now, oldest first. After a bad byte the search continues
-        with the next one, so no valid frame is lost."""
+        """Return the messages that are now complete, oldest first. After a bad byte the search
+        continues at the next byte, so no valid frame is lost."""
         if self._signing is None and not self._rest and _is_datagram(data):
-            number = int.from_bytes(data[7:10], "little")  # there is nothing to search for
+            number = int.from_bytes(data[7:10], "little")  # a whole frame, so no search is needed
             if self._wanted and number not in self._wanted:
                 if number in LAYOUTS:
                     self._unread[data[5], number] += 1
@@ -318,8 +323,8 @@ class Parser:
                     self.counts.messages += 1
                     return [message]
         messages: list[Message] = []
-        while self._rest and _is_whole(data):  # then the rest of the one before won't come:
-            rest = self._rest  # it was a datagram cut short, or bytes were lost
+        while self._rest and _is_whole(data):  # so the pending frame won't be completed:
+            rest = self._rest  # its datagram was cut short, or bytes were lost
             self.counts.bad += 1
             messages += self._scan(rest[next_of(rest, 1) :])
         messages += self._scan(self._rest + data)
@@ -347,12 +352,13 @@ class Parser:
         return messages
 
     def _frame(self, frame: bytes, after: bytes) -> Message | None:
-        """The message of a frame; `_DROPPED` where it is not for us, None where it is no frame."""
+        """Return the message of a frame; `_DROPPED` if it is not for us, None if it is not a valid
+        frame."""
         if not frame:
             return None
         number = number_of(frame)
         layout = LAYOUTS.get(number)
-        if layout is None:  # its checksum is unknown: what follows has to look like a frame
+        if layout is None:  # no checksum to compare: a frame must follow instead
             if after and after[0] not in {FIRST, SECOND}:
                 return None
             self.counts.unknown += 1
@@ -371,7 +377,7 @@ class Parser:
         return layout.message(frame, head, body, sender)
 
     def _is_accepted(self, frame: bytes, system: int, component: int) -> bool:
-        """Whether the frame's signature is acceptable."""
+        """Return whether the frame's signature is acceptable."""
         if self._signing is None:
             self.counts.signed += is_signed(frame)
             return True
@@ -386,22 +392,22 @@ class Parser:
 
 
 def _is_whole(data: bytes) -> bool:
-    """Whether the bytes begin with a valid frame."""
+    """Return whether the bytes begin with a valid frame."""
     size = size_of(data, 0, len(data)) if data else 0
     layout = LAYOUTS.get(number_of(data[:size])) if size > 0 else None
     return layout is not None and layout.fits(data[:size], _body(data[:size]))
 
 
 class Packer:
-    """Packs frames for one receiver, which counts them by component."""
+    """Packs frames for one receiver, with a sequence number for each of our components."""
 
     def __init__(self, system: int, signing: Signing | None = None, link: int = 0) -> None:
         self._system, self._signing, self._link = system, signing, link
         self._sequences: dict[int, int] = {}
 
     def pack(self, message: Message, component: int = ONBOARD) -> bytes:
-        """The frame of a message. Raises DriverError where a field does not fit."""
-        layout = LAYOUTS[message.get_msgId()]  # `id` is a field of some
+        """Return the frame of a message. Raises DriverError if a value doesn't fit its field."""
+        layout = LAYOUTS[message.get_msgId()]  # some messages have a field `id`
         sequence = self._sequences.get(component, 0)
         sender = self._system, component
         if self._signing is None:

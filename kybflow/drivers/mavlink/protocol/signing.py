@@ -1,12 +1,14 @@
-"""Signatures of MAVLink 2 messages: only senders with the secret are accepted, and each frame once.
+"""Signatures of MAVLink 2 messages: only senders that have the secret key are accepted, and each
+frame only once.
 
-13 bytes after the checksum: link id, time (48 bits, steps of 10 us since 1 January 2015, UTC), and
-the first 6 bytes of SHA-256 over the secret and all bytes before them. A frame is refused unless
-its time is later than the last of its stream (link id, system, component), and, for a new stream,
-no more than a minute before our own. No message is exempt, not even RADIO_STATUS.
+The 13 bytes after the checksum are the link id, the time (48 bits, steps of 10 us since 1 January
+2015, UTC), and the first 6 bytes of SHA-256 over the key and all bytes before them. A frame is
+refused unless its time is later than the last one of its stream (link id, system, component), or,
+in a new stream, no more than a minute before our own time. No message is exempt, not even
+RADIO_STATUS.
 
-pymavlink's own check is not used, because it takes over the time of a frame before it has checked
-the signature: one forged frame would silence a vehicle.
+pymavlink's own check is not used, because it adopts the time of a frame before it has checked the
+signature: one forged frame would silence a vehicle.
 """
 
 from __future__ import annotations
@@ -23,20 +25,21 @@ from string import hexdigits
 from kybflow.core.errors import DriverError
 
 SIGNATURE = 13
-"""Bytes of a signature with its link id and time."""
+"""The size of a signature with its link id and time, bytes."""
 STEP = 10_000
-"""Nanoseconds in a step of the time stamp."""
+"""The resolution of the time stamp, nanoseconds."""
 EPOCH = 1_420_070_400_000_000_000
-"""Nanoseconds from 1970 to 2015."""
+"""The start of 2015 in nanoseconds since 1970."""
 MINUTE = 60 * 100_000
 KEY = 32
 
 
 class Signing:
-    """Signs frames to send and checks received ones. read: returns nanoseconds since 1970."""
+    """Signs frames to send and checks received ones. read: returns the time in nanoseconds since
+    1970."""
 
     def __init__(self, key: bytes, read: Callable[[], int] = time.time_ns) -> None:
-        """Raises DriverError unless the key has 32 bytes."""
+        """Create the signer. Raises DriverError unless the key has 32 bytes."""
         if len(key) != KEY:
             raise DriverError(f"the key of signed messages has {len(key)} bytes, not {KEY}")
         self._key, self._read = key, read
@@ -44,17 +47,17 @@ class Signing:
         self._last: dict[tuple[int, int, int], int] = {}
 
     def signature(self, frame: bytes, link: int) -> bytes:
-        """The signature that follows a frame."""
+        """Return the signature to append to a frame."""
         self._newest = max(self._newest + 1, self._now())
         data = frame + bytes((link,)) + self._newest.to_bytes(6, "little")
         return data[len(frame) :] + sha256(self._key + data).digest()[:6]
 
     def knows(self, frame: bytes) -> bool:
-        """Whether the signer of a frame has the secret, however old the frame is."""
+        """Return whether the signer of a frame has the key, however old the frame is."""
         return compare_digest(sha256(self._key + frame[:-6]).digest()[:6], frame[-6:])
 
     def accepts(self, frame: bytes, system: int, component: int) -> bool:
-        """Whether a signed frame of that sender is valid and new."""
+        """Return whether a signed frame of that sender is valid and new."""
         if not self.knows(frame):
             return False
         stream = (frame[-13], system, component)
@@ -71,9 +74,9 @@ class Signing:
 
 
 def read_key(path: Path) -> bytes:
-    """The secret in a file: 32 bytes, 64 hexadecimal digits, or a passphrase, whose SHA-256 it then
-    is, as for QGroundControl and MAVProxy. Space around a text is no part of it. Warns where others
-    may read the file. Raises DriverError."""
+    """Return the key in a file: 32 bytes, 64 hexadecimal digits, or the SHA-256 of a passphrase, as
+    in QGroundControl and MAVProxy. Whitespace around a text is ignored. Warns if other users may
+    read the file. Raises DriverError."""
     try:
         data, mode = path.read_bytes(), path.stat().st_mode
     except OSError as error:
@@ -98,7 +101,8 @@ def read_key(path: Path) -> bytes:
 
 
 def _text(data: bytes) -> str | None:
-    """The text in a key file; None where it is none, as 32 random bytes never look like one."""
+    """Return the text in a key file; None if the data is not text. 32 random bytes practically
+    never are."""
     try:
         text = data.decode().strip()
     except UnicodeDecodeError:

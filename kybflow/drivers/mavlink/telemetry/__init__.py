@@ -1,5 +1,5 @@
-"""What one autopilot reports, as status, measurements, parameters, clock offset and ground truth;
-and the external vision that it is sent.
+"""What one autopilot reports: status, measurements, parameters, clock offset and ground truth; and
+the external vision sent to it.
 
-Nothing is commanded here. `AutopilotState` hands each message to the module that it concerns.
+Nothing is commanded here. `AutopilotState` passes each message to the module responsible for it.
 """

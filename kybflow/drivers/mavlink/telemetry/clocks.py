@@ -1,14 +1,16 @@
-"""The clock of an autopilot and ours.
+"""The offset between an autopilot's clock and ours.
 
-An autopilot stamps its messages with the time since it booted. `BootClock` converts that to the
-run's time by the least delay (`kybflow.core.clock_offset`): messages are received at a tick, up to
-a tick late, but of some hundred a second a few come just before one. An offset by TIMESYNC would be
-half a tick wrong, some 2 ms, whatever is averaged: its answers wait for a tick on one of the two
-ways. So `TimeSync` only measures the round trip, which no stamp shows, and answers the autopilot.
+An autopilot stamps its messages with the time since its boot. `BootClock` converts these stamps to
+the run's time, using the least delay observed (`kybflow.core.clock_offset`). Messages are received
+at a tick, up to one tick late, but of some hundred a second a few arrive just before a tick. An
+offset from TIMESYNC would be wrong by half a tick, some 2 ms, however long it is averaged, because
+its replies wait for a tick in only one direction. `TimeSync` therefore only measures the round
+trip, which no stamp shows, and answers the autopilot's requests.
 
-The answers hold the autopilot's own time, as `BootClock` knows it, not the run's. An autopilot that
-has learned the offset adds it to the stamps that we send; another one uses them as they are. With
-answers in its own time the offset is near zero, and stamps in its own time are right for both.
+The answers contain the autopilot's own time, as `BootClock` knows it, instead of the run's time.
+Some autopilots add the offset that they learn to the stamps that we send, others use our stamps
+unchanged. With answers in the autopilot's own time the offset is near zero, so stamps in that time
+are right for both.
 """
 
 from __future__ import annotations
@@ -22,21 +24,21 @@ from kybflow.drivers.mavlink.protocol.framing import Message
 
 MS: Time = NS // 1000
 BACK: Time = NS
-"""A stamp this far before the newest one is late, or from another boot."""
+"""A stamp earlier than the newest one by more than this is late, or from another boot."""
 AGREED = 3
-"""So many of them in a row are from another boot."""
+"""After this many such stamps in a row the autopilot counts as rebooted."""
 LONGEST_UP = 10 * 365 * 86400 * NS
-"""A later stamp counts from 1970 and not from the boot."""
+"""A larger stamp counts from 1970 instead of from the boot."""
 INTERVAL: Time = NS // 5
-"""Between two requests. A link that holds its messages back and then delivers them all at once ends
-with a round trip no longer than this, however long it held them."""
+"""The interval between two requests. After a link has held messages back and delivered them all at
+once, the last round trip is no longer than this, however long the delay was."""
 MOST_AWAITED = 20
-"""How many requests may be unanswered."""
+"""The largest number of unanswered requests."""
 
 
 class BootClock:
-    """Converts an autopilot's stamps to the run's time. `reboots`: how often the autopilot has
-    rebooted since its first message."""
+    """Converts an autopilot's stamps to the run's time. `reboots`: the number of reboots since the
+    autopilot's first message."""
 
     def __init__(self) -> None:
         self.reboots = 0
@@ -46,8 +48,8 @@ class BootClock:
         self._back = 0
 
     def to_run(self, boot: Time, now: Time) -> Time:
-        """The run's time of an event that was stamped with nanoseconds since the boot and arrived
-        now. Never in the future, and never before an event with an earlier stamp."""
+        """Convert a stamp, nanoseconds since the boot, of a message that arrived now to the run's
+        time. The result is never in the future, and never before that of an earlier stamp."""
         if self._newest is not None and boot < self._newest[0] - BACK:
             self._back += 1
             if self._back < AGREED:
@@ -67,24 +69,26 @@ class BootClock:
         return self._newest[1] if boot == self._newest[0] else min(stamp, self._newest[1])
 
     def to_boot(self, time: Time) -> Time | None:
-        """A time of the run as nanoseconds since the boot; None before the first message, and for a
-        time before the boot."""
+        """Convert a time of the run to nanoseconds since the boot. Return None before the first
+        message, and for a time before the boot."""
         if self._known is None or time < self._known:
             return None
         return time - self._known
 
 
 def boot_time(message: Message) -> Time | None:
-    """The nanoseconds since the boot in a message; None where it has no such field, leaves it
-    empty, or has the time of day there. `time_boot_ms` is whole milliseconds."""
+    """Return the stamp of a message, nanoseconds since the boot. Return None if the message has no
+    such field, leaves it empty, or stamps with the time of day. `time_boot_ms` has a resolution of
+    a millisecond."""
     stamp: int = getattr(message, "time_boot_ms", 0) * MS
     stamp = stamp or getattr(message, "time_usec", 0) * 1000
     return stamp if 0 < stamp < LONGEST_UP else None
 
 
 class TimeSync:
-    """TIMESYNC in both directions. Pure: it returns what must be sent. `round_trip`: the shorter
-    one of the newest two, seconds, the wait for our tick included; zero before the second."""
+    """Exchanges TIMESYNC messages in both directions. Its methods return the messages to send.
+    `round_trip`: the shorter of the newest two round trips, seconds, including the wait for our
+    tick; zero before the second."""
 
     def __init__(self, clock: BootClock) -> None:
         self.round_trip = 0.0
@@ -94,7 +98,7 @@ class TimeSync:
         self._newest: Time = 0
 
     def due(self, now: Time) -> list[Message]:
-        """The request to send now."""
+        """Return the request to send now, if one is due."""
         if now < self._next:
             return []
         self._next = now + INTERVAL
@@ -102,7 +106,8 @@ class TimeSync:
         return [_message(0, now)]
 
     def handle(self, message: Message, now: Time) -> list[Message]:
-        """The answer to a request of the autopilot; nothing while its clock is unknown."""
+        """Return the answer to a request of the autopilot; nothing while its clock is unknown. From
+        an answer to our own request, learn the round trip."""
         if message.get_type() != "TIMESYNC":
             return []
         if message.tc1 == 0:

@@ -1,15 +1,15 @@
 """The measurements of one autopilot: its own estimate, its IMU, its battery, its GPS and the
-pilot's sticks. Values that are not finite, or no rotation, are left out.
+pilot's sticks. Values that are not finite, and quaternions that are no rotation, are dropped.
 
-Where the autopilot's position is its own, its frame is anchored in the world when it first has a
+If the autopilot provides its own position, its frame is anchored in the world as soon as it has a
 valid position on the ground: the vehicle then stands at the mission's start, with the mission's
-heading. An autopilot that reboots begins another frame, whose anchor is unknown once the vehicle
-has flown.
+heading. An autopilot that reboots begins another frame; once the vehicle has flown, the anchor of
+that frame stays unknown.
 
 An autopilot reports a low battery in BATTERY_STATUS (charge_state), in SYS_STATUS (an unhealthy
-battery) and in texts. A state counts while it lasts, a text of an armed vehicle until it is
-disarmed: earlier ones belong to the preflight. It reports this even where its failsafe is set up to
-do nothing; from the state `acts_at` on it would act."""
+battery) and in texts. A reported state counts while it lasts; a text counts from arming until
+disarming, since earlier ones belong to the preflight. The autopilot reports a low battery even if
+its failsafe is disabled; from the state `acts_at` on an enabled failsafe would act."""
 
 from __future__ import annotations
 
@@ -43,27 +43,30 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 MOTION = ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED")
-"""The messages of the autopilot's own estimate."""
+"""The messages that hold the autopilot's own estimate."""
 INERTIAL = ("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU")
-"""IMU messages, the best last: once a better one arrived, worse ones are dropped."""
+"""IMU messages, the best last: once a better one has arrived, worse ones are dropped."""
 STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
-"""The messages in which autopilots report their estimator; each firmware sends one of them."""
+"""The messages in which autopilots report the state of their estimator; each firmware sends one of
+them."""
 MOTION_RATE, INERTIAL_RATE = 50.0, 100.0
-"""Hz, where the vehicle is flown by it."""
+"""Rates, Hz, of the messages with which the vehicle is flown."""
 IDLE = 25.0
-"""Hz, where it is not: enough to learn the drift of its frame and the resting bias of its IMU, to
-hold still, and to begin a blind descent until more arrive."""
+"""Rate, Hz, of the same messages if the vehicle is not flown with them. It suffices to learn the
+drift of the autopilot's frame and the resting bias of its IMU, to hold still, and to begin a blind
+descent until the rate is raised."""
 OLDEST: Time = 2 * NS
-"""The largest age of an attitude that is combined with a position."""
+"""The greatest age at which an attitude is combined with a position."""
 
 
 class Telemetry:
-    """The measurements of one autopilot, collected until they are read.
+    """Collects the measurements of one autopilot until they are taken.
 
-    `anchor`: where the autopilot's own frame lies in the world, None while unknown. `odometry`: its
-    newest own estimate. `spread`: the standard deviation of its position, metres, None while it has
-    no position. spread_of: reads `spread` from its estimator's status. streams: the messages that
-    may be requested from it.
+    anchor: where the autopilot's own frame lies in the world, None while unknown.
+    odometry: the autopilot's newest own estimate.
+    spread: the standard deviation of its position, metres, None while it has no position.
+    spread_of: reads `spread` from the autopilot's estimator status.
+    streams: the messages that may be requested from the autopilot.
     """
 
     def __init__(
@@ -105,16 +108,18 @@ class Telemetry:
 
     @property
     def heading(self) -> float | None:
-        """Its heading in its own frame, as ENU, radians; None before the first sound attitude."""
+        """The vehicle's heading in the autopilot's own frame, in the ENU convention, radians; None
+        before the first valid attitude."""
         return None if self._turn is None else codec.own_heading(self._turn)
 
     @property
     def reads(self) -> Set[str]:
-        """The types of the messages that are read."""
+        """The types of messages that are read."""
         return self._handlers.keys()
 
     def streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
-        """The rates of the streams that are read, Hz. kinds: what the vehicle is flown by."""
+        """Return the rates of the streams that are read, Hz, by message name. kinds: the
+        measurements with which the vehicle is flown."""
         rates = {
             **dict.fromkeys(MOTION, MOTION_RATE if Odometry in kinds else IDLE),
             **dict.fromkeys(INERTIAL, INERTIAL_RATE if Imu in kinds else IDLE),
@@ -123,7 +128,7 @@ class Telemetry:
         return {name: rate for name, rate in rates.items() if name in self._handlers}
 
     def handle(self, message: Message, now: Time) -> None:
-        """Handle one message, after `ReceivedStatus` did."""
+        """Handle one message, after `ReceivedStatus` has handled it."""
         handle = self._handlers.get(message.get_type())
         measurement = None if handle is None else handle(message, now)
         if measurement is not None:
@@ -133,7 +138,7 @@ class Telemetry:
         self._taken.append(measurement)
 
     def take(self) -> list[Measurement]:
-        """The measurements since the last call, oldest first."""
+        """Return the measurements since the last call, oldest first."""
         taken, self._taken = self._taken, []
         return taken
 
@@ -172,8 +177,9 @@ class Telemetry:
         return now if boot is None else self._clock.to_run(boot, now)
 
     def _standing(self, message: Message) -> Anchor | None:
-        """The anchor that puts the vehicle at the mission's start; None while it does not stand on
-        the ground or has no valid position."""
+        """Return the anchor that puts the vehicle at the mission's start. Return None while the
+        vehicle is not on the ground or has no valid position, and after a reboot if it has
+        flown."""
         heading = self.heading
         if heading is None or self.spread is None or self._status.landed is not LandedState.GROUND:
             return None
@@ -212,7 +218,7 @@ class Telemetry:
 
 
 SILENT: Time = 5 * NS
-"""How long BATTERY_STATUS must be silent for SYS_STATUS to count."""
+"""SYS_STATUS is used only if BATTERY_STATUS has been silent for this long."""
 LOW = mavlink.MAV_BATTERY_CHARGE_STATE_LOW
 CRITICAL = mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL
 EMERGENCY = mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY
@@ -224,17 +230,17 @@ STATES = MappingProxyType(
         UNHEALTHY: "not well",
     }
 )  # fmt: skip
-"""The states that cause a warning, in words."""
+"""The charge states that cause a warning, in words."""
 WORDS = MappingProxyType(
     {"emergency": EMERGENCY, "dangerous": EMERGENCY, "critical": CRITICAL, "low": LOW}
 )
-"""The state that a word in a text about a battery reports, the worst first."""
+"""The charge state that a word in a text about a battery stands for, the worst first."""
 MONITOR = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
 
 class BatteryReports:
-    """The reports of one autopilot about its batteries. acts_at: the charge state from which on its
-    failsafe acts where it is set up to."""
+    """What one autopilot reports about its batteries. acts_at: the charge state from which on its
+    failsafe acts, if enabled."""
 
     def __init__(self, status: ReceivedStatus, acts_at: int) -> None:
         self._status, self._acts_at = status, acts_at
@@ -244,7 +250,8 @@ class BatteryReports:
         self._worst_text: tuple[int, str] = (0, "")
 
     def handle(self, message: Message, now: Time) -> Battery | None:
-        """The battery after this message, None where nothing is new or nothing is known."""
+        """Return the battery after this message, or None if nothing has changed or nothing is
+        known."""
         is_general = message.get_type() == "SYS_STATUS"
         if not is_general:
             self._states[message.id] = message.charge_state
@@ -258,7 +265,7 @@ class BatteryReports:
         return None if newest == before else newest
 
     def _warning(self) -> BatteryWarning | None:
-        """The warning about a low battery, None without one."""
+        """Return the warning about a low battery, or None."""
         self._read_texts()
         level, text = self._worst_text
         reasons = [f"it says '{text}'"] if text else []
@@ -275,7 +282,7 @@ class BatteryReports:
         return BatteryWarning("; ".join(reasons), acts)
 
     def _read_texts(self) -> None:
-        """Keep the worst text about the battery of an armed vehicle."""
+        """Keep the worst battery text received while the vehicle is armed."""
         if not self._status.armed:
             self._worst_text = (0, "")
         for text in self._status.texts_after(self._text):
@@ -285,7 +292,7 @@ class BatteryReports:
                 self._worst_text = (level, text.text)
 
     def _level(self, words: str) -> int:
-        """The charge state that a text reports, 0 where it reports none."""
+        """Return the charge state that a text reports, 0 if it reports none."""
         if "battery" not in words:
             return 0
         if "failsafe" in words and "clear" not in words:

@@ -1,9 +1,9 @@
-"""Reading and writing the parameters of an autopilot, by name, few at a time.
+"""Reading and writing the parameters of an autopilot, by name, a few at a time.
 
-A value is a float32 on the wire. Where whole numbers travel bytewise, the four bytes of the float
-are those of the number; else they are plain floats. A parameter counts as missing when three
-requests are not answered, or when the autopilot reports so (PARAM_ERROR). It is then requested by
-its name in other versions of the firmware, if there is one. A written value counts once the
+A value is a float32 in the message. Some firmwares send an integer bytewise: the four bytes of the
+float are those of the integer. Others send it as a plain float. A parameter counts as missing if
+three requests are not answered, or if the autopilot reports so (PARAM_ERROR). It is then requested
+by its name in other firmware versions, if there is one. A value counts as written once the
 autopilot sends it back.
 """
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 TRIES = 3
 FIRST_WAIT: Time = NS // 2
 AT_ONCE = 5
-"""How many may be unanswered at a time."""
+"""The largest number of unanswered requests at a time."""
 DOES_NOT_EXIST = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 ERRORS = {
     mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE: "out of its range",
@@ -37,12 +37,12 @@ WHOLE = {
     mavlink.MAV_PARAM_TYPE_UINT16: "<H2x", mavlink.MAV_PARAM_TYPE_INT16: "<h2x",
     mavlink.MAV_PARAM_TYPE_UINT32: "<I", mavlink.MAV_PARAM_TYPE_INT32: "<i",
 }  # fmt: skip
-"""How the four bytes hold a whole number of each MAV_PARAM_TYPE."""
+"""The format (`struct`) in which the four bytes hold an integer of each MAV_PARAM_TYPE."""
 
 
 class _Exchange:
-    """One parameter that is being read, or written where `value` is not None. `next`: when it is
-    sent again, 0 before the first time."""
+    """A parameter that is being read, or written if `value` is not None. `next`: when the request
+    is sent again; 0 before the first time."""
 
     def __init__(self, value: float | None) -> None:
         self.value = value
@@ -56,10 +56,12 @@ class _Exchange:
 class AutopilotParameters:
     """The requested parameters of one autopilot.
 
-    bytewise: whether whole numbers travel as their bytes. target: its system and component.
-    renamed: names in other versions of the firmware, by the names used here. values: the newest
-    ones, by name. missing: the names of those that do not exist. refused: why a written value was
-    not accepted, by name; `values` has the value in force.
+    bytewise: whether integers are sent bytewise.
+    target: the autopilot's system and component id.
+    renamed: names in other firmware versions, by the names used here.
+    values: the newest values, by name.
+    missing: the names of parameters that don't exist.
+    refused: why a written value was not accepted, by name; `values` holds the value in force.
     """
 
     def __init__(
@@ -80,8 +82,8 @@ class AutopilotParameters:
         self._exchanges: dict[str, _Exchange] = {}
 
     def read(self, names: Iterable[str], now: Time, again: bool = False) -> None:
-        """Read these parameters, except those already known or known to be missing; `again` reads
-        those too."""
+        """Read these parameters, except those already known or known to be missing; with `again`,
+        read those as well."""
         for name in names:
             if name in self._exchanges:
                 continue
@@ -92,17 +94,17 @@ class AutopilotParameters:
             self._exchanges[name] = _Exchange(None)
 
     def write(self, name: str, value: float, now: Time) -> None:
-        """Write a parameter; it is read first where its type is unknown."""
+        """Write a parameter. If its type is unknown, it is read first."""
         self.refused.pop(name, None)
         self.missing.discard(name)
         self._exchanges[name] = _Exchange(rounded(value))
 
     def called(self, name: str) -> str:
-        """The autopilot's name of a parameter."""
+        """Return the autopilot's name of a parameter."""
         return self._names.get(name, name)
 
     def is_complete(self, names: Iterable[str]) -> bool:
-        """Whether no answer about these is awaited."""
+        """Return whether no reply about these parameters is outstanding."""
         return not any(name in self._exchanges for name in names)
 
     def handle(self, message: Message, now: Time) -> None:
@@ -114,15 +116,16 @@ class AutopilotParameters:
             self._error(message)
 
     def take_changed(self) -> list[tuple[str, float, float]]:
-        """Name, old and new value of the parameters that changed since the last call without a
-        write of ours."""
+        """Return name, old and new value of each parameter that has changed since the last call
+        without being written by us."""
         if not self._changed:
             return []
         changed, self._changed = self._changed, []
         return changed
 
     def due(self, now: Time) -> list[Message]:
-        """The messages to send now. Called every tick: it also gives up unanswered requests."""
+        """Return the messages to send now, and give up unanswered requests. Must be called every
+        tick."""
         if not self._exchanges:
             return []
         for name, exchange in list(self._exchanges.items()):
@@ -168,12 +171,13 @@ class AutopilotParameters:
             self.refused[name] = f"it stays at {self.values[name]:g}"
 
     def _named(self, message: Message) -> str:
-        """Our name of the parameter in a message."""
+        """Return our name of the parameter in a message."""
         name = name_in(message)
         return self._ours.get(name, name)
 
     def _forget(self, name: str, exchange: _Exchange) -> None:
-        """No parameter has that name: request it by its other name, unless that was tried."""
+        """Handle that no parameter has this name: request the parameter by its other name, or
+        record it as missing if that was tried."""
         if name in self._renamed and name not in self._names:
             self._names[name] = self._renamed[name]
             exchange.begin_anew()
@@ -208,17 +212,17 @@ class AutopilotParameters:
 
 
 def rounded(value: float) -> float:
-    """`value` with the precision of a float32."""
+    """Return `value` rounded to the precision of a float32."""
     (near,) = struct.unpack("<f", struct.pack("<f", value))
     return float(near)
 
 
 def is_same(one: float, other: float) -> bool:
-    """Whether two values are equal as float32; NaN equals NaN."""
+    """Return whether two values are equal as float32; NaN equals NaN."""
     return rounded(one) == rounded(other) or (isnan(one) and isnan(other))
 
 
 def name_in(message: Message) -> str:
-    """The parameter name in a message."""
+    """Return the parameter name in a message."""
     name: str = message.param_id
     return name.split("\0", maxsplit=1)[0]

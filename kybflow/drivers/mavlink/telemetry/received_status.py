@@ -1,10 +1,10 @@
-"""The newest status that an autopilot reported: its mode, whether it is armed, its sensors' health,
-its texts.
+"""The newest status that an autopilot reported: its mode, whether it is armed, the health of its
+sensors, its texts.
 
-A STATUSTEXT longer than one message arrives in chunks of 50 bytes that
-share a number; a lost chunk becomes an ellipsis. Only an autopilot's HEARTBEAT counts: a camera or
-a ground station may have the same system id. PX4 sends no text where it is merely not ready; only
-its sensors' health tells why."""
+A STATUSTEXT longer than one message arrives in chunks of 50 bytes that share an id; a lost chunk is
+replaced by an ellipsis. Only HEARTBEATs from an autopilot count: a camera or a ground station may
+have the same system id. PX4 sends no text if it is merely not ready to arm; only the health of its
+sensors shows why."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 WARNING, NOTICE = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_NOTICE
-"""More severe texts have lower numbers."""
+"""Severities; a lower number is more severe."""
 NO_AUTOPILOT = mavlink.MAV_AUTOPILOT_INVALID
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 READY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -36,14 +36,15 @@ STREAMS = MappingProxyType(
         "EKF_STATUS_REPORT": 5.0, "ESTIMATOR_STATUS": 5.0,
     }
 )  # fmt: skip
-"""Streams that are read, Hz: a pilot's or a failsafe's mode, and a landing, count within 0.2 s."""
+"""The streams that are read, Hz. A mode set by a pilot or a failsafe, and a landing, must be
+noticed within 0.2 s."""
 MOST_TEXTS = 100
 MOST_CHUNKS = 20
 LOST = "…"
 
 
 class LandedState(Enum):
-    """MAV_LANDED_STATE."""
+    """The values of MAV_LANDED_STATE."""
 
     UNKNOWN = 0
     GROUND = 1
@@ -53,8 +54,8 @@ class LandedState(Enum):
 
 
 class ReceivedText(NamedTuple):
-    """A text of the autopilot: when it came, its MAV_SEVERITY (0 is the worst, 7 the least), and
-    the words."""
+    """A text of the autopilot. time: when it arrived. severity: its MAV_SEVERITY, from 0 (worst) to
+    7."""
 
     time: Time
     severity: int
@@ -62,14 +63,14 @@ class ReceivedText(NamedTuple):
 
 
 class Silence(NamedTuple):
-    """An interval without a message: when it ended, and its seconds."""
+    """An interval without a message. ended: when it ended. seconds: its length."""
 
     ended: Time
     seconds: float
 
 
 class _Chunks:
-    """A text whose chunks have not all arrived. `last`: the number of its last chunk, None while
+    """A text whose chunks have not all arrived. `last`: the index of its last chunk, None while
     unknown."""
 
     def __init__(self, since: Time, severity: int) -> None:
@@ -90,13 +91,18 @@ class _Chunks:
 
 
 class ReceivedStatus:
-    """The newest status of one autopilot; None in a field that was not reported yet.
+    """The newest status of one autopilot. A field is None until it is reported.
 
-    heartbeat: when its newest HEARTBEAT came. autopilot: its MAV_AUTOPILOT. status: its MAV_STATE.
-    mode: custom_mode. ready: whether it can be armed in its current mode. ekf: the flags of its
-    estimator (EKF_STATUS_REPORT or ESTIMATOR_STATUS). servos: the pulses of its main outputs in
-    microseconds, channel 1 first. throttle: what its attitude controller commands, 0 to 1. at: when
-    each type of message came last. texts: the newest last.
+    heartbeat: when the newest HEARTBEAT arrived.
+    autopilot: its MAV_AUTOPILOT.
+    status: its MAV_STATE.
+    mode: its custom_mode.
+    ready: whether it can be armed in its current mode.
+    ekf: the flags of its estimator (EKF_STATUS_REPORT or ESTIMATOR_STATUS).
+    servos: the pulses of its main outputs in microseconds, channel 1 first.
+    throttle: the throttle that its attitude controller commands, 0 to 1.
+    at: when each type of message last arrived.
+    texts: its texts, the newest last.
     """
 
     def __init__(self) -> None:
@@ -127,7 +133,7 @@ class ReceivedStatus:
         }
 
     def handle(self, message: Message, now: Time) -> None:
-        """Handle one message, in the order of arrival."""
+        """Handle one message. Messages must be passed in the order of arrival."""
         kind = message.get_type()
         handle = self._handlers.get(kind)
         if handle is not None:
@@ -138,18 +144,19 @@ class ReceivedStatus:
 
     @property
     def unhealthy(self) -> str:
-        """The unhealthy sensors in words; empty where there are none."""
+        """A description of the unhealthy sensors; empty if there are none."""
         sensors = "" if self.sensors is None else self.sensors.words
         return f"it reports as not well: {sensors}" if sensors else ""
 
     def texts_after(self, text: ReceivedText | None) -> Sequence[ReceivedText]:
-        """The texts after this one, oldest first; all where it is None."""
+        """Return the texts after this one, oldest first; all texts if it is None."""
         if not self.texts or self.texts[-1] is text:
             return ()
         return list(takewhile(lambda other: other is not text, reversed(self.texts)))[::-1]
 
     def words(self, since: Time, severity: int = WARNING) -> str:
-        """The texts since then of this severity or worse, oldest first, each once."""
+        """Join the texts that arrived at `since` or later and have this severity or worse, oldest
+        first, each once."""
         texts = (s.text for s in self.texts if s.time >= since and s.severity <= severity)
         newest = dict.fromkeys(reversed(list(texts)))
         return "; ".join(reversed(newest))
@@ -208,7 +215,7 @@ class ReceivedStatus:
             self._end(key)
 
     def _expire_chunks(self, now: Time) -> None:
-        """Keep what there is of texts that have waited too long for their missing chunks."""
+        """Accept incomplete texts that have waited too long for their missing chunks."""
         waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_TIMEOUT]
         for key in waited:
             self._end(key)
@@ -242,7 +249,7 @@ SENSORS = MappingProxyType(
         if name
     }
 )  # fmt: skip
-"""MAV_SYS_STATUS_SENSOR. Bit 28 is the readiness to arm, bit 31 announces more bits."""
+"""The bits of MAV_SYS_STATUS_SENSOR. Bit 28 is the readiness to arm; bit 31 announces more bits."""
 WAYS_OUT = MappingProxyType(
     {
         mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION: "does it receive poses, and is it set up"
@@ -255,7 +262,7 @@ WAYS_OUT = MappingProxyType(
 
 
 class SensorHealth(NamedTuple):
-    """The sensors of SYS_STATUS, a bit each (MAV_SYS_STATUS_SENSOR)."""
+    """The sensors in SYS_STATUS, one bit each (MAV_SYS_STATUS_SENSOR)."""
 
     present: int
     enabled: int
@@ -268,7 +275,7 @@ class SensorHealth(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The unhealthy sensors by name, with advice where there is any; empty where all are
+        """The names of the unhealthy sensors, with advice if there is any; empty if all are
         healthy."""
         return ", ".join(
             name + (f" ({WAYS_OUT[bit]})" if bit in WAYS_OUT else "")

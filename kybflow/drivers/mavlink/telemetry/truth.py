@@ -1,16 +1,18 @@
-"""The ground truth of a firmware's own simulator, in the mission's world, and a parcel that falls.
+"""The ground truth from a firmware's own simulator, in the mission's world, and a simulated falling
+parcel.
 
-The simulator reports a place on earth. The first one of a vehicle that stands on the ground is
-taken for the mission's start and heading, which anchors the simulator's world in the mission's. A
-message is true when it arrives; between two messages the motion is extrapolated. While no message
-arrives there is no truth.
+The simulator reports a geographic position. The first one reported while the vehicle is on the
+ground is taken as the mission's start and heading, which anchors the simulator's world in the
+mission's. A message is taken to be true at its arrival; between two messages the motion is
+extrapolated. When messages stop there is no truth.
 
-A place comes in steps of 1e-7 degrees, 1.1 cm, of which a tracker would make 1 m/s. The velocity is
-finer, so the place is followed by its integral, which is put right by `SHARE` of what it is off,
-and at once by what no rounding explains.
+Geographic positions are rounded to 1e-7 degrees, 1.1 cm, and a tracker would read a velocity of 1
+m/s from such a step. The velocity is finer, so the position follows the integral of the velocity.
+An error within the rounding is corrected by the fraction `SHARE` per message; any excess is
+corrected at once.
 
-The firmware knows of no parcel. On board it hangs without weight, as in kybflow's own simulator;
-released, it falls as a point, with no drag and no bounce, and rests where it touches the floor.
+The firmware knows no parcel. While carried, the parcel has no weight, as in kybflow's own
+simulator. Once released, it falls as a point without drag or bounce and comes to rest on the floor.
 """
 
 from __future__ import annotations
@@ -46,17 +48,17 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 STREAMS = MappingProxyType({"SIM_STATE": 50.0, "HIL_STATE_QUATERNION": 50.0})
-"""Its messages, Hz; each firmware's simulator sends one of them."""
+"""The messages that hold the truth, Hz; each firmware's simulator sends one of them."""
 STEP = 0.012
-"""The largest error of a place by rounding, metres."""
+"""The largest rounding error of a reported position, metres."""
 SHARE = 0.04
 LONGEST = 0.2
-"""Seconds after a message for which the motion is extrapolated; later there is no truth."""
+"""Seconds after a message for which the motion is extrapolated; after that there is no truth."""
 
 
 class GroundTruth:
     """The ground truth of one vehicle. sphere: the radius of the earth in its simulator, metres;
-    None for the ellipsoid of WGS 84."""
+    None if the simulator uses the WGS 84 ellipsoid."""
 
     def __init__(self, context: VehicleContext, sphere: float | None) -> None:
         self._context, self._sphere = context, sphere
@@ -64,12 +66,13 @@ class GroundTruth:
         self._anchor = Anchor()
         self._newest: Truth | None = None
         self._at: Time = 0
-        self._now: tuple[Time, Truth] | None = None  # `_newest` moved on, and until when
+        self._now: tuple[Time, Truth] | None = None  # `_newest` extrapolated to a time
         self._parcel = None if context.payload is None else _Fall(context.payload)
 
     def handle(self, message: Message, now: Time, *, on_ground: bool) -> None:
-        """Handle a SIM_STATE or HIL_STATE_QUATERNION; others are ignored. on_ground: whether the
-        vehicle reports that it stands; there is no truth before that."""
+        """Handle a SIM_STATE or HIL_STATE_QUATERNION; other messages are ignored. on_ground:
+        whether the vehicle reports that it is on the ground. There is no truth until it has
+        been."""
         kind = message.get_type()
         if kind == "SIM_STATE":
             degrees = (message.lat_int * 1e-7, message.lon_int * 1e-7)
@@ -105,15 +108,15 @@ class GroundTruth:
         self._at, self._now = now, None
 
     def truth(self, now: Time) -> Truth | None:
-        """The true state of the vehicle and its parcel; None until it was on the ground, and where
-        no message came for `LONGEST`."""
+        """Return the true state of the vehicle and its parcel. Return None until the vehicle has
+        been on the ground, and if no message arrived for `LONGEST`."""
         vehicle = self._vehicle(now)
         if vehicle is None or self._parcel is None:
             return vehicle
         return vehicle._replace(payload=self._parcel.position(vehicle, now))
 
     def release(self, now: Time) -> None:
-        """Release the parcel with the velocity that it has, or that was last known."""
+        """Release the parcel with its current velocity, or its last known one."""
         vehicle = self._vehicle(now) or self._newest
         if self._parcel is not None and vehicle is not None:
             self._parcel.release(vehicle, now)
@@ -132,7 +135,7 @@ class GroundTruth:
         return self._now[1]
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
-        """The place without its rounding errors."""
+        """Return the position with its rounding errors smoothed."""
         last, gone = self._newest, (now - self._at) / NS
         if last is None or gone > LONGEST:
             return place
@@ -160,7 +163,7 @@ def _corrected(ahead: float, reported: float) -> float:
 
 
 class _Fall:
-    """A parcel: on board, or falling since its release. One that was never on board lies on the
+    """A parcel: carried, or falling since its release. A parcel that was never carried lies on the
     floor where the vehicle first was."""
 
     def __init__(self, made: Parcel) -> None:
@@ -180,7 +183,7 @@ class _Fall:
         self._released = (now, self._place(vehicle), add(vehicle.velocity, along))
 
     def position(self, vehicle: Truth, now: Time) -> Vec3:
-        """Its centre."""
+        """Return the position of the parcel's centre."""
         if self._is_on_board:
             return self._place(vehicle)
         if self._released is None:

@@ -1,13 +1,13 @@
-"""External vision: the estimate that is sent to an autopilot, and how far its frame drifts.
+"""External vision: the estimate sent to an autopilot, and the drift of the autopilot's frame.
 
-An autopilot that needs a place on earth before it flies is sent an arbitrary one. The reset counter
-rises when the estimate changes its source or jumps, so that the autopilot follows at once and does
-not take the jump for speed.
+An autopilot that needs a geographic position before it flies is sent an arbitrary one. The reset
+counter is incremented when the estimate changes its source or jumps, so that the autopilot follows
+at once and doesn't mistake the jump for motion.
 
-An autopilot's filter trusts the poses only so far, so its frame wanders by centimetres against the
-world. Setpoints are shifted by that drift, which is learnt with the time constant `SLOW`: the
-vehicle then hovers where the mission's estimate has it, and the fast part of the motion, which the
-filter knows better, stays its own."""
+An autopilot's filter does not follow the poses exactly, so its frame drifts by centimetres against
+the world. Setpoints are shifted by that drift, which is learnt with the time constant `SLOW`: the
+vehicle then hovers where the mission's estimate has it, while the fast part of the motion, which
+the autopilot's filter knows better, is left to that filter."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from kybflow.drivers.mavlink.protocol.framing import Message
 
 OLDEST = 0.1
-"""An estimate that is older, seconds, is not sent."""
+"""An estimate older than this, seconds, is not sent."""
 JUMP = 0.3
-"""The distance from the predicted position, metres, from which on an estimate has jumped."""
+"""An estimate farther than this from its predicted position, metres, counts as a jump."""
 AGAIN = 2.0
-"""Seconds until the place on earth is sent again."""
+"""Seconds until the geographic position is sent again."""
 LATITUDE, LONGITUDE, HEIGHT = 473_977_418, 85_455_939, 488_000
-"""The place on earth that a vehicle without GPS is sent: 1e-7 degrees and millimetres."""
+"""The geographic position sent to a vehicle without GPS: 1e-7 degrees, and millimetres."""
 
 
 class ExternalVision:
-    """The poses for one autopilot. rate: poses a second. `newest`: the last estimate that was sent,
-    and when."""
+    """The poses sent to one autopilot. rate: in Hz. `newest`: the last estimate sent, and the time
+    of sending."""
 
     def __init__(self, rate: float, target: tuple[int, int]) -> None:
         self.newest: tuple[Estimate, Time] | None = None
@@ -46,12 +46,13 @@ class ExternalVision:
         self._last: Estimate | None = None
 
     def is_due(self, now: Time) -> bool:
-        """Whether a pose may be sent."""
+        """Return whether the next pose is due."""
         return now >= self._due
 
     def of(self, estimate: Estimate, stamp_us: int, is_lost: bool, now: Time) -> list[Message]:
-        """The messages to send for an estimate where one is due. stamp_us: its time on the
-        vehicle's clock. is_lost: whether the autopilot must be sent a place on earth."""
+        """Return the messages to send for an estimate; none if no pose is due or the estimate is
+        too old. stamp_us: the time of the estimate on the vehicle's clock. is_lost: whether the
+        autopilot must be sent a geographic position."""
         if not self.is_due(now) or estimate.age > OLDEST:
             return []
         last, self._last = self._last, estimate
@@ -86,16 +87,16 @@ def _jumped(last: Estimate, estimate: Estimate) -> bool:
 
 
 SLOW = 1.0
-"""Time constant of the drift, seconds."""
+"""The time constant with which the drift is learnt, seconds."""
 FAR = 0.5
-"""A larger distance, metres, is no drift; the preflight or a supervisor reports it."""
+"""A greater distance, metres, is no drift; the preflight or a supervisor reports it."""
 OLDEST_OWN: Time = NS // 2
-"""An older position of the autopilot is ignored; after a longer gap no more is learnt at once than
-after this, so that setpoints do not jump."""
+"""A position of the autopilot that is older is ignored. It also bounds how much is learnt after a
+longer gap, so that setpoints don't jump."""
 
 
 class FrameDrift:
-    """The drift of one autopilot's frame. `anchor`: where the frame lies in the world."""
+    """The drift of one autopilot's frame. `anchor`: where that frame lies in the world."""
 
     def __init__(self) -> None:
         self.anchor = Anchor()
@@ -103,8 +104,8 @@ class FrameDrift:
         self._own: Odometry | None = None
 
     def learn(self, estimate: Estimate, own: Odometry | None, now: Time) -> None:
-        """Learn from our estimate and the autopilot's; each one of the latter counts once. Called
-        once a tick."""
+        """Learn the drift from our estimate and the autopilot's; each of the autopilot's estimates
+        counts once. Called once a tick."""
         if own is None or now - own.time > OLDEST_OWN:
             self._learnt = None
             return

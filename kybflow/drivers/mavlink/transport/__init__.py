@@ -1,6 +1,6 @@
-"""Bytes to and from autopilots: UDP, TCP and serial wires, and the router that gives each
-autopilot its port. Handles MAVLink frames (`protocol`), not what they mean; the session, discovery
-and the emulator open wires here."""
+"""Bytes to and from autopilots: UDP, TCP and serial wires, and the router that gives each autopilot
+its port. This package handles MAVLink frames (`protocol`), not their meaning. The session,
+discovery and the emulator open their wires here."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from kybflow.drivers.mavlink.transport.wire import Wire
 
 
 def open_wire(address: str | Address) -> Wire:
-    """The wire to an address. Raises DriverError where it cannot work: a port in use, an unknown
-    host, no pyserial. A device or simulator that may still appear is reported by `trouble`."""
+    """Open the wire to an address. Raises DriverError if it cannot work: a port in use, an unknown
+    host, pyserial missing. A device or simulator that may still appear is reported by `trouble`
+    instead."""
     place = read_address(address) if isinstance(address, str) else address
     kinds: dict[str, Callable[[Address], Wire]] = {
         "tcp": TcpClient,

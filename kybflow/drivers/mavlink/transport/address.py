@@ -1,8 +1,8 @@
 """The address of an autopilot.
 
-`udpin:[HOST:]PORT` waits for datagrams and answers their senders; `udpout:HOST:PORT` sends them
-first; `tcp:HOST:PORT` connects; `tcpin:[HOST:]PORT` lets others connect; `serial:DEVICE:BAUD` is a
-cable or a radio. Without a host, a listening address is this machine's loopback.
+`udpin:[HOST:]PORT` waits for datagrams and answers their senders; `udpout:HOST:PORT` sends first;
+`tcp:HOST:PORT` connects; `tcpin:[HOST:]PORT` accepts connections; `serial:DEVICE:BAUD` is a cable
+or a radio. A listening address without a host listens on this machine's loopback.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _QUESTIONS = {
 
 
 class Address(NamedTuple):
-    """kind: one of `KINDS`. place: a host or a serial device. number: a port or a baud rate; port
-    0, which can't be written in a mission, is any free one."""
+    """An autopilot's address. kind: one of `KINDS`. place: a host or a serial device. number: a
+    port or a baud rate. Port 0, which a mission can't use, stands for any free one."""
 
     kind: str
     place: str
@@ -45,7 +45,7 @@ class Address(NamedTuple):
 
 
 def read_address(text: str) -> Address:
-    """Raises DriverError with what to write instead."""
+    """Parse an address. Raises DriverError, which says what to write instead."""
     kind, _, rest = text.strip().partition(":")
     if kind == "serial":
         return _serial(text, rest)
@@ -82,5 +82,5 @@ def _serial(text: str, rest: str) -> Address:
 
 
 def to_ask(address: str) -> str:
-    """What to check where no autopilot is heard at an address."""
+    """Return what to check if no autopilot is heard at an address, as a question."""
     return _QUESTIONS.get(address.partition(":")[0], "is it switched on?")

@@ -1,10 +1,11 @@
-"""The router of a session's wires: each autopilot has a port with its messages and the way back.
+"""The router of a session's wires: it gives each autopilot a port for receiving and sending.
 
-A port passes on the messages of one system id, from the autopilot itself (component 1), not from
-its gimbal or radio. Where datagrams come from several addresses, an autopilot is answered at its
-own; a second vehicle with its id is dropped and reported while the first is present. A sender that
-signs with an old time is ignored: it may have rebooted, or somebody replays an old frame. It gets
-one heartbeat, from which a rebooted autopilot takes our time.
+A port passes on the messages of one system id, and only those of the autopilot itself (component
+1), not of its gimbal or radio. If datagrams come from several addresses, each autopilot is answered
+at its own. A second vehicle with the same system id is ignored and reported while the first is
+present. A sender that signs with an old time is ignored: it may have rebooted, or somebody may be
+replaying an old frame. It is sent one heartbeat, from which a rebooted autopilot takes over our
+time.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 """The component id of the autopilot itself."""
 GONE: Time = 3 * NS
-"""After this silence a vehicle may send from another address."""
+"""After a silence this long a vehicle may send from another address."""
 AGAIN: Time = NS
-"""Pause between two answers to an old time from one address."""
+"""The pause between two heartbeats in reply to old signatures from one address."""
 MOST_SENDERS = 256
 LISTENERS = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
-"""Ground stations and other companion computers."""
+"""The MAV_TYPEs of ground stations and other companion computers."""
 
 
 def heartbeat(kind: int) -> Message:
-    """Our heartbeat. kind: as what (MAV_TYPE)."""
+    """Return our heartbeat. kind: the MAV_TYPE as which we send it."""
     invalid, active = mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_STATE_ACTIVE
     return mavlink.MAVLink_heartbeat_message(kind, invalid, 0, 0, active, 3)
 
@@ -50,9 +51,11 @@ HEARTBEAT = heartbeat(mavlink.MAV_TYPE_GCS)
 
 
 class Port:
-    """One autopilot's messages. `last_heard`: when its last message came, None before the first.
-    `counts`: of its wire, all senders together. Faults set `deaf` (received messages are lost) and
-    `mute` (sent ones are)."""
+    """The messages of one autopilot.
+
+    last_heard: when its last message arrived, None before the first.
+    counts: the frame counts of its wire, over all senders.
+    deaf, mute: set by injected faults; received messages, or sent ones, are lost."""
 
     def __init__(self, line: _Line, system: int, packer: Packer) -> None:
         self.system = system
@@ -70,7 +73,7 @@ class Port:
 
     @property
     def to_ask(self) -> str:
-        """What to check where no autopilot is heard."""
+        """What to check if no autopilot is heard, as a question."""
         return to_ask(self._line.wire.address)
 
     @property
@@ -79,12 +82,12 @@ class Port:
         return frozenset(self._line.autopilots)
 
     def want(self, names: Iterable[str]) -> None:
-        """Parse these messages too from now on, for every port of this wire."""
+        """Parse these messages as well from now on, for every port of this wire."""
         self._line.wanted.update(NUMBERS[name] for name in names if name in NUMBERS)
 
     def unread(self) -> dict[int, int]:
-        """How many unwanted messages came from the autopilot since the last call, by their number;
-        none on a shared wire, where others may want them."""
+        """Return how many unwanted messages the autopilot has sent since the last call, by message
+        id; none on a shared wire, where another program may want them."""
         found = {
             n: count for (system, n), count in self._line.unread.items() if system == self.system
         }
@@ -93,7 +96,7 @@ class Port:
         return {} if self._line.is_shared else found
 
     def take(self) -> list[Message]:
-        """The messages since the last call, oldest first."""
+        """Return the messages since the last call, oldest first."""
         if not self._messages:
             return []
         messages = list(self._messages)
@@ -101,8 +104,8 @@ class Port:
         return messages
 
     def take_overheard(self) -> list[Message]:
-        """The messages of other systems than ours and the autopilots of this wire since the last
-        call."""
+        """Return the messages since the last call from other systems on the wire: neither from us,
+        nor from an autopilot, nor from a system that has a port."""
         if not self.overheard:
             return []
         messages = list(self.overheard)
@@ -110,8 +113,9 @@ class Port:
         return messages
 
     def send(self, message: Message, component: int = ONBOARD) -> None:
-        """Send a message as one of our components. On a wire that only answers, nothing is sent
-        before the first message. Raises DriverError where a field does not fit."""
+        """Send a message from one of our components. On a wire that can only answer, nothing is
+        sent before the first message has arrived. Raises DriverError if a value doesn't fit its
+        field."""
         if self.mute:
             return
         data = self._packer.pack(message, component)
@@ -120,8 +124,8 @@ class Port:
             wire.send(data, self._place)
 
     def trouble(self) -> str | None:
-        """What is wrong with the connection, None where nothing is known. Silence counts only
-        before the first message."""
+        """Return what is wrong with the connection, or None if nothing is known to be. Silence
+        counts only before the first message."""
         if trouble := self._line.wire.trouble():
             return trouble
         if self._clash is not None and self._line.now - self._clash[0] < GONE:
@@ -133,7 +137,8 @@ class Port:
         return self._line.silence(self.system) if self.last_heard is None else None
 
     def handle(self, message: Message, place: Any, now: Time) -> None:
-        """Take a message; called by the router."""
+        """Accept a message; called by the router. A message from a second address is ignored while
+        the first is in use."""
         if self.deaf:
             return
         if place != self._place and self._place is not None and self._holds(now):
@@ -143,8 +148,9 @@ class Port:
         self._messages.append(message)
 
     def answer(self, place: Any) -> None:
-        """Send one heartbeat to that address, unless it is the autopilot's, which gets ours anyway.
-        Called by the router when frames from there are signed with an old time."""
+        """Send one heartbeat to `place`, unless that is the autopilot's address, which gets our
+        heartbeats anyway. Called by the router when frames from there are signed with an old
+        time."""
         if place != self._place:
             self._line.wire.send(self._packer.pack(HEARTBEAT), place)
 
@@ -157,8 +163,11 @@ class Port:
 
 
 class Router:
-    """The router of these wires. wires: by address. system: our own id. key: the secret of signed
-    messages."""
+    """Routes messages between wires and ports.
+
+    wires: by address.
+    system: our own system id.
+    key: the secret key of signed messages."""
 
     def __init__(
         self,
@@ -175,8 +184,8 @@ class Router:
         }
 
     def port(self, address: str, system: int) -> Port:
-        """The port of a system on a wire. Raises DriverError where that system has one already, or
-        is our own."""
+        """Create the port of a system on a wire. Raises DriverError if that system has a port
+        already, or is our own."""
         line = self._lines[address]
         if system == self._system:
             raise DriverError(
@@ -191,7 +200,7 @@ class Router:
         return port
 
     def poll(self, now: Time) -> None:
-        """Read every wire. Never waits, never raises."""
+        """Read every wire. Never blocks, never raises."""
         for line in self._lines.values():
             line.poll(now)
 
@@ -201,7 +210,7 @@ class Router:
 
 
 class _Line:
-    """One wire with its ports. `is_shared`: whether another program uses it too."""
+    """A wire with its ports. `is_shared`: whether another program uses it too."""
 
     def __init__(self, wire: Wire, link: int, own: int, signing: Signing | None) -> None:
         self.wire, self.link, self._own = wire, link % 256, own
@@ -237,19 +246,20 @@ class _Line:
                     port.handle(message, place, now)
 
     def _answer(self, stale: set[tuple[int, int]], place: Any, now: Time) -> None:
-        """Send our time to an autopilot at that address. stale: the senders with an old one, by
-        system and component, also those without a port: discovery does not know the ids yet."""
+        """Send a heartbeat with our time to an autopilot at `place`. stale: the senders of old
+        signatures, by system and component id, including those without a port, because discovery
+        doesn't know the ids yet."""
         systems = sorted(system for system, component in stale if component == AUTOPILOT)
         stale.clear()
         if not systems or not self.ports or not self.wire.answers:
-            return  # elsewhere every receiver gets our heartbeats anyway
+            return  # on other wires every receiver gets our heartbeats anyway
         last, at = self._answered
         if place != last or now - at >= AGAIN:
             self._answered = place, now
             self.ports.get(systems[0], next(iter(self.ports.values()))).answer(place)
 
     def silence(self, system: int) -> str:
-        """Why no message of that system may have come."""
+        """Return why no message of that system may have arrived."""
         place, counts = self.wire.address, self.counts
         if counts.stale and not counts.messages:
             return f"what is heard at {place} is signed with an old time, and stays so"
@@ -267,7 +277,7 @@ class _Line:
         return f"nothing is heard at {place}"
 
     def _new_parser(self, place: Any) -> Parser:
-        """A parser for a new sender."""
+        """Return a parser for a new sender."""
         if len(self._parsers) >= MOST_SENDERS:
             self._parsers.pop(next(iter(self._parsers)))
         parser = self._parsers[place] = Parser(

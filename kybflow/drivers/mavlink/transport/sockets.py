@@ -1,5 +1,5 @@
-"""MAVLink over sockets and serial lines: datagrams from many or to one place, a TCP client and a
-serial line that are opened again when they are lost, and a TCP server for several clients."""
+"""Wires over sockets and serial lines: UDP in both directions, a TCP client and a serial line that
+are reopened when the connection is lost, and a TCP server for several clients."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 MOST_AT_ONCE = 1000
 MOST_BYTES = 1 << 16
-"""The most datagrams and bytes that are read in one poll, so that a flood can't delay a tick."""
+"""The largest numbers of datagrams and bytes read in one poll, so that a flood can't delay a
+tick."""
 LONGEST = 65536
 ROOM = 1 << 20
-"""Bytes that the system buffers while a tick is late."""
+"""The bytes that the operating system buffers while a tick is late."""
 
 
 def os_error(error: OSError) -> str:
-    """A system error in a few words."""
+    """Return a short description of a system error."""
     return os.strerror(error.errno).lower() if error.errno else str(error).lower()
 
 
 def resolved(address: Address) -> tuple[str, int]:
-    """The address of a host. Raises DriverError."""
+    """Return the IP address and port of an address. Raises DriverError."""
     try:
         found = socket.getaddrinfo(address.place, address.number, socket.AF_INET)
     except OSError as error:
@@ -39,7 +40,7 @@ def resolved(address: Address) -> tuple[str, int]:
 
 
 def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
-    """A bound socket that does not block. Raises DriverError."""
+    """Return a bound, non-blocking socket. Raises DriverError."""
     place = resolved(address)
     opened = socket.socket(socket.AF_INET, kind)
     opened.setblocking(False)
@@ -57,7 +58,7 @@ def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
 
 
 class _Udp(Wire):
-    """One socket for datagrams, and its last error."""
+    """A wire over one UDP socket; keeps the socket's last error."""
 
     def __init__(self, address: Address, opened: socket.socket) -> None:
         super().__init__(str(address))
@@ -73,13 +74,13 @@ class _Udp(Wire):
 
 
 class UdpIn(_Udp):
-    """Waits for datagrams, and answers their senders; several vehicles may use one port. `port`:
-    where it listens."""
+    """Waits for datagrams and answers their senders; several vehicles may use one port. `port`: the
+    port on which it listens."""
 
     answers: ClassVar[bool] = True
 
     def __init__(self, address: Address) -> None:
-        """Raises DriverError."""
+        """Open the socket. Raises DriverError."""
         super().__init__(address, listener(address, socket.SOCK_DGRAM))
         self.port: int = self._socket.getsockname()[1]
         self._newest: Any = None
@@ -100,7 +101,7 @@ class UdpIn(_Udp):
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
-        """To the newest sender where none is named."""
+        """Send to `to`, or to the newest sender if it is None."""
         if (to := to or self._newest) is None:
             return
         try:
@@ -115,7 +116,7 @@ class UdpOut(_Udp):
     """Sends datagrams to one address, and receives from there only."""
 
     def __init__(self, address: Address) -> None:
-        """Raises DriverError."""
+        """Open the socket. Raises DriverError."""
         super().__init__(address, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self._socket.setblocking(False)
         self._socket.connect(resolved(address))
@@ -129,7 +130,7 @@ class UdpOut(_Udp):
                 left -= len(came[-1][0])
             except BlockingIOError:
                 break
-            except OSError as error:  # no listener there, as a reply to what was sent
+            except OSError as error:  # nobody listens there, as ICMP reports
                 self._trouble = f"{self.address}: {os_error(error)}"
             if left <= 0:
                 break
@@ -138,7 +139,7 @@ class UdpOut(_Udp):
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
-        for _ in range(2):  # the first may report the failure of an earlier one
+        for _ in range(2):  # the first call may report an earlier failure
             try:
                 self._socket.send(data)
             except BlockingIOError:
@@ -151,16 +152,19 @@ class UdpOut(_Udp):
 
 SOON: Time = NS // 4
 LATE: Time = 2 * NS
-"""The first and the longest pause between two attempts to open; it doubles each time."""
+"""The first and the longest pause between two attempts to open; the pause doubles each time."""
 OPENING: Time = 3 * NS
 """How long an attempt to open may last."""
 
 
 class Pipe:
-    """Bytes in and out of a connection that never blocks. read(most): b"" where nothing has come;
-    write: returns how many bytes it took. Both raise OSError when the connection is lost.
+    """A non-blocking connection for bytes.
 
-    A frame that was sent in part is finished first; what is sent meanwhile is lost, since a late
+    read: takes the largest number of bytes to read, and returns b"" if none have arrived.
+    write: returns how many bytes it took.
+    Both raise OSError if the connection is lost.
+
+    A partly sent frame is finished first; frames written in the meantime are lost, since a late
     setpoint is worse than none.
     """
 
@@ -184,7 +188,7 @@ class Pipe:
 
 
 def socket_pipe(opened: socket.socket) -> Pipe:
-    """A pipe over a connected socket."""
+    """Return a pipe over a connected socket."""
 
     def read(most: int) -> bytes:
         try:
@@ -205,7 +209,7 @@ def socket_pipe(opened: socket.socket) -> Pipe:
 
 
 class ReopeningWire(Wire):
-    """A connection that is opened again when it is lost, with growing pauses."""
+    """A connection that is reopened when it is lost, with growing pauses."""
 
     def __init__(self, address: Address) -> None:
         super().__init__(str(address))
@@ -268,25 +272,25 @@ class ReopeningWire(Wire):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Begin to open. Raises OSError."""
+        """Begin to open the connection. Raises OSError."""
 
     @abstractmethod
     def _opened(self) -> Pipe | None:
-        """The opened connection, None while opening is under way. Raises OSError."""
+        """Return the opened connection, or None while it is being opened. Raises OSError."""
 
     @abstractmethod
     def _end(self) -> None:
-        """Close what is open, if anything is."""
+        """Close the connection, if it is open."""
 
 
 MOST_CLIENTS = 32
 
 
 class TcpClient(ReopeningWire):
-    """Connects, and reconnects when the connection is lost."""
+    """Connects to a server, and reconnects when the connection is lost."""
 
     def __init__(self, address: Address) -> None:
-        """Raises DriverError for an unknown host."""
+        """Resolve the host. Raises DriverError if it is unknown."""
         super().__init__(address)
         self._place = resolved(address)
         self._socket: socket.socket | None = None
@@ -315,12 +319,12 @@ class TcpClient(ReopeningWire):
 
 
 class TcpServer(Wire):
-    """Lets others connect. `port`: where it listens."""
+    """Accepts connections. `port`: the port on which it listens."""
 
     answers: ClassVar[bool] = True
 
     def __init__(self, address: Address) -> None:
-        """Raises DriverError."""
+        """Begin to listen. Raises DriverError."""
         super().__init__(str(address))
         self._listener = listener(address, socket.SOCK_STREAM)
         self._listener.listen(MOST_CLIENTS)
@@ -350,7 +354,7 @@ class TcpServer(Wire):
         return came
 
     def _send(self, data: bytes, to: Any) -> None:
-        """To every client where none is named."""
+        """Send to `to`, or to every client if it is None."""
         for sender in list(self._clients) if to is None else [to]:
             if sender not in self._clients:
                 continue
@@ -363,7 +367,7 @@ class TcpServer(Wire):
         while len(self._clients) < MOST_CLIENTS:
             try:
                 client, sender = self._listener.accept()
-            except OSError:  # no client, or it has gone meanwhile
+            except OSError:  # no client, or it has already gone
                 return
             self._clients[sender] = (_quick(client), socket_pipe(client))
 
@@ -372,7 +376,7 @@ class TcpServer(Wire):
 
 
 def _quick(opened: socket.socket) -> socket.socket:
-    """Neither blocks nor delays a frame until the next."""
+    """Make a socket non-blocking, and disable Nagle's algorithm, which would delay frames."""
     opened.setblocking(False)
     opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return opened
@@ -387,10 +391,10 @@ _WAYS_OUT = {
 
 
 class SerialLine(ReopeningWire):
-    """A cable or a telemetry radio; opened again after it was unplugged."""
+    """A serial cable or a telemetry radio; reopened after it was unplugged."""
 
     def __init__(self, address: Address) -> None:
-        """Raises DriverError where pyserial is missing."""
+        """Prepare the line without opening it. Raises DriverError if pyserial is missing."""
         super().__init__(address)
         try:
             import serial
@@ -406,7 +410,7 @@ class SerialLine(ReopeningWire):
     def _begin(self) -> None:
         try:
             self._line.open()
-        except ValueError as error:  # a baud rate that the line can't have
+        except ValueError as error:  # a baud rate that the device doesn't support
             raise OSError(str(error)) from error
 
     def _opened(self) -> Pipe | None:

@@ -1,5 +1,5 @@
-"""Wires: bytes to and from autopilots, polled, never waiting. The router reads and writes them;
-`MemoryWire` is one within this process."""
+"""Wires: connections that carry bytes to and from autopilots and are polled without blocking. The
+router reads and writes them; `MemoryWire` connects two ends within this process."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from typing import Any, ClassVar
 from kybflow.core.signals import Time
 
 MOST_HELD = 10_000
-"""How many messages are kept until they are read."""
+"""The largest number of messages kept until they are read."""
 
 Received = Sequence[tuple[bytes, Any]]
 
 
 class Wire(ABC):
-    """One connection to autopilots. `address`: as written. `answers`: whether it can only answer
-    senders. Faults set `deaf` (what arrives is lost) and `mute` (what is sent is lost)."""
+    """One connection to autopilots.
+
+    address: as written in the mission or on the command line.
+    answers: whether it can only answer senders.
+    deaf, mute: set by injected faults; what arrives, or what is sent, is lost."""
 
     answers: ClassVar[bool] = False
 
@@ -28,26 +31,26 @@ class Wire(ABC):
         self.mute = False
 
     def receive(self, now: Time) -> Received:
-        """The bytes since the last call, oldest first, each with its sender, which `send` takes as
-        `to`. Opens a lost connection again; never waits, never raises."""
+        """Return the bytes since the last call, oldest first, each with its sender, which `send`
+        takes as `to`. Reopens a lost connection. Never blocks, never raises."""
         received = self._receive(now)
         return () if self.deaf else received
 
     def send(self, data: bytes, to: Any = None) -> None:
-        """Send one frame now, or lose it. to: the receiver, None for the only one. Never waits,
-        never raises."""
+        """Send one frame now, or lose it. to: the receiver, None if there is only one. Never
+        blocks, never raises."""
         if not self.mute:
             self._send(data, to)
 
     @abstractmethod
     def trouble(self) -> str | None:
-        """Why nothing arrives or is sent, None while nothing is known to be wrong."""
+        """Return why nothing arrives or is sent, or None if nothing is known to be wrong."""
 
     @abstractmethod
     def close(self) -> None: ...
 
     def is_open(self, sender: Any) -> bool:
-        """Whether that sender may still be connected."""
+        """Return whether that sender may still be connected."""
         return True
 
     @abstractmethod
@@ -58,9 +61,10 @@ class Wire(ABC):
 
 
 class MemoryWire(Wire):
-    """One end of a pair in this process: bytes arrive at the other end in order, at once. late:
-    nanoseconds by which bytes to this end are delayed, which a fault sets; bytes on their way are
-    lost when that is zero again."""
+    """One end of a pair within this process: bytes arrive at the other end in order, at once.
+
+    late: the delay of bytes to this end, nanoseconds, set by a fault. When it returns to zero,
+    delayed bytes are lost."""
 
     other: MemoryWire
     late: Time = 0
@@ -87,7 +91,7 @@ class MemoryWire(Wire):
         return came
 
     def _delayed(self, now: Time) -> Received:
-        """What came `late` before `now`."""
+        """Return the bytes that arrived at least `late` before `now`."""
         waiting = self._on_the_way
         waiting.extend((now, data) for data in self._coming)
         self._coming.clear()
@@ -102,7 +106,7 @@ class MemoryWire(Wire):
 
 
 def memory_wires(address: str = "memory") -> tuple[MemoryWire, MemoryWire]:
-    """Both ends of a pair; each can be made deaf or mute."""
+    """Return both ends of a pair; each can be made deaf or mute."""
     one, other = MemoryWire(address), MemoryWire(address)
     one.other, other.other = other, one
     return one, other

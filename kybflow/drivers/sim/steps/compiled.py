@@ -25,9 +25,11 @@ from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import push
 
 FAILURES = (ImportError, AttributeError, OSError, RuntimeError)
-"""The errors of compiling, caching or loading the kernel, or of a missing MuJoCo library."""
+"""The exceptions raised if the kernel can't be compiled, cached or loaded, or MuJoCo's library is
+missing."""
 PLACES = (Path(__file__).parent / "__pycache__", Path("~/.cache/kybflow"))
-"""Where machine code is cached: beside the package, or at home if that is not writable."""
+"""Folders in which machine code is cached: in the package, or in the home folder if that is not
+writable."""
 _NAME, _DIGEST = "kybflow_steps", hashlib.sha256().digest_size
 
 
@@ -48,7 +50,8 @@ class ArrayRows:
 
 
 class CompiledStepper:
-    """Makes the physics steps, compiled. Raises one of `FAILURES` if that is impossible."""
+    """Makes the physics steps in compiled code. The constructor raises one of `FAILURES` if that is
+    impossible."""
 
     def __init__(
         self, model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]
@@ -90,7 +93,8 @@ class CompiledStepper:
 
 
 def _fingerprint(laws: Sequence[Any]) -> str:
-    """Return a hash of the kernel's source, the laws' code and constants, and the machine type."""
+    """Return a hash of the kernel's source, of the code and constants of the functions `laws`, and
+    of the machine type."""
     kernel = Path(__file__).with_name("kernel.py").read_text()
     found = [kernel, repr((binding.llvm_version_info, binding.get_default_triple()))]
     for law in laws:
@@ -101,7 +105,8 @@ def _fingerprint(laws: Sequence[Any]) -> str:
 
 
 def _kept(fingerprint: str) -> bytes:
-    """Return the kernel's machine code, compiled and cached if it is missing or damaged."""
+    """Return the kernel's machine code from the cache. If it is missing or damaged there, compile
+    and cache it."""
     files = [place.expanduser() / f"steps-{fingerprint[:32]}.o" for place in PLACES]
     for file in files:
         with suppress(OSError):
@@ -116,8 +121,8 @@ def _kept(fingerprint: str) -> bytes:
 
 
 def _keep(code: bytes, files: Sequence[Path]) -> None:
-    """Write the first of `files` that can be written, atomically. Raises OSError if there is
-    none."""
+    """Write the code to the first of `files` that can be written, atomically. Raises OSError if
+    none can."""
     for file in files:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -136,7 +141,7 @@ def _digest(code: bytes) -> bytes:
 
 
 def _loaded(code: bytes) -> Any:
-    """Return an LLVM engine with the kernel."""
+    """Return an LLVM engine with the kernel loaded."""
     library = ctypes.CDLL(mujoco._functions.__file__)
     address = ctypes.cast(library.mj_step, ctypes.c_void_p).value
     binding.add_symbol("mj_step", address)

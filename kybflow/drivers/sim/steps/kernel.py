@@ -1,8 +1,8 @@
 """The kernel: the physics steps of all vehicles as one function, which Numba compiles.
 
 It calls the functions of `rotors`, `sensors` and `onboard`, and MuJoCo's `mj_step`, its only
-external symbol. It uses neither Python nor Numba's runtime, so that its machine code runs wherever
-it is loaded. Its memory consists of plain addresses of numbers.
+external symbol. It uses neither Python nor Numba's runtime, so its machine code runs wherever it is
+loaded. Its memory is given as plain addresses of numbers.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ _2, _3, _4, _5, _6, _7, _8, _9, _10, _14 = ((0.0,) * n for n in (2, 3, 4, 5, 6, 
 
 
 def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
-    """Make the steps from `first` to before `last` for `count` vehicles, replacing the IMUs' errors
-    by their samples. memory: addresses, in the order of `CompiledStepper`."""
+    """Make the steps from `first` up to `last` (exclusive) for `count` vehicles, and replace the
+    IMUs' errors by their samples. memory: addresses, in the order of `CompiledStepper`."""
     errors, model, data = memory[0], memory[1], memory[2]
     positions, velocities, accelerations, forces = memory[3], memory[4], memory[5], memory[6]
     shares, rotations, before = memory[7], memory[8], memory[9]
@@ -92,8 +92,8 @@ def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
 
 def machine_code(name: str) -> bytes:
     """Return the kernel as an object file for this machine type, with a function called `name`. By
-    Numba's convention two addresses for its result and its exception precede its arguments; it uses
-    neither. Raises RuntimeError if it doesn't compile."""
+    Numba's convention, two addresses for its result and its exception, both unused, precede its
+    arguments. Raises RuntimeError if the kernel can't be compiled."""
     whole = types.intp
     signature = types.void(whole, whole, whole, types.CPointer(_NUMBERS))
     options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}

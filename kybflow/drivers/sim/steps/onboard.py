@@ -1,24 +1,29 @@
 """The simulated autopilot: attitude estimation from a simulated IMU, attitude control and mixer.
 
-Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
-eq. 34), from gyroscope and accelerometer. Its heading follows the sender's estimate, as an
-autopilot's follows external vision. If the sender knows no heading, the filter uses only the tilt
-of its setpoint and holds the current heading.
+The attitude comes from gyroscope and accelerometer by the explicit complementary filter with bias
+of Mahony, Hamel and Pflimlin (IEEE TAC 2008, eq. 34). Its heading follows the estimate of the
+sender of commands, as an autopilot's heading follows external vision. If the sender doesn't know
+the heading, the filter uses only the tilt of the sender's setpoint and holds the current heading.
 
-Control, per body axis: angular acceleration = P e + I integral(e) + D (rates - gyro); torque =
-inertia x angular acceleration, with a lead for the rotors' time constant. The attitude error is
-split into a tilt and a turn about the desired body z (Brescianini, Hehn and D'Andrea, Nonlinear
-Quadrocopter Attitude Control, ETH 2013), so that a large heading error causes no tilt: e is the
-sine of the tilt, about body x and y, and twice the vector part of the attitude error about body z.
-The gains of roll and pitch are those of the airframe's loop (`kybflow.world.inner_loop`), without a
-lead if it has none. P e + D (rates - gyro) about body x and y is rotated back by the angle through
-which a spinning body turns until the rotors respond.
+The control law for each body axis is
+
+    angular acceleration = P e + I integral(e) + D (rates - gyro)
+    torque = inertia x angular acceleration
+
+with a lead for the rotors' time constant. The attitude error is split into a tilt and a turn about
+the desired body z (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter Attitude Control, ETH
+2013), so that a large heading error causes no tilt: e is the sine of the tilt, about body x and y,
+and twice the vector part of the attitude error about body z. The gains of roll and pitch are those
+of the airframe's loop (`kybflow.world.inner_loop`), without a lead if that loop has none.
+P e + D (rates - gyro) about body x and y is rotated back by the angle through which a spinning body
+turns until the rotors respond.
 
 When a rotor would saturate, roll and pitch take precedence over thrust, and thrust over yaw (Smeur,
 Höppener and De Wagter, Prioritized Control Allocation for Quadrotors Subject to Saturation, IMAV
 2017). The rotors at both ends of a diagonal get m + x and m - x, with x for roll and pitch, so that
 m <= 1 - |x|; the other two provide the remaining lift, which affects only yaw. A vehicle with a
-weak rotor stays level and in the air, but spins."""
+weak rotor stays level and in the air, but spins.
+"""
 
 from __future__ import annotations
 
@@ -41,11 +46,12 @@ from kybflow.world.inner_loop import DAMPING, INTEGRAL
 from kybflow.world.vehicle_context import Airframe
 
 LEVELLING = 0.10
-"""Gain of the accelerometer on the attitude, 1/s; its square over four corrects the bias."""
+"""Gain of the accelerometer's correction of the attitude, 1/s; a quarter of its square is the gain
+on the bias."""
 LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
-"""Specific force outside of which the accelerometer doesn't correct the attitude."""
+"""Range of the specific force in which the accelerometer corrects the attitude, m/s^2."""
 AIMING = 1.0
-"""Gain of the sender's heading on the heading, 1/s."""
+"""Gain of the sender's heading on the estimated heading, 1/s."""
 YAW_FREQUENCY = 3.0
 """Natural frequency of yaw, rad/s, which is low because drag torque is weak."""
 ERROR_SHARE = 0.5
@@ -53,9 +59,9 @@ ERROR_SHARE = 0.5
 hover can produce more than twice that, which leaves the rest to damping. Firmware limits the rates
 instead (`MC_ROLLRATE_MAX`); without a limit saturated rotors oscillate."""
 INTEGRAL_SHARE = 0.1
-"""Limit of the torque of an integral, as a fraction of weight times arm."""
+"""Limit of the torque that an integral commands, as a fraction of weight times arm."""
 CALIBRATION = 0.1
-"""Seconds at rest that are needed to measure the accelerometer's bias."""
+"""Time at rest needed to measure the accelerometer's bias, seconds."""
 MOST_YAW = 0.1
 """Limit of yaw, as a fraction of a rotor's largest thrust."""
 
@@ -64,9 +70,9 @@ AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
 
 
 class Loop(NamedTuple):
-    """The settings of an on-board loop. airframe: the one for which its gains are tuned. cut_off:
-    of the second-order low-pass on its gyroscope, Hz; 0 for none. dead_time: from a gyroscope
-    sample to the rotors, seconds."""
+    """The settings of an on-board loop. airframe: the airframe for which its gains are tuned.
+    cut_off: cut-off frequency of the second-order low-pass on the gyroscope, Hz; 0 without a
+    filter. dead_time: from a gyroscope sample to the rotors, seconds."""
 
     airframe: Airframe
     cut_off: float = 0.0
@@ -74,8 +80,9 @@ class Loop(NamedTuple):
 
 
 class AttitudeController:
-    """Passes the commands of one vehicle to its on-board law, `estimate` and `control`. `rest`: the
-    mean upward specific force before arming, m/s^2; gravity if the time was too short."""
+    """Passes the commands of one vehicle to its on-board control laws, `estimate` and `control`.
+    rest: mean upward specific force before arming, m/s^2; gravity if the time was too short to
+    measure it."""
 
     def __init__(
         self,
@@ -99,14 +106,15 @@ class AttitudeController:
         onboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
 
     def gained(self) -> tuple[float, float]:
-        """Return the integral of the upward specific force beyond that at rest, m/s, since the last
-        call or since arming; and the seconds."""
+        """Return the integral of the upward specific force in excess of that at rest, m/s, since
+        the last call or since arming, and the duration of this interval, seconds."""
         lifted, steps = self._since()
         self._mark(lifted, steps)
         return self._dt * (lifted - steps * self.rest), self._dt * steps
 
     def _since(self) -> tuple[float, int]:
-        """Return the sum of the upward specific force since the last mark, and the steps."""
+        """Return the sum of the upward specific force since the last mark, and the number of
+        steps."""
         onboard = self._onboard
         return onboard.filters[self._index][-1] - self._lifted, onboard.steps - self._steps
 
@@ -114,7 +122,7 @@ class AttitudeController:
         self._lifted, self._steps = self._lifted + lifted, self._steps + steps
 
     def receive(self, command: Command) -> None:
-        """Hold `command` until the next one."""
+        """Follow `command` until the next one."""
         attitude, thrust, rates, heading, armed, _, _ = command
         turn = 0.0
         if heading is not None:
@@ -137,29 +145,30 @@ class AttitudeController:
         return (w, x, y, z)
 
     def _holding(self, attitude: Quat) -> Quat:
-        """Return the tilt of `attitude` at the heading when the sender's became unknown."""
+        """Return the tilt of `attitude` at the heading held since the sender's heading became
+        unknown."""
         if self._held is None:
             self._held = heading_of(self.attitude())
         return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
 
 def _share(cut_off: float, dt: float) -> float:
-    """Return the fraction of a change that each of two equal low-pass stages follows in a step, so
-    that both together have their -3 dB point at `cut_off`."""
+    """Return the fraction of a change that each of two equal low-pass stages follows in a step,
+    such that both together have their -3 dB point at `cut_off`, Hz."""
     return 1.0 - exp(-tau * cut_off * dt / sqrt(sqrt(2.0) - 1.0)) if cut_off else 1.0
 
 
 def shares(dt: float) -> Numbers:
-    """Return the factors on turn rate, levelling and aiming for a step of `dt` seconds."""
+    """Return the factors on turn rate, levelling and aiming in a step of `dt` seconds."""
     return (0.5 * dt, 0.25 * LEVELLING * dt, 0.25 * AIMING * dt)
 
 
 def estimate(
     filtered: Numbers, setpoint: Numbers, sample: Numbers, shares: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """Return the attitude filter's next state, and the turn rate. filtered: its state: attitude,
-    gyroscope bias, and the sum of the upward specific force. sample: turn rate and specific force
-    along body x, y, z. shares: those of one step."""
+    """Return the next state of the attitude filter, and the turn rates without bias. filtered: the
+    filter's state: attitude, gyroscope bias, and sum of the upward specific force. sample: turn
+    rate and specific force along body x, y, z. shares: `shares` of a step."""
     w, x, y, z, bx, by, bz, lifted = filtered
     gx, gy, gz, ax, ay, az = sample
     gx, gy, gz = gx - bx, gy - by, gz - bz
@@ -183,9 +192,9 @@ def estimate(
 
 
 def smooth(gyro: Numbers, rates: Numbers) -> tuple[Numbers, Numbers]:
-    """Return the next state of a gyroscope's low-pass, and the filtered turn rates. gyro: its
-    state: two first-order stages of each axis, and the fraction of a change that a stage follows in
-    a step, which is 1 without a filter."""
+    """Return the next state of a gyroscope's low-pass, and the filtered turn rates. gyro: the
+    low-pass's state: two first-order stages for each axis, and the fraction of a change that a
+    stage follows in a step, which is 1 without a filter."""
     ax, ay, az, bx, by, bz, share = gyro
     if share >= 1.0:
         return gyro, rates
@@ -198,8 +207,8 @@ def smooth(gyro: Numbers, rates: Numbers) -> tuple[Numbers, Numbers]:
 def control(
     loop: Numbers, filtered: Numbers, rates: Numbers, setpoint: Numbers, gains: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """Return the control loop's next state, and the rotors' controls. loop: its state: the
-    integrals, and the low-passed commands of thrust, roll, pitch and yaw."""
+    """Return the next state of the control loop, and the rotors' controls. loop: the loop's state:
+    the integrals, and the low-passed commands of thrust, roll, pitch and yaw."""
     w, x, y, z, _, _, _, _ = filtered
     gx, gy, gz = rates
     ix, iy, iz, st, sr, sp, sy = loop
@@ -248,11 +257,12 @@ def control(
 
 
 class Gains(NamedTuple):
-    """The gains, for roll and pitch and for yaw: proportional, 1/s^2; derivative, 1/s; integral
+    """The gains for roll and pitch, and for yaw: proportional, 1/s^2; derivative, 1/s; integral
     over one step, 1/s^2. bound: limit of an integral, rad/s^2. most: limit of the proportional
     term, rad/s^2. roll, pitch, yaw: fraction of a rotor's largest thrust per rad/s^2. blend:
     fraction of a change that the low-passed commands follow in a step. lag: response time of a
-    rotor with lead, seconds; 0 without a lead. lead: how many times faster the rotor becomes."""
+    rotor with lead, seconds; 0 without lead. lead: factor by which the lead makes the rotor
+    faster."""
 
     proportional: float
     proportional_yaw: float

@@ -11,20 +11,20 @@ LONGEST = 50
 
 
 class Rows(Protocol):
-    """A row of numbers for each vehicle, by its index in the world."""
+    """Rows of numbers, one for each vehicle, by the vehicle's index in the world."""
 
     def __getitem__(self, vehicle: int) -> Numbers: ...
     def __setitem__(self, vehicle: int, numbers: Numbers) -> None: ...
 
 
 class OnboardState:
-    """The rows of `count` vehicles. steps: the number of physics steps made. is_slow: whether any
-    on-board loop filters its gyroscope or has a dead time.
+    """The on-board state of `count` vehicles. steps: number of physics steps made. is_slow: whether
+    any on-board loop filters its gyroscope or has a dead time.
 
     setpoints, filters, loops, gains, gyros: setpoints, estimates, control states, gains and
-    gyroscope filters of `onboard`. asked: the controls delayed by the dead time, `LONGEST` rows a
-    vehicle; delays: the index of the next one, and their number. controls, rotors, thrusts, winds,
-    pushes, constants: the arguments of `rotors.push`.
+    gyroscope filters of `onboard`. asked: controls delayed by the dead time, `LONGEST` rows per
+    vehicle. delays: index of the next of these rows, and their number. controls, rotors, thrusts,
+    winds, pushes, constants: the arguments of `rotors.push`.
     """
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
@@ -39,7 +39,7 @@ class OnboardState:
         self.winds, self.pushes, self.constants, self.asked = rest
 
     def delayed(self, vehicle: int, wanted: Numbers) -> Numbers:
-        """Return the controls that reach a vehicle's rotors now, and delay `wanted` by the dead
+        """Return the controls that reach a vehicle's rotors now, and queue `wanted` for the dead
         time."""
         place, count = self.delays[vehicle]
         if count == 0.0:

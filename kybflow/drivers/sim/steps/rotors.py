@@ -1,13 +1,14 @@
 """The forces of four rotors on their body in one physics step.
 
-Each rotor has a control u and a state a, fractions 0 to 1 of its largest thrust F, which depends on
-the battery. The state follows the control with first-order lag, solved exactly over a step of dt:
+Each rotor has a control u and a state a, both fractions (0 to 1) of its largest thrust F, which
+depends on the battery. The state follows the control with first-order lag, solved exactly over a
+step of dt:
 
     a' = a + (1 - exp(-dt / T)) (u - a);  thrust f = F a along body z
 
 Its drag torque is `torque_ratio` f about body z, counterclockwise for the first and third rotor.
 Rotor drag along body x and y is d m (wind - velocity). Air that moves along body z changes the
-rotors' inflow and so their thrust, likewise with another d.
+rotors' inflow and so their thrust, by the same formula with another d.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from kybflow.world.vehicle_context import Airframe
 
 
 def constants(airframe: Airframe, body: BuiltAirframe, inflow: float, dt: float) -> Numbers:
-    """Return a vehicle's constants for `push`: each rotor's distance from the body's x and y axis;
-    torque over thrust; force over wind, in the rotors' plane and `inflow` times as much along body
-    z; the fraction of a change that a rotor follows in a step."""
+    """Return a vehicle's constants for `push`: distance of each rotor from the body's x and y axes;
+    ratio of torque to thrust; ratio of drag to airspeed in the rotors' plane, and along body z
+    (`inflow` times as large); fraction of a change that a rotor follows in a step."""
     return (
         airframe.arm / sqrt(2.0),
         airframe.torque_ratio,
@@ -42,10 +43,11 @@ def push(
     more: Numbers,
     constants: Numbers,
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Return the force on the body, world frame, and the torque about its origin, body frame, as
+    """Return the force on the body (world frame) and the torque about its origin (body frame), as
     MuJoCo applies them at a free joint; the rotation from body to world, row by row; and the
-    rotors' states after the step. position, velocity: of the free joint. thrust: the rotors'
-    largest, N. wind: in body axes. more: additional force and torque, in the same frames."""
+    rotors' states after the step. position, velocity: those of the free joint. thrust: largest
+    thrust of each rotor, N. wind: in body axes. more: additional force and torque, in the same
+    frames as those returned."""
     _, _, _, w, x, y, z = position
     vx, vy, vz, _, _, _ = velocity
     a, b, c, d = rotors

@@ -21,7 +21,7 @@ _PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
 
 
 class Stepper:
-    """Makes the physics steps in Python. sources: of each vehicle's IMU errors."""
+    """Makes the physics steps in Python. sources: the IMU errors of each vehicle."""
 
     def __init__(
         self, model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]
@@ -70,8 +70,8 @@ class Stepper:
 
 
 def rows() -> Callable[[int, int], Any]:
-    """Return a function that makes rows of zeros, by count and width, of the kind that suits the
-    fastest stepper; every stepper accepts either kind."""
+    """Return a function that makes rows of zeros, given their count and width. The rows have the
+    type that suits the fastest available stepper; every stepper accepts either type."""
     if _is_fast():
         from kybflow.drivers.sim.steps.compiled import ArrayRows
 
@@ -80,8 +80,8 @@ def rows() -> Callable[[int, int], Any]:
 
 
 def stepper(model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuSource]) -> Any:
-    """Return the fastest available stepper: the compiled one if Numba is installed. Warns if it
-    can't be compiled; flights are then identical, only slower."""
+    """Return the fastest available stepper, which is the compiled one if Numba is installed. Warns
+    if it can't be compiled; flights are then identical, but slower."""
     if not _is_fast():
         return Stepper(model, data, onboard, sources)
     from kybflow.drivers.sim.steps.compiled import FAILURES, CompiledStepper

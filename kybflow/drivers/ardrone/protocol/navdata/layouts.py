@@ -1,7 +1,7 @@
-"""The fields of every option in order (SDK 2.0, `navdata_common.h`) as `name:format`, with the
-format as in `struct`.
+"""The fields of every option in order (SDK 2.0, `navdata_common.h`), each as `name:format` with a
+format of `struct`.
 
-If a firmware sends a shorter option, the missing fields are left out; extra bytes stay undecoded.
+If a firmware sends a shorter option, the missing fields are left out; extra bytes are not decoded.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Value = float | tuple[float, ...]
 
 
 class OptionTag(IntEnum):
-    """The options (SDK 2.0, `navdata_keys.h`)."""
+    """The tags of the options (SDK 2.0, `navdata_keys.h`)."""
 
     DEMO = 0
     TIME = 1
@@ -48,7 +48,7 @@ class OptionTag(IntEnum):
 
 
 class OptionField(NamedTuple):
-    """One field. at: its offset after the option's header."""
+    """One field of an option. at: its offset after the option's header, bytes."""
 
     name: str
     at: int

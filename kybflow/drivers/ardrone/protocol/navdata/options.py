@@ -15,8 +15,9 @@ from kybflow.drivers.ardrone.protocol.navdata.state import Phase, phase_of
 
 
 class Demo(NamedTuple):
-    """battery: percent. pitch, roll, heading: theta, phi and psi in milli-degrees, positive nose
-    up, right side down, clockwise. altitude: mm. velocity: mm/s, body."""
+    """The option of the demo mode. battery: percent. pitch, roll, heading: theta, phi and psi in
+    milli-degrees, positive nose up, right side down and clockwise. altitude: mm. velocity: mm/s,
+    body."""
 
     phase: Phase
     battery: int
@@ -28,7 +29,8 @@ class Demo(NamedTuple):
 
 
 class PhysMeasures(NamedTuple):
-    """The inertial sensors. acceleration: mg, z down, -1000 at rest. rates: deg/s."""
+    """Measurements of the inertial sensors. acceleration: mg, z down, -1000 at rest. rates:
+    deg/s."""
 
     acceleration: tuple[float, float, float]
     rates: tuple[float, float, float]
@@ -60,8 +62,8 @@ def write_demo(values: Demo, minor: int = 0, frame: int = 0) -> tuple[int, bytes
 
 
 def drone_time(options: Mapping[int, bytes]) -> float | None:
-    """Return the drone's time in seconds, which wraps after `WRAPS`: 11 bits of seconds, 21 of
-    microseconds."""
+    """Return the drone's time in seconds, which wraps after `WRAPS`; None without the option. The
+    option has 11 bits of seconds and 21 of microseconds."""
     data = options.get(OptionTag.TIME, b"")
     if len(data) < _U32.size:
         return None

@@ -1,9 +1,9 @@
 """The datagram of navigation data, little-endian and packed.
 
-u32 header 0x55667788, u32 state mask, u32 sequence, u32 vision flag; then options of u16 tag, u16
-size (including these four bytes) and data; finally the option 0xFFFF with the sum of all bytes
-before it. The parser relies on the sizes in the datagram, since those in the SDK's headers don't
-hold for every firmware.
+It consists of u32 header 0x55667788, u32 state mask, u32 sequence and u32 vision flag; then options
+of u16 tag, u16 size (including these four bytes) and data; finally the option 0xFFFF with the sum
+of all bytes before it. The parser relies on the sizes in the datagram, since those in the SDK's
+headers don't hold for every firmware.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SHORTEST = _HEAD.size + _OPTION.size + _SUM.size
 
 
 class Packet(NamedTuple):
-    """One datagram, with the data of each option by its tag."""
+    """One parsed datagram. options: the data of each option by its tag."""
 
     state: DroneState
     sequence: int
@@ -30,11 +30,11 @@ class Packet(NamedTuple):
 
 
 class Malformed(ValueError):
-    """Why a datagram is no navigation data."""
+    """The datagram is not navigation data; the message gives the reason."""
 
 
 def read_packet(data: bytes) -> Packet:
-    """Raises Malformed."""
+    """Return the parsed datagram. Raises Malformed."""
     if len(data) < SHORTEST:
         raise Malformed("too short")
     header, state, sequence, vision = _HEAD.unpack_from(data)

@@ -43,7 +43,7 @@ class DroneState(IntFlag):
 
 
 class Phase(IntEnum):
-    """The flight phase, the upper half of the demo option's first field."""
+    """The flight phase, which is the upper half of the demo option's first field."""
 
     DEFAULT = 0
     INIT = 1
@@ -72,7 +72,7 @@ ALARMS = {
     DroneState.COMMUNICATION_LOST: "it has lost the communication",
     DroneState.EMERGENCY: "it is in emergency, its rotors stopped",
 }
-"""The bits that are reported when they are set, in words."""
+"""The bits that are reported when they become set, with their descriptions."""
 
 
 def phase_of(control_state: int) -> Phase:
