@@ -4,7 +4,7 @@ KYB440, KYB441 and KYB443."""
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from kybflow.core.geometry import distance
@@ -149,20 +149,21 @@ def _settled(vehicle: VehiclePlan) -> _Settled | None:
     elsewhere."""
     if vehicle.requested:
         return None
-    name, passed, endless = vehicle.begin, list[StatePlan](), endless_states(vehicle)
-    while name in vehicle.states and vehicle.states[name] not in passed:
-        state = vehicle.states[name]
-        passed.append(state)
+    name, passed, endless = vehicle.begin, dict[str, StatePlan](), endless_states(vehicle)
+    while name in vehicle.states and name not in passed:
+        state = passed[name] = vehicle.states[name]
         if name in endless:
-            return _Settled(vehicle, state, _seen(vehicle, passed))
+            return _Settled(vehicle, state, _seen(vehicle, passed.values()))
         if _has_next(state):
             return None
         then = next((t.target for t in state.transitions if t.cause == "then"), None)
         name = end_of(state.legs) if then is None else then
-    return None if name in vehicle.states else _Settled(vehicle, None, _seen(vehicle, passed))
+    return (
+        None if name in vehicle.states else _Settled(vehicle, None, _seen(vehicle, passed.values()))
+    )
 
 
-def _seen(vehicle: VehiclePlan, passed: list[StatePlan]) -> frozenset[str]:
+def _seen(vehicle: VehiclePlan, passed: Collection[StatePlan]) -> frozenset[str]:
     """Return the states in `passed` and all states to which their failures may lead."""
     seen = {state.name for state in passed}
     failures = {t.target for s in passed for t in s.transitions if t.cause != "next"} - seen
