@@ -120,7 +120,7 @@ class Options:
         holder, label, field, value, by, at, _ = change
         name = f"{holder.name}.{label}.{field}"
         reason = self._loosened(holder, label, field, value)
-        if reason is not None:  # it took off meanwhile, or another change came first
+        if reason is not None:  # the vehicle has taken off, or another change came first
             refused = OptionRefusedEvent(option=name, by=by, reason=reason)
             self._events.emit(refused, holder.name, at)
             return reason

@@ -20,21 +20,21 @@ from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_o
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
-    """KYB191: a flow has the name of a vehicle, a group or a word of the language, or a phase is
+    """KYB191: a flow has the name of a vehicle, a group or a reserved word, or a phase is
     called `end`."""
     plan = case.plan
     for flow in plan.flows:
         name = flow.name
         taken = dict.fromkeys(plan.fleet, "a vehicle's name")
         taken |= dict.fromkeys(plan.groups, "a group's name")
-        taken |= dict.fromkeys(WORDS, "a word of the language")
+        taken |= dict.fromkeys(WORDS, "a reserved word")
         if name in taken:
             message, hint = f"a flow can't be called `{name}`", "give it another name"
             yield Diagnostic("KYB191", message, flow.span, label=taken[name], help=hint)
         if END in flow.phases:
             message, hint = "a phase can't be called `end`", "`go: end` ends the flow"
             span = flow.phases[END].span
-            yield Diagnostic("KYB191", message, span, label="a word of the language", help=hint)
+            yield Diagnostic("KYB191", message, span, label="a reserved word", help=hint)
 
 
 def phase_targets(case: Case) -> Iterator[Diagnostic]:
@@ -212,7 +212,7 @@ def phase_conditions(case: Case) -> Iterator[Diagnostic]:
 def groups(case: Case) -> Iterator[Diagnostic]:
     """KYB190: a group is invalid.
 
-    Its name can't be that of a vehicle or a word of the language. It has at least one member, and
+    Its name can't be that of a vehicle or a reserved word. It has at least one member, and
     each member is a vehicle of the mission, listed once.
     """
     plan = case.plan
@@ -224,7 +224,7 @@ def groups(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic("KYB190", message, span, label="a group", help=hint)
         elif name in WORDS:
             message = f"a group can't be called `{name}`"
-            yield Diagnostic("KYB190", message, span, label="a word of the language")
+            yield Diagnostic("KYB190", message, span, label="a reserved word")
         if not own:
             message = f"the group `{name}` is empty"
             yield Diagnostic("KYB190", message, span, help="list a vehicle, or remove the group")

@@ -132,13 +132,13 @@ def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
 
 
 def input_names(case: Case) -> Iterator[Diagnostic]:
-    """KYB406: an input has the name of a vehicle, a group, a flow or a word of the language, so
+    """KYB406: an input has the name of a vehicle, a group, a flow or a reserved word, so
     `NAME.x` would be ambiguous."""
     plan = case.plan
     taken = dict.fromkeys(plan.fleet, "a vehicle's name")
     taken |= dict.fromkeys(plan.groups, "a group's name")
     taken |= dict.fromkeys(plan.flows_by_name, "a flow's name")
-    taken |= dict.fromkeys(WORDS, "a word of the language")
+    taken |= dict.fromkeys(WORDS, "a reserved word")
     for use in plan.inputs:
         if use.name in taken:
             message, hint = f"an input can't be called `{use.name}`", "give it another name"

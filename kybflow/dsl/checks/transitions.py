@@ -331,12 +331,12 @@ def reserved_names(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.plan.vehicles:
         if vehicle.name in WORDS | _MARKS:
-            yield _reserved(vehicle, "vehicle", "a word of the language")
+            yield _reserved(vehicle, "vehicle", "a reserved word")
         for state in vehicle.states.values():
             if state.name in BUILT_IN:
                 yield _reserved(state, "behavior", "a built-in state")
             elif state.name in WORDS | _MARKS:
-                yield _reserved(state, "behavior", "a word of the language")
+                yield _reserved(state, "behavior", "a reserved word")
 
 
 def _reserved(named: VehiclePlan | StatePlan, what: str, why: str) -> Diagnostic:

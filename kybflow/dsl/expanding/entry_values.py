@@ -50,7 +50,7 @@ def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
     for name, entry in entries_of(source.node).items():
         field = fields.get(name)
         if field is None:
-            message = f"`{name}` is no parameter of `{part.name}`"
+            message = f"`{name}` is not a parameter of `{part.name}`"
             found.report("KYB107", message, entry.key.span, help=did_you_mean(name, fields))
         elif field.shape in _FILES:
             message = f"`{name}` is a file, which is read before the flight"

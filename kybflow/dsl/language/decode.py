@@ -145,7 +145,7 @@ class Decoder:
         for key, entry in body.entries.items():
             field = keys.get(key)
             if field is None:
-                message = f"`{key}` is no parameter of `{part}`"
+                message = f"`{key}` is not a parameter of `{part}`"
                 hint = meant(part, key, body, keys, beside)
                 self.found.report("KYB107", message, entry.key.span, help=hint)
             elif field.required or not is_null(entry.value):

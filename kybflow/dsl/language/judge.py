@@ -145,11 +145,14 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     most, name = fault.schema.get("maxLength"), str(fault.instance)
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
-        hint = "a name has letters, digits and `_`, and begins with no digit"
+        hint = "a name may contain letters, digits and `_`, and must not begin with a digit"
         yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
     elif most is not None:
         message = f"`{repr(name[:most])[1:-1]}` can't be the name of a {fault.name}"
-        hint = f"a name has letters, digits and `_`, begins with no digit and has at most {most}"
+        hint = (
+            "a name may contain letters, digits and `_`, must not begin with a digit, and may have"
+            f" at most {most} characters"
+        )
         yield Diagnostic("KYB110", message, fault.node.span, help=hint)
     else:
         yield from _explain_value(fault)

@@ -70,7 +70,7 @@ KINDS = {
     "null": "nothing",
 }
 """The JSON types in words."""
-_NAMED = "A name has letters, digits and `_`, and begins with no digit."
+_NAMED = "A name may contain letters, digits and `_`, and must not begin with a digit."
 _PLAIN = ("integer", "boolean", "text", "file", "file path", "integers", "names")
 
 

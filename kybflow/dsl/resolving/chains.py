@@ -101,7 +101,8 @@ class Chains:
                     _report_both(message, span, other, found)
                 elif parameter in RESERVED:
                     message = f"a parameter of a chain can't be called `{parameter}`"
-                    found.report("KYB159", message, span, help="it is a key there")
+                    hint = "a use of the chain has this key already: rename the parameter"
+                    found.report("KYB159", message, span, help=hint)
                 if parameter not in named:
                     unused_parameter(parameter, span, found)
             if (exports, name) not in self._seen:

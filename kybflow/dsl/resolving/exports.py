@@ -233,7 +233,7 @@ class Exports:
             asking = {own for kind, own in self._open if kind == section}
             known = [other for other in self.names(section) if other not in asking]
             message = f"no {what} is called `{name.text}`"
-            hint = did_you_mean(name.text, known) or f"no other is under `{section}`"
+            hint = did_you_mean(name.text, known) or f"nothing else is defined under `{section}`"
         self._found.report("KYB124", message, name.span, help=hint)
 
 

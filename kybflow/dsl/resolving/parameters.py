@@ -81,7 +81,7 @@ def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
         name, span = before.strip(), Span(SET, line, 1, line, len(text) + 1)
         if not equals or not NAME.match(name) or not value.strip() or "\n" in text:
             hint = "write `--set name=value`"
-            found.report("KYB135", f"`{text}` is no setting", span, help=hint)
+            found.report("KYB135", f"`{text}` is not a setting", span, help=hint)
             continue
         own = Findings()
         node = compose(value, SET, own)

@@ -1,3 +1,3 @@
-"""Behaviors: what a vehicle does in a state of its mission, one a file. Each gives a setpoint a
-tick, sends nothing and knows no other behavior. The catalog finds them; a vehicle's behavior runner
-runs them."""
+"""Behaviors: what a vehicle does in a state of its mission, one per file. A behavior returns a
+setpoint in every tick, sends nothing itself, and is independent of other behaviors. The catalog
+finds them; a vehicle's behavior runner runs them."""

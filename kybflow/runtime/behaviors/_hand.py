@@ -1,4 +1,4 @@
-"""The axes of the hand that steers a behavior, once they have been centred."""
+"""The sticks of the person who steers a behavior. They take effect once they have been centred."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from kybflow.core.signals import NS, Tick, Time
 from kybflow.parts import AXES, Entry
 
 _HELD = 1.5
-"""Ticks without an update after which the vehicle was held."""
+"""Ticks between two updates from which on the vehicle counts as having been held in between."""
 
 
 def was_held(last: Time, tick: Tick) -> bool:
@@ -15,11 +15,11 @@ def was_held(last: Time, tick: Tick) -> bool:
 
 
 class Hand:
-    """The sticks of an input. lost: seconds for which it has been lost. waits_for: what it waits
-    for, in words, None while it steers.
+    """The sticks of an input device. After the input was lost or the vehicle was held, the sticks
+    steer again once they have been at their centres.
 
-    An input that recovers, and that of a vehicle that was held, steers again once its sticks have
-    been at their centres.
+    lost: seconds for which the input has been lost.
+    waits_for: what the vehicle waits for, as a text, empty while the sticks steer it.
     """
 
     def __init__(self, name: str, entry: Entry) -> None:
@@ -29,7 +29,8 @@ class Hand:
         self._obeys = reading is not None and reading.is_centred(AXES)
 
     def axes(self, tick: Tick) -> tuple[float, ...] | None:
-        """Return the four axes, None while the vehicle brakes. Called once a tick."""
+        """Return the four axes, or None while the vehicle must brake. Must be called once a
+        tick."""
         reading = tick.inputs.get(self._name)
         if reading is None or was_held(self._last, tick):
             self._obeys = False

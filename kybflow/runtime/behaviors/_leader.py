@@ -1,4 +1,4 @@
-"""A vehicle that is followed, by what it publishes."""
+"""The state of a vehicle that is followed, according to the messages that it publishes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from kybflow.core.geometry import ZERO, Vec3, add, distance, heading_of, scale
 from kybflow.core.signals import NS, NeighbourState, Tick
 
 _BESIDE = 0.3
-"""Largest distance (m) from its setpoint of a vehicle that follows it."""
+"""Largest distance (m) of a vehicle from its setpoint at which it counts as following it."""
 
 
 class Leading(NamedTuple):
-    """Where the followed vehicle is now: its setpoint if it follows that, else its estimate. World
-    frame."""
+    """The motion of the followed vehicle now: its setpoint if it follows that, otherwise its
+    estimate. World frame, SI."""
 
     position: Vec3
     velocity: Vec3
@@ -23,14 +23,16 @@ class Leading(NamedTuple):
 
 
 class Leader:
-    """trouble: why it can't be followed now, empty while it can. lost: seconds of that."""
+    """Receives the messages of the followed vehicle. trouble: why the vehicle can't be followed
+    now, empty if it can. lost: seconds for which it could not be followed."""
 
     def __init__(self, name: str) -> None:
         self.trouble, self.lost = "", 0.0
         self._name = name
 
     def heard(self, tick: Tick, delay: float, freshness: float) -> Leading | None:
-        """Return where it is now, None while that is unknown. Called once a tick."""
+        """Return the vehicle's motion now, or None while it is unknown. Must be called once a tick.
+        delay: the least age of the messages (s). freshness: the largest age (s)."""
         news = tick.neighbours.heard(self._name, tick.now - round(delay * NS))
         age = 0.0 if news is None else (tick.now - news.time) / NS
         if news is None:

@@ -2,9 +2,9 @@
 
 The setpoint runs along the stopping path v(t) = v0 (1 - S(t / T)), S the quintic smoothstep and
 T = 15/8 |v0| / deceleration (at least 0.5 s), which is v0 T / 2 long. v0 is the velocity of the
-last setpoint, or the estimate's where the vehicle was not following one. It is done when the path
-has ended and the estimate is slower than `slower_than` (0.1 m/s, as TeleKyb's NormalBrake), and
-after `patience` at the latest: the hover that follows holds the same point.
+last setpoint, or of the estimate if the vehicle was not following one. It is done when the path has
+ended and the estimate is slower than `slower_than` (0.1 m/s, as in TeleKyb's NormalBrake), and
+`patience` after the end of the path at the latest: the hover that follows holds the same point.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Fly a horizontal circle around a fixed point.
 
-It first flies in a straight line to the nearest point of the circle (from its centre: to the
-point ahead) and stops there; from there the arc length follows a rest-to-rest profile s(t)
+It first flies in a straight line to the nearest point of the circle (from the centre: to the point
+straight ahead) and stops there; from there the arc length follows a rest-to-rest profile s(t)
 (`kybflow.flight.profiles`) and, with phi = phi0 + s / r,
 
     p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
@@ -27,7 +27,7 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 
 _CHORDS = 48
-"""Straight lines that stand for the circle in its footprint."""
+"""Number of straight lines that approximate the circle in its footprint."""
 
 
 @params
@@ -92,7 +92,8 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         return output if arc[0] < self._laps.next else self._laps.completed(output)
 
     def _round(self, gone: float, v: float, a: float, j: float) -> Setpoint:
-        """The setpoint `gone` metres along the circle, and its derivatives."""
+        """Return the setpoint `gone` metres along the circle. v, a, j: the speed and its
+        derivatives along the circle (m/s, m/s^2, m/s^3)."""
         (x, y, z), r, turn = self.params.center, self.params.radius, self._turn
         v, a, j = turn * v, turn * a, turn * j
         phase = self._phase + turn * gone / r
@@ -121,7 +122,7 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
 
 
 def _least_time(params: CircleParams, entry: Vec3 | None) -> float:
-    """The way to the nearest point of the circle, and around it at full speed."""
+    """Return the least time (s) to fly to the nearest point of the circle and around it."""
     (x, y, z), r, speed = params.center, params.radius, abs(params.speed)
     around = Profile.within(2.0 * pi * r * (params.laps or 0.0), speed, params.acceleration)
     if entry is None:
@@ -131,8 +132,8 @@ def _least_time(params: CircleParams, entry: Vec3 | None) -> float:
 
 
 def _path(params: CircleParams, entry: Vec3 | None) -> tuple[Vec3, ...]:
-    """The way to the circle and once around it; none from the centre, where it depends on the
-    heading."""
+    """Return the path to the circle and at most once around it. It is empty if the vehicle starts
+    at the centre, because it then depends on the heading."""
     (x, y, z), r = params.center, params.radius
     east, north = (r, 0.0) if entry is None else (entry[0] - x, entry[1] - y)
     if hypot(east, north) <= 1e-6:
@@ -145,7 +146,8 @@ def _path(params: CircleParams, entry: Vec3 | None) -> tuple[Vec3, ...]:
 
 
 def _exit(params: CircleParams, laps: float, entry: Vec3) -> Vec3 | None:
-    """Where the last lap ends after an entry at rest; from the centre it depends on the heading."""
+    """Return the position at which the last lap ends after an entry at rest; None for an entry at
+    the centre, from which it depends on the heading."""
     (x, y, z), r = params.center, params.radius
     east, north = entry[0] - x, entry[1] - y
     if hypot(east, north) <= 1e-6:

@@ -9,9 +9,9 @@ with ' = d/dtheta and dots by time:
 
     v = p' th.,  a = p'' th.^2 + p' th..,  j = p''' th.^3 + 3 p'' th. th.. + p' th...
 
-The fastest point is the centre: 2 pi / lap sqrt((w/2)^2 + h^2). Each loop emits
-`lap_completed`. The heading is kept. Entered in motion, the centre is where that motion has died
-out. World frame, metres.
+The speed is highest at the centre: 2 pi / lap sqrt((w/2)^2 + h^2). Each loop emits `lap_completed`.
+The heading is kept. If the vehicle is in motion at entry, the centre is where it would come to
+rest. World frame, metres.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 
 _POSITION = SetpointKind.POSITION
 _CHORDS = 96
-"""Straight lines that stand for the eight in its footprint."""
+"""Number of straight lines that approximate the eight in its footprint."""
 _PHASES = tuple(2.0 * pi * i / _CHORDS for i in range(_CHORDS + 1))
 _UNIT = tuple((sin(phase), sin(2.0 * phase)) for phase in _PHASES)
-"""The ends of those lines in an eight of the half sides 1 and 1."""
+"""The ends of those lines for an eight with half axes of 1."""
 
 
 @params
@@ -84,7 +84,8 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         return output if pace[0] < self._laps.next else self._laps.completed(output)
 
     def _eight(self, phase: float, rate: float, pull: float, jolt: float) -> Setpoint:
-        """The setpoint at a phase, and its derivatives by time."""
+        """Return the setpoint at a phase (rad). rate, pull, jolt: the phase's first three
+        derivatives by time."""
         (ex, ey, nx, ny), (x, y, z) = self._sides, self._coast.end
         s, c = sin(phase), cos(phase)
         s2, d2 = 2.0 * s * c, 2.0 * (c * c - s * s)
@@ -126,8 +127,8 @@ def _phase(params: FigureEightParams) -> Profile:
 
 
 def _sharpest(a: float, b: float, lap: float) -> float:
-    """The largest acceleration in the loops: rate^2 sqrt(a^2 u + 64 b^2 u (1 - u)) with
-    u = sin^2 theta, at the u in [0, 1] where that is largest."""
+    """Return the largest acceleration in the loops: the maximum over u = sin^2 theta in [0, 1] of
+    rate^2 sqrt(a^2 u + 64 b^2 u (1 - u))."""
     rate, sharp = 2.0 * pi / lap, 64.0 * b * b
     u = min(1.0, (a * a + sharp) / (2.0 * sharp)) if sharp > 0.0 else 1.0
     return rate * rate * sqrt(a * a * u + sharp * u * (1.0 - u))

@@ -1,14 +1,14 @@
 """Fly in a straight line to a position and stop there.
 
 It is done when the vehicle has been within `tolerance` of the goal for `dwell`, and within
-`heading_tolerance` of its heading where that is given. The setpoint
-follows a rest-to-rest profile with at most `speed` and `acceleration`; a short way has a lower
-peak, V = sqrt(distance * acceleration / (15/8)), so it stops at the goal whatever the distance
+`heading_tolerance` of its heading if that is given. The setpoint follows a rest-to-rest profile
+with at most `speed` and `acceleration`; over a short distance the peak speed is lower,
+V = sqrt(distance * acceleration / (15/8)), so the setpoint stops at the goal for any distance
 (`kybflow.flight.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
-planned speed stays at 95 % of the airframe's limit, because tracking needs the rest. Entered in
-motion it sheds that velocity on the way. A `heading` is turned to by the shorter way.
+planned speed is at most 95 % of the airframe's limit, because tracking needs the rest. A velocity
+at entry is reduced to zero on the way. The vehicle turns to a `heading` in the shorter direction.
 
-Fails when it is not there `patience` after the planned end. World frame, metres; heading from east.
+Fails if it is not done `patience` after the planned end. World frame, metres; heading from east.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
 """Follow another vehicle at an offset, in its frame or the world's.
 
-The goal is p + R o: the other vehicle's setpoint while it is within 0.3 m of it, else its estimate,
-as it publishes them, moved on by the age of the news; R turns the offset by its heading, and is the
-identity with `frame: world`. The setpoint follows the goal within `speed` and `acceleration`
-(`kybflow.flight.governor`), and once it has caught up moves as the goal does.
+The goal is p + R o. p is the other vehicle's setpoint while that vehicle is within 0.3 m of it,
+otherwise its estimate, as it publishes them, extrapolated to now; R turns the offset o by the other
+vehicle's heading, and is the identity with `frame: world`. The setpoint follows the goal within
+`speed` and `acceleration` (`kybflow.flight.governor`), and moves like the goal once it has caught
+up.
 
-While the other is silent for longer than `freshness`, or has no estimate, it brakes and waits;
-after `patience` it has failed. News is `delay` old at least, where a radio is simulated. Refuses to
-follow itself. World frame, metres.
+While the other vehicle is silent for longer than `freshness`, or has no estimate, this one brakes
+and waits; it fails after `patience`. To simulate a radio, received messages are at least `delay`
+old. Refuses to follow itself. World frame, metres.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         return setpoint
 
     def _resting_place(self) -> Vec3:
-        """Return where the setpoint comes to rest if it brakes now."""
+        """Return the position at which the setpoint comes to rest if it brakes now."""
         position, velocity = self._follower.position, self._follower.velocity
         return add(position, scale(velocity, norm(velocity) / self.params.acceleration))
 
@@ -111,7 +112,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         )
 
     def _turn(self, leading: Leading, dt: float) -> None:
-        """Turn like the other vehicle."""
+        """Turn with the followed vehicle if the offset is in the frame of its heading."""
         self._rate = 0.0
         if self.params.frame == "heading":
             off = wrap(leading.heading - self._heading)
@@ -142,7 +143,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
 def _caught_up(
     goal: Motion, position: Vec3, velocity: Vec3, acceleration: float, dt: float
 ) -> bool:
-    """Return whether joining the goal would make no step."""
+    """Return whether the setpoint can join the goal without a step."""
     ahead = add(position, scale(add(velocity, goal.velocity), 0.5 * dt))
     close = norm(sub(goal.position, ahead)) <= CAUGHT_UP
     return close and norm(sub(goal.velocity, velocity)) <= acceleration * dt

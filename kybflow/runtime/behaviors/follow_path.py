@@ -2,12 +2,12 @@
 
 Each leg is a rest-to-rest profile with at most `speed` and `acceleration`
 (`kybflow.flight.profiles`). The next leg begins when the vehicle has been within `tolerance` of
-the corner for `dwell`, and within `heading_tolerance` of its heading where that is given; it begins
-at the corner itself, so the trajectory has no step. A `heading` is turned to on the first leg, by
-the shorter way.
+the corner for `dwell`, and within `heading_tolerance` of its heading if that is given; it begins at
+the corner itself, so the trajectory has no step. The vehicle turns to a `heading` on the first leg,
+in the shorter direction.
 
-Refuses an empty path. Fails when a corner is not reached `patience` after the planned end of its
-leg. World frame, metres.
+Refuses an empty path. Fails if a corner is not reached `patience` after the planned end of its leg.
+World frame, metres.
 """
 
 from __future__ import annotations

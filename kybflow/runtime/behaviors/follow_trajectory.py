@@ -7,15 +7,15 @@
 A table of comma-separated values: t, x, y, z are needed; velocities (vx, vy, vz), accelerations
 (ax, ay, az) and yaw may follow. Without a unit in the header (`x [cm]`) a column is SI; yaw says
 `[deg]` or `[rad]`. Between rows it flies quintic pieces without a step in position, velocity or
-acceleration; what is not written comes from splines (`kybflow.flight.trajectory`). The file stands
-beside the mission or below it, begins and ends at rest, and is judged with the mission: its lines,
-where it goes, how fast, how sharply.
+acceleration; derivatives that the file doesn't give come from splines
+(`kybflow.flight.trajectory`). The file must be in the mission's folder or below it, and begin and
+end at rest. It is checked with the mission: its format, positions, speeds and accelerations.
 
-Start gate: further than `gate` from the first point it refuses to start (TeleKyb's playback had
-0.5 m as well). From within it flies there in a straight line, turns to the first yaw, and the clock
-of the file starts when the vehicle has been within `tolerance` of the point and slower than
-`slower_than` for `dwell`. Fails when that has not happened `patience` after the planned time. Done
-at the last row. Without a yaw the heading is kept. World frame.
+Start gate: it refuses to start further than `gate` from the first point (TeleKyb's playback had
+0.5 m as well). Otherwise it flies there in a straight line and turns to the first yaw. The file's
+time starts when the vehicle has been within `tolerance` of the point and slower than `slower_than`
+for `dwell`. Fails if that has not happened `patience` after the planned time. Done at the last row.
+Without a yaw the heading is kept. World frame.
 """
 
 from __future__ import annotations

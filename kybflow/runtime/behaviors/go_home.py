@@ -1,13 +1,14 @@
 """Fly home: up to a safe height where the vehicle is lower, then level and straight to above home.
 
-Home is the vehicle's `home` in the mission, its start where none is given. The height is the
-present one, or `height` above the ground of the start where that is more, but always 0.3 m below
-the fence's top. Both legs are rest-to-rest profiles (`kybflow.flight.profiles`); entered in motion
-it sheds that velocity on the way. It is done above home when the vehicle is within `tolerance`, and
-`patience` after the planned end in any case: the next behavior lands it, wherever it is.
+Home is the vehicle's `home` in the mission, or its start if the mission gives none. The height is
+the present one, or `height` above the ground of the start if that is more, but always 0.3 m below
+the fence's top. Both legs are rest-to-rest profiles (`kybflow.flight.profiles`); a velocity at
+entry is reduced to zero on the way. It is done when the vehicle is within `tolerance` of the point
+above home, and `patience` after the planned end in any case: the next behavior lands the vehicle
+wherever it is.
 
-Refuses to start when an obstacle is closer to the way than the vehicle's diameter and 20 cm; then
-it lands where it is. World frame, metres; the heading is kept.
+Refuses to start if an obstacle is closer to the level leg than the vehicle's diameter plus 20 cm;
+the vehicle then lands where it is. World frame, metres; the heading is kept.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def _safe_height(params: GoHomeParams, entry: Entry, stop: Vec3) -> float:
 
 
 def _check_clear(entry: Entry, above: Vec3, goal: Vec3) -> None:
-    """Raises Refused for the first obstacle that is too close to the level way home."""
+    """Raise Refused for the first obstacle that is too close to the level path home."""
     keep = entry.context.airframe.diameter + _CLEARANCE
     steps = max(1, round(distance(above, goal) / _STEP))
     for name, shape in entry.context.obstacles.items():

@@ -1,7 +1,7 @@
 """Hold the position and the heading of entry, for a time or until something else is asked.
 
-Entered in motion it first comes to rest (see `kybflow.flight.motion`) and holds the point where it
-does; it never refuses to start, whatever the speed (TeleKyb's Hover refused above 0.2 m/s).
+A vehicle in motion first comes to rest (`kybflow.flight.motion`) and holds that point. The behavior
+never refuses to start, at any speed (TeleKyb's Hover refused above 0.2 m/s).
 Position in the world, metres; heading in radians from east.
 """
 

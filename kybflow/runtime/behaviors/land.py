@@ -1,30 +1,32 @@
-"""Descend, on a point or where the vehicle is, notice the ground, and stop the rotors there.
+"""Descend, on a point or where the vehicle is, detect the ground, and stop the rotors there.
 
-With a `position` it first flies above that, level, with at most `approach`, and begins to descend
-when it has been within `tolerance` of the vertical through it for half a second. On the way down
-the descent waits while the vehicle is more than twice `tolerance` off, all in all for `patience` at
-most: a landing ends on the ground. It fails only when it is not above the point `patience` after
-the planned time. The height of the point is where the ground is expected; without one, that of the
-start.
+With a `position` it first flies level to above that point, with at most `approach`, and begins to
+descend when it has been within `tolerance` of the vertical through the point for half a second. The
+descent pauses while the vehicle is more than twice `tolerance` off, for `patience` in total at
+most; then it descends anyway, because a landing must end on the ground. It fails if the vehicle is
+not above the point `patience` after the planned time. The ground is expected at the height of the
+point; without a point, at the height of the start.
 
-Down at `speed`; from the height `slow_below` above the expected ground, at `slow_speed`. The speed
-of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), slewed with the
-acceleration a. It has no lowest height: the ground is where the vehicle stops although the setpoint
-runs on below it. That is detected when the height stays within 1.5 cm of one for `dwell` with the
-setpoint at least 5 cm below (after TeleKyb's ViconFreeLand, which judged the vertical speed; the
-height is less noisy, and the setpoint's depth is a second witness against gusts). Where the
-estimate is too noisy for that, the height averaged over a second stays within 5 cm for four times
-as long. The setpoint never runs more than 0.3 m ahead, so that no position error builds up on the
-ground, and on the way down it never stays more than 0.3 m behind: a vehicle that is lower already,
-because a fence or a fall brought it there, waits for nothing. A descent that comes no lower for
-`patience` has failed: what follows needs no height.
+It descends at `speed`, and at `slow_speed` from the height `slow_below` above the expected ground
+on. The speed of the setpoint follows v(z) = min(speed, sqrt(slow_speed^2 + 2 a (z - z_slow))), with
+a slope of at most the acceleration a. The setpoint has no lowest height: the ground is where the
+vehicle stops although the setpoint continues below it. The ground is detected when the height has
+stayed within 1.5 cm of one value for `dwell` with the setpoint at least 5 cm below (after TeleKyb's
+ViconFreeLand, which used the vertical speed; the height is less noisy, and the setpoint's depth
+guards against gusts). If the estimate is too noisy for that, the height averaged over a second must
+stay within 5 cm for four times as long.
 
-Nor does it land on another vehicle (`kybflow.flight.landing_place`): while one is under it the
-descent waits. Without a `position` it flies to a free place beside; over a point it waits for
-`patience` and has then failed.
+The setpoint never runs more than 0.3 m ahead, so that no position error builds up on the ground,
+and never stays more than 0.3 m behind, so that a vehicle that is lower already, because of a fence
+or a fall, doesn't wait for it. It fails if it comes no lower for `patience`; the landing that
+follows then needs no height.
 
-On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is shed on the
-way. World frame, metres; the heading is kept.
+It does not land on another vehicle (`kybflow.flight.landing_place`): the descent pauses while one
+is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
+`patience` and then fails.
+
+On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is reduced to zero
+on the way. World frame, metres; the heading is kept.
 """
 
 from __future__ import annotations
@@ -47,20 +49,21 @@ from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param
 
 _STILL = 0.015
 _AVERAGED, _LEVEL, _LONGER = 1.0, 0.05, 4.0
-"""For a noisy height: seconds of its average, how far that may move, and for how many `dwell`."""
+"""For a noisy height: the averaging time (s), by how much the average may move (m), and for how
+many times `dwell` it must stay within that."""
 _LOWER = 0.1
-"""Metres by which the average must fall to count as progress."""
+"""Distance (m) by which the average must fall to count as progress."""
 _DEPTH = 0.05
 _LEASH = 0.3
 _LOOKS = 0.1
-"""Seconds between two checks for vehicles below, which are dear in a fleet that lands together."""
+"""Seconds between two checks for vehicles below, which are costly when a whole fleet lands."""
 _ABOVE = 0.5
-"""Seconds above the point before it descends."""
+"""Seconds for which the vehicle must be above the point before it descends."""
 
 
 _HEARD = 0.3
-"""Seconds without new measurements after which a height that stands still does not show the
-ground."""
+"""Seconds without new measurements after which a constant height doesn't prove that the vehicle is
+on the ground."""
 
 
 @params
@@ -152,7 +155,8 @@ class Land(
         return setpoint
 
     def _below(self, tick: Tick, own: Vec3) -> str | None:
-        """Return the vehicle below this one. Without a `position`, turn to a place beside it."""
+        """Return the name of a vehicle below this one, or None. Without a `position`, choose a new
+        goal beside that vehicle."""
         if tick.elapsed >= self._look:
             self._look = tick.elapsed + _LOOKS
             self._under = vehicle_below(self._context, own, tick.fleet)
@@ -175,13 +179,13 @@ class Land(
         return Straight(start, goal, self._speed, self.params.acceleration)
 
     def _gap(self, own: Vec3) -> float:
-        """Return the distance from the vertical through the goal, zero without one."""
+        """Return the distance (m) from the vertical through the goal, zero without a goal."""
         if self._goal is None:
             return 0.0
         return hypot(own[0] - self._goal[0], own[1] - self._goal[1])
 
     def _waits(self, gap: float, dt: float) -> bool:
-        """Return whether the height is held for now."""
+        """Return whether the descent pauses in this tick."""
         if not self._descends:
             return True
         if gap <= 2.0 * self.params.tolerance or self._waited >= self.params.patience:
@@ -211,7 +215,7 @@ class Land(
         return self._stopped.reached(stays, self.params.dwell, dt) or settled
 
     def _has_settled(self, own: float, dt: float) -> bool:
-        """Update the average of the height; return whether it has stopped falling."""
+        """Update the average height; return whether it has stopped falling."""
         self._average += (own - self._average) * dt / (_AVERAGED + dt)
         if self._average < self._lowest - _LOWER:
             self._lowest, self._stalled = self._average, 0.0
@@ -222,7 +226,8 @@ class Land(
         return self._settled.reached(stays, _LONGER * self.params.dwell, dt)
 
     def _descend(self, dt: float, own: float, waits: bool) -> float:
-        """Take the setpoint down by one tick, or to a stop; returns its vertical acceleration."""
+        """Lower the setpoint by one tick, or slow it to a stop if the descent `waits`. Return its
+        vertical acceleration (m/s^2)."""
         p = self.params
         slow = min(p.slow_speed, p.speed)
         above = max(self._height - self._ground - p.slow_below, 0.0)
@@ -254,8 +259,8 @@ class Land(
 
 
 def _least_descent(params: LandParams, height: float) -> float:
-    """The time from `height` above the ground to the end of the landing, without the ramps of the
-    speed; on the ground it is done at once."""
+    """Return the least time (s) of a landing from `height` (m) above the ground, without the time
+    for changes of speed; zero on the ground."""
     if height <= 0.0:
         return 0.0
     slow = min(height, params.slow_below)

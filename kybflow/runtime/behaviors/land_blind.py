@@ -2,9 +2,9 @@
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
 controller keeps the attitude level and its heading from the IMU, and the thrust follows the law of
-`kybflow.flight.descent`, which holds a speed of about half a metre a second by the measured
-specific force, whatever the error of the thrust's model, and detects the touch-down. Its speed in
-m/s (time in s), from rest, for an error e of the thrust's model:
+`kybflow.flight.descent`, which holds a speed of about half a metre per second by the measured
+specific force, for any error of the thrust model, and detects the touch-down. Touch-down speed in
+m/s (time in s), from rest, for an error e of the thrust model:
 
     from      e = -10 %     0             +10 %
     0.5 m     0.52 (1.2)    0.53 (1.3)    0.54 (1.4)
@@ -12,25 +12,25 @@ m/s (time in s), from rest, for an error e of the thrust's model:
     1.5 m     0.76 (2.8)    0.77 (2.9)    0.78 (3.0)
     2.5 m     1.01 (4.0)    1.02 (4.0)    1.03 (4.1)
 
-An accelerometer that is wrong by 0.25 m/s^2 makes 1.5 m/s (2.9 s) or 1.0 m/s (10 s) of the 1.0 m/s
-from 2.5 m. If an estimator needs the IMU, its measurement at rest on the ground is known and counts
-as gravity (`kybflow.runtime.monitoring.resting_bias`): only a later change has this effect.
+An accelerometer error of 0.25 m/s^2 changes the 1.0 m/s from 2.5 m to 1.5 m/s (2.9 s) or 1.0 m/s
+(10 s). If an estimator needs the IMU, its measurement at rest on the ground is known and taken as
+gravity (`kybflow.runtime.monitoring.resting_bias`); only a later change then has this effect.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 
-If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle comes
-down by its own watchdog, which the preflight has checked and which reads the IMU.
+If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
+its own watchdog, which the preflight has checked and which reads the IMU.
 
-If only the IMU doesn't arrive, or not any more for 0.1 s, the thrust is an open-loop function of
-the time since the entry, for the rest of the way:
+If only IMU samples are missing for 0.1 s, the thrust is an open-loop function of the time since the
+entry, for the rest of the descent:
 
     T(t) = T0 (1 - (1 - share) min(t / settle, 1) - fade max(t - settle, 0)
                - 2 vz0 / (g tau) max(1 - t / tau, 0)),      tau = 0.8 s
 
-T0 being the thrust that the tracker believed to hold the vehicle (the descent, once it has learnt
-it) and vz0 the vertical speed at entry, which the last term takes away. Only open loop the rotors
-stop after `time_bound`, unless an estimate has the vehicle in the air: by the IMU the descent ends
-with the touch-down. On the ground it is done at once.
+where T0 is the tracker's estimate of the hover thrust (or that of the closed-loop descent, once it
+has one) and vz0 the vertical speed at entry, which the last term reduces to zero. The closed-loop
+descent ends with the touch-down; in open loop the rotors stop after `time_bound`, unless an
+estimate shows the vehicle in the air. On the ground it is done at once.
 
 Open loop the vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; a share of 90 % is the most that
 still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net acceleration of 0.19 g.
@@ -60,9 +60,9 @@ _MOST = 0.3
 _LONGEST = 0.25
 """Longest interval (s) of one IMU sample."""
 _SILENT = NS // 10
-"""Silence of the IMU after which the descent is open loop."""
+"""Time without an IMU sample after which the descent continues in open loop."""
 _UNHEARD = 0.25
-"""Seconds without a message of the vehicle after which its own watchdog lands it."""
+"""Seconds without a message from the vehicle after which its own watchdog must land it."""
 
 
 @params
@@ -125,16 +125,16 @@ class LandBlind(
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
 
     def _is_over(self, tick: Tick) -> bool:
-        """Return whether the time of the open loop is over and no estimate has the vehicle in the
-        air."""
+        """Return whether an open-loop descent has lasted for `time_bound` and no estimate shows the
+        vehicle in the air."""
         if self._descent is not None or tick.elapsed < self.params.time_bound:
             return False
         known = tick.estimate
         return known is None or height_in_the_air(self._context, known, ()) <= 0.0
 
     def _landed(self, descent: Descent, tick: Tick) -> bool:
-        """Process the IMU; return whether the vehicle has touched down. Without an IMU, end the
-        closed-loop descent."""
+        """Process the newest IMU sample; return whether the vehicle has touched down. If no sample
+        has arrived for too long, change to the open-loop descent."""
         imu = tick.imu
         if imu is not None and imu.time > self._heard and self._is_sound(imu):
             self._heard, self._last = imu.time, imu
@@ -145,7 +145,8 @@ class LandBlind(
         return False
 
     def _is_sound(self, imu: Imu) -> bool:
-        """Return whether a sample is finite and differs from the last, as noise makes it."""
+        """Return whether a sample is finite and differs from the last one, as it must with
+        noise."""
         (x, y, z), last = imu.specific_force, self._last
         total = x + y + z
         stuck = last is not None and last.specific_force == imu.specific_force

@@ -3,7 +3,7 @@
 It closes the servo that holds the payload, and is done when the vehicle reports the payload on
 board. A vehicle that can't report it closes the servo and waits for a person to confirm it, as with
 `next: [{event: operator.loaded, go: up}]`. From then on the payload may be released again. In
-simulation the payload is put in as the servo closes.
+simulation the payload is loaded when the servo closes.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
 """Let the payload go, once, and hold the place meanwhile.
 
-In the air it first comes to rest where it was entered, as `hover` does. Then it asks for the servo
-that holds the payload to open, in every tick until the vehicle has acknowledged it, holds its place
-for `settle`, because the vehicle has just become lighter, and is done. On the ground the rotors
-rest.
+In the air it first comes to rest, as `hover` does. Then it requests the servo that holds the
+payload to open, in every tick until the vehicle has acknowledged it. It holds its position for
+`settle`, because the vehicle has just become lighter, and is done. On the ground the rotors rest.
 
-A payload that was released is not released again: if this behavior is entered anew, after it was
-done or interrupted, it emits `payload_already_released` and is done at once. `load_payload` ends
-that. If the vehicle has not acknowledged the release before an interruption, it is requested again;
-an open servo stays open.
+A payload that was released is not released again: if this behavior is entered again, after it was
+done or interrupted, it emits `payload_already_released` and is done at once, until `load_payload`
+has loaded a new payload. If the vehicle had not acknowledged the release before an interruption,
+the release is requested again; an open servo stays open.
 
-Fails when it is not acknowledged within `patience`, when no payload is on board, or when the
+Fails if the release is not acknowledged within `patience`, if no payload is on board, or if the
 vehicle refuses.
 """
 

@@ -7,17 +7,18 @@ whichever comes first, so that a condition that never comes true ends it too:
     search: {do: run_until, velocity: [0.4, 0, 0], at_most: 2 m, then: not_found,
              next: [{when: distance(a to b) < 80 cm, go: found}]}
 
-TeleKyb has no such behavior; there a person at the joystick stopped it. It gives setpoints of
-velocity, because what counts is the way over ground until something happens, not a schedule: a
-vehicle that is held back does not run after a setpoint that went ahead. The speed rises with the
-smoothstep S, and falls with its mirror image, the acceleration at most `acceleration`
-(`kybflow.flight.profiles`; where there is no room for the speed asked for, a lower one). It begins
-to slow down when what is left of `at_most`, measured by the estimate along the velocity, is what
-slowing down takes.
+TeleKyb has no such behavior; there a person at the joystick stopped the vehicle. It gives velocity
+setpoints, because the distance flown until something happens matters, not a schedule: a vehicle
+that was held back doesn't chase a setpoint that has moved ahead. The speed rises with the
+smoothstep S and falls with its mirror image, with at most `acceleration`
+(`kybflow.flight.profiles`); if there is no room for the requested speed, it is lower. The vehicle
+begins to slow down when the rest of `at_most`, measured by the estimate along the velocity, is the
+distance that slowing down takes.
 
-Done when it has come to rest. Fails when it has not `patience` after the planned time: something
-holds it back. The next behavior takes over the velocity of the moment and brakes it. The
-heading and, as far as an estimated velocity can, the height are kept. World frame.
+Done when it has come to rest. Fails if it has not begun to slow down `patience` after the planned
+time, because something holds it back. If a transition ends it earlier, the next behavior starts
+with the current velocity and reduces it. The heading is kept, and so is the height, as far as a
+velocity setpoint can. World frame.
 """
 
 from __future__ import annotations
@@ -94,7 +95,8 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         return over is not None and time >= over - takes
 
     def _rising(self, time: float) -> tuple[float, float, float]:
-        """Return speed, acceleration and jerk along the velocity until it begins to slow down."""
+        """Return speed, acceleration and jerk along the direction of flight before the vehicle
+        begins to slow down."""
         if time >= self._ramp:
             return self._speed, 0.0, 0.0
         _, value, slope, bend = smoothstep(time / self._ramp)

@@ -2,25 +2,26 @@
 
 The axes are `x` forward, `y` to the left, `z` up and `turn` counter-clockwise, each -1 to 1; `x`
 and `y` count in the heading of the setpoint, or with `frame: world` east and north, and are no
-longer than 1 together. With `by: velocity` they are the velocity v = speed (x, y), which follows
-them with at most `acceleration`. With `by: tilt` they are the attitude, the height being held:
+longer than 1 together. With `by: velocity` they set the velocity v = speed (x, y), which changes
+with at most `acceleration`. With `by: tilt` they set the attitude, while the height is held:
 
     v' = g tan(tilt) (x, y) - v g tan(tilt) / speed,
 
-so that a full stick tilts by `tilt` and ends at `speed`. `by: signals` is that of the four signals
-of an AR.Drone: the same, but with all four at zero it brakes by itself. `z` is always the share of
-`climb`, `turn` that of `turn_rate`. The setpoint is a position which this velocity moves, so that
-it rests where the sticks are let go, and nothing drifts.
+so that a full stick first tilts by `tilt` and finally gives `speed`. `by: signals` is the mode of
+the four signals of an AR.Drone: like `tilt`, but with all four at zero the vehicle brakes by
+itself. `z` is always a fraction of `climb`, `turn` a fraction of `turn_rate`. The setpoint is a
+position moved with this velocity, so that it comes to rest when the sticks are released, without
+drift.
 
-It starts at the setpoint's position and velocity. No `next` and no request leads to it while the
-sticks are off their centres or the input is lost; where it is entered all the same, it obeys once
-they have been centred. The setpoint stays `margin` inside the fence, `lowest`
-above the ground of the start, and its vehicle's hubs `clearance` away from obstacles and from other
-vehicles: it stops in time, and slides along them (`kybflow.flight.avoidance.clearance`).
+It starts at the setpoint's position and velocity. No transition of the mission and no request
+enters it while the sticks are off their centres or the input is lost; if it is entered anyway, it
+obeys once the sticks have been centred. The setpoint stays `margin` inside the fence, `lowest`
+above the ground of the start, and keeps the vehicle's hubs `clearance` away from obstacles and
+other vehicles: it stops in time, and slides along them (`kybflow.flight.avoidance.clearance`).
 
-A dead-man switch that is released brakes. So does an input that is lost, at once; after `patience`
-it has failed. An input that comes back, or a vehicle that was held, is steered again once the
-sticks have been at their centres. World frame, metres.
+If the dead-man switch is released, the vehicle brakes. If the input is lost, it brakes at once and
+fails after `patience`. After the input has recovered, or the vehicle was held, the sticks steer
+again once they have been at their centres. World frame, metres.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ from kybflow.runtime.behaviors._hand import Hand
 from kybflow.world.shapes import Box
 
 _HARD = 2.5
-"""The largest acceleration (m/s^2) with which the setpoint is kept away from something."""
+"""The largest acceleration (m/s^2) with which the setpoint is kept away from obstacles."""
 _TURNING = 4.0
-"""The largest change of the rate of turning, rad/s^2."""
+"""The largest angular acceleration of the heading, rad/s^2."""
 _FELT = 0.5
-"""Distance (m) from which on the hand feels an obstacle."""
+"""Distance (m) below which the hand feels an obstacle."""
 
 
 @params
@@ -105,7 +106,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         return setpoint
 
     def _moved(self, sticks: tuple[float, ...] | None, tick: Tick) -> Setpoint:
-        """Move the setpoint by a tick."""
+        """Move the setpoint by a tick and return it. sticks: the four axes, None to brake."""
         p, dt, before = self.params, tick.dt, self._velocity
         x, y, z, turn = sticks or (0.0, 0.0, 0.0, 0.0)
         brakes = sticks is None or (p.by == "signals" and not any(sticks))
@@ -127,8 +128,9 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
     def _let_feel(
         self, x: float, y: float, z: float, surfaces: Iterable[Surface], tick: Tick
     ) -> None:
-        """Compute the force for the hand: how the vehicle's velocity differs from the requested
-        one, as a share of the largest, and the way out of what it comes near to."""
+        """Compute the force for the hand: the difference between the vehicle's velocity and the
+        requested one, as a fraction of the largest velocity, plus a push away from nearby
+        obstacles."""
         p, turned = self.params, self._heading if self.params.frame == "heading" else 0.0
         c, s = cos(turned), sin(turned)
         velocity = tick.known().velocity
@@ -144,7 +146,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         )
 
     def _level(self, x: float, y: float, dt: float, *, brakes: bool) -> tuple[float, float]:
-        """Return the level velocity in the next tick, before obstacles."""
+        """Return the level velocity (m/s, world) in the next tick, without regard to obstacles."""
         p, (vx, vy, _) = self.params, self._velocity
         most = min(p.speed, SPEED_SHARE * self._context.airframe.speed)
         length = max(1.0, hypot(x, y))
@@ -159,7 +161,8 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         return vx + (push * x - push / most * vx) * dt, vy + (push * y - push / most * vy) * dt
 
     def _surfaces(self, tick: Tick) -> Iterator[Surface]:
-        """Yield the surfaces in the way."""
+        """Yield the surfaces of the fence, and those of obstacles and vehicles that are close
+        enough to limit the velocity."""
         p, context, position = self.params, self._context, self._position
         if (fence := context.fence) is not None:
             yield from walls(position, _room(fence, p, context.start[2]))

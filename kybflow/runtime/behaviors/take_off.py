@@ -3,12 +3,12 @@
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
 (`kybflow.flight.profiles`) with at most `speed` and `acceleration`. If the vehicle stays more than
 0.3 m behind, the profile waits for it, so that the setpoint doesn't run away from a vehicle that
-can't lift; if it is more than 0.1 m ahead, lifted by its autopilot, the profile goes on from there.
-It is done when the profile has ended and the height has settled: for `dwell` it is within
-`tolerance` and moves by no more than a seventh of that, so that one that passes its height is not
-there yet.
+can't lift; if it is more than 0.1 m ahead, lifted by its autopilot, the profile continues from
+there. It is done when the profile has ended and the height has settled: for `dwell` the height must
+be within `tolerance` and move by no more than a seventh of that, so that a vehicle that only passes
+the height is not done.
 
-Fails when it is not there `patience` after the profile should have ended. Speed 0.3 m/s and
+Fails if it is not done `patience` after the profile should have ended. Speed 0.3 m/s and
 tolerance 10 cm are TeleKyb's. `height` is in metres above the ground of the start.
 """
 
@@ -22,9 +22,9 @@ from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
 _LEASH, _AHEAD = 0.3, 0.1
 _SETTLED = 0.15
-"""The part of `tolerance` by which a height that has settled may move."""
+"""The fraction of `tolerance` by which a settled height may move."""
 _LEAP = 0.02
-"""Longest time (s) by which the profile advances to where the vehicle is."""
+"""Step (s) by which the profile advances towards the height of a vehicle that is ahead of it."""
 
 
 @params
@@ -75,7 +75,7 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         return setpoint
 
     def _reach(self, time: float) -> None:
-        """Advance to this time of the profile."""
+        """Advance the setpoint to this time (s) of the profile."""
         self._time, self._progress = time, self._profile.at(time)
 
     def _setpoint(self, waits: bool) -> Setpoint:

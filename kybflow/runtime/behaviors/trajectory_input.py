@@ -1,15 +1,15 @@
 """Fly the trajectory that an external planner sends, point by point, while it flies.
 
-A point says where to be at a time of the run, with velocity, acceleration and heading
-(`kybflow.core.signals.PlannedPoint`); it comes as the command `track`, over the socket or by
-`kybflow command`. Between two points the setpoint follows the quintic that has the position,
-velocity and acceleration of both; to the first point it begins where it is. Without a point it
-rests at the place of entry.
+A point gives the position at a time of the run, with velocity, acceleration and heading
+(`kybflow.core.signals.PlannedPoint`). It is sent as the command `track`, over the socket or by
+`kybflow command`. Between two points the setpoint follows the quintic that matches the position,
+velocity and acceleration of both; to the first point it starts from its current motion. Before the
+first point it rests at the position of entry.
 
-Refused, with the reason, is a point that is not finite, not later than the last one, no longer
-ahead (stale), more than `horizon` ahead, outside of the fence, or so far from the last one that it
-takes more than the airframe's speed. When the last point is over, it brakes, and after `timeout`
-without a new one it has failed; so it has when none comes for so long. World frame, metres.
+A point is refused, with the reason, if it is not finite, not later than the last one, already past
+(stale), more than `horizon` ahead, outside the fence, or so far from the last one that it requires
+more than the airframe's speed. After the last point the vehicle brakes. The behavior fails after
+`timeout` without a point to fly to. World frame, metres.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 _MOST = 2000
 _QUICKEST = 1.05
-"""The share of the airframe's speed that the mean speed to a point may have."""
+"""Largest mean speed to a point, as a multiple of the airframe's speed."""
 
 
 @params
@@ -121,6 +121,6 @@ class TrajectoryInput(
 
 
 def _axes(point: PlannedPoint) -> list[Knot]:
-    """The point along each axis."""
+    """Return the position, velocity and acceleration of a point along each axis."""
     _, position, velocity, acceleration, _ = point
     return [Knot(*axis) for axis in zip(position, velocity, acceleration, strict=True)]

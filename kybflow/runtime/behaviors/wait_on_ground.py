@@ -1,7 +1,7 @@
 """Stay on the ground with the rotors at rest; never ends by itself.
 
-Its setpoint is always IDLE, so it needs neither tracker nor estimate. It is what `landed` and
-`fault` do; leave it with `next`.
+Its setpoint is always IDLE, so it needs neither tracker nor estimate. The states `landed` and
+`fault` run it; leave it with `next`.
 """
 
 from __future__ import annotations

@@ -4,13 +4,13 @@ Its newest odometry (position p, velocity v, attitude q, turn rate w, at time t)
 
     p + (now - t) v,    q turned at w for (now - t),
 
-with the same velocities. It is extrapolated by `ahead` at most; older odometry stays there, and its
-`age` grows. spread: the autopilot's own, metres. Odometry that is not newer than the last, not
-finite, or whose attitude is no rotation, is ignored.
+with the same velocities. It is extrapolated by `ahead` at most; the estimate of older odometry
+stays there while its `age` grows. spread: as the autopilot reports it, metres. Odometry is ignored
+if it is not newer than the last, not finite, or if its attitude is no rotation.
 
-If the autopilot's position comes from this program (external vision), it is no independent
-estimate: it has the same age and errors, and continues by the autopilot's IMU when that position
-ends.
+If the autopilot gets its position from this program (external vision), its estimate is not
+independent: it has the same age and errors, and is continued by the autopilot's IMU when that
+position is no longer sent.
 """
 
 from __future__ import annotations

@@ -1,36 +1,37 @@
 """An error-state Kalman filter: the IMU, with poses or positions that are slow, late and noisy.
 
-Position, velocity, attitude and the biases of accelerometer and gyroscope with their covariance (J.
-Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, sec. 5 and 6). A measurement
-counts at its own time, and the IMU is replayed from there to now; measurements may arrive out of
-order, and one older than `memory` is ignored (`kybflow.flight.fusion.replay`).
+The state is position, velocity, attitude and the biases of accelerometer and gyroscope, with their
+covariance (J. Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, sec. 5 and 6).
+A measurement is applied at its own time, and the IMU is replayed from there to now. Measurements
+may arrive out of order; one older than `memory` is ignored (`kybflow.flight.fusion.replay`).
 
 source: `mocap` uses poses, `tags` the poses of printed tags in camera frames, `position` positions
-alone, such as those of GPS. With these the filter starts at rest: the accelerometer gives the tilt,
-and the declared heading, with `heading_error`, is corrected once the vehicle accelerates. There is
-no estimate until `samples` measurements agree.
+alone, such as those of GPS. With positions alone the filter starts at rest: the accelerometer gives
+the tilt, and the declared heading, with `heading_error`, is corrected once the vehicle accelerates.
+There is no estimate until `samples` measurements agree.
 
-Poses from tags have the same error from frame to frame, by errors of lens, mount, map and stamps.
-Its size follows for each frame (`kybflow.vision.locating.systematic`), and its causes are a part of
-the state: the errors of each camera and of the stamps as constants, those of the map as a process
-that forgets while the body moves on to other tags (`kybflow.flight.fusion.covariance`). So no frame
-is refused for an error that all of them have; gravity and motion show how the camera is mounted and
-how late frames are stamped; and what they don't show is in the spread. An IMU whose samples scatter
-more than declared gets less weight (`kybflow.flight.fusion.vibration`).
+Poses from tags have a common error from frame to frame, due to errors of lens, mount, map and
+stamps. Its size is computed for each frame (`kybflow.vision.locating.systematic`), and its causes
+are part of the state: the errors of each camera and of the stamps as constants, those of the map as
+a process that forgets while the body moves on to other tags (`kybflow.flight.fusion.covariance`).
+So no frame is refused because of an error that all frames share. Gravity and motion reveal how the
+camera is mounted and how late frames are stamped; errors that they don't reveal are included in the
+spread. An IMU whose samples scatter more than declared gets less weight
+(`kybflow.flight.fusion.vibration`).
 
-A measurement is refused if a share `gate` of true ones exceeds its innovation (chi-square), or if
-it is further than `widest_gate`, plus four times its own deviation, from the expected position,
-however wide the filter's own spread: by the estimate that the vehicle flies on if that is another
-estimator's, else by the filter. So a body that was exchanged with another's is not followed. The
-filter starts anew from refused measurements that agree for `doubt` seconds and are where the
-vehicle can be, or that agree for `settled` seconds in which nothing else was flown on
-(`kybflow.flight.pose_gate`).
+A measurement is refused if only a fraction `gate` of correct ones has a larger innovation
+(chi-square), or if it is further than `widest_gate` plus four times its own deviation from the
+expected position, however large the filter's own spread is. The expected position is that of the
+estimate on which the vehicle flies if another estimator gives it, otherwise the filter's. So a body
+that was exchanged with another's is not followed. The filter starts anew from refused measurements
+that agree for `doubt` seconds and are where the vehicle can be, or that agree for `settled` seconds
+in which the vehicle flew on no other estimate (`kybflow.flight.pose_gate`).
 
-age: of the newest measurement that passed. spread, metres: standard deviation of the position along
-its worst axis, and in addition a share `position_wander` of the variance of positions, an error
-that many of them have in common (GPS: minutes); if all are refused for longer than `doubt`, also
-the deviation of the last of them. There is no estimate while no IMU arrives for 0.1 s; motion is
-unknown over such a gap (standard deviations 3 m/s^2, 1 rad/s).
+age: the age of the newest measurement that was accepted. spread, metres: the standard deviation of
+the position along its worst axis, plus a fraction `position_wander` of the variance of positions,
+an error that many of them have in common (GPS: for minutes); if all have been refused for longer
+than `doubt`, also the deviation of the last one. There is no estimate while no IMU sample arrives
+for 0.1 s; motion over such a gap is unknown (standard deviations 3 m/s^2, 1 rad/s).
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ _KINDS = {
     "position": Position,
 }
 MOST_FORCE, MOST_TURN = 500.0, 100.0
-"""Largest plausible samples of an IMU, m/s^2 and rad/s."""
+"""Largest plausible specific force (m/s^2) and body rate (rad/s) of an IMU sample."""
 
 
 @params
@@ -129,7 +130,7 @@ class Fusion(Estimator[FusionParams]):
 
 
 def _is_sound(imu: Imu) -> bool:
-    """Return whether a sample is finite and no vehicle would break by it."""
+    """Return whether a sample is finite and plausible, and its interval is not too long."""
     fx, fy, fz = imu.specific_force
     wx, wy, wz = imu.angular_velocity
     force, turn = fx * fx + fy * fy + fz * fz, wx * wx + wy * wy + wz * wz

@@ -4,26 +4,27 @@ With f, w the IMU's specific force and turn rate, b and c their biases, R the at
 
     R' = R (w - c),    v' = R (f - b) - g,    p' = v
 
-While the vehicle flies on another estimate that is younger than `fresh`, an observer follows it and
-learns the biases. With e and d the differences of that estimate's position and attitude (a rotation
-vector, body frame) from these, and k the `bandwidth` in rad/s:
+While the vehicle flies on another estimator's estimate that is younger than `fresh`, an observer
+follows that estimate and learns the biases. Let e and d be the differences of its position and
+attitude (a rotation vector, body frame) from p and R, and k the `bandwidth` in rad/s:
 
     p' += 3 k e,  v' += 3 k^2 e,  b' = -k^3 R^T e,      R' += 2 k d,  c' = -k^2 d
 
-all poles at -k (a Luenberger observer: Franklin, Powell and Emami-Naeini, "Feedback Control of
-Dynamic Systems", sec. 7.5); attitude as in Mahony, Hamel and Pflimlin, IEEE TAC 2008, eq. 13. The
-gains shrink by 1 + (spread / 1 cm)^2, and the attitude's by 1 + (shake / 10 mrad)^2 too, so that a
-noisy estimate teaches little. shake^2: half of the mean square of the change of d from one pose to
-the next, along an axis, which a steady difference has no part in (J. von Neumann, "Distribution of
-the Ratio of the Mean Square Successive Difference to the Variance", 1941). A tilt's error looks
-like a bias and is learnt with it. After half a second without such an estimate the state is set to
-the next one; the biases are kept. There is no estimate before the first, nor when no IMU came for
-0.1 s.
+All poles are at -k (a Luenberger observer: Franklin, Powell and Emami-Naeini, "Feedback Control of
+Dynamic Systems", sec. 7.5); the attitude is corrected as in Mahony, Hamel and Pflimlin, IEEE TAC
+2008, eq. 13. k is divided by 1 + (spread / 1 cm)^2, and for the attitude also by
+1 + (shake / 10 mrad)^2, so that little is learnt from a noisy estimate. shake^2 is half of the mean
+square of the change of d from one pose to the next, along an axis; a constant difference does not
+contribute to it (J. von Neumann, "Distribution of the Ratio of the Mean Square Successive
+Difference to the Variance", 1941). An error of the tilt looks like a bias and is learnt as one.
+After half a second without another estimate, the state is set to the next one; the biases are kept.
+There is no estimate before the first estimate that is followed, nor while no IMU measurement has
+arrived for 0.1 s.
 
-age: of the newest IMU measurement. spread, metres: with s that of the last estimate followed, and
-what this one is off it, and t the seconds since then, sqrt(s^2 + (speed_error t)^2 +
-(u t^2 / 2)^2), where u goes from `first_drift` to `drift` as exp(-k / 2) a second while another's
-estimate is followed.
+age: the age of the newest IMU measurement. spread, metres: sqrt(s^2 + (speed_error t)^2 +
+(u t^2 / 2)^2), where s combines the spread of the last estimate that was followed and the distance
+from it, t is the time since then, and u falls from `first_drift` to `drift` by exp(-k / 2) a second
+while another estimate is followed.
 
 Measured in simulation, 20 seeds of missions/fallback.yaml, biases learnt: 6 cm off on average and
 10 cm at worst after 2.3 s on a circle, 16 cm at worst after 3 s of hovering.
@@ -43,13 +44,13 @@ from kybflow.world.vehicle_context import VehicleContext
 LONGEST_LEAP = 0.5
 """Seconds without another estimate after which the state is set to the next one."""
 FARTHEST, SURE = 0.15, 3.0
-"""Metres, and spreads of the estimate that is followed, beyond which that has jumped: it would be
-taken for a speed."""
+"""The followed estimate has jumped if it is off by more than `FARTHEST` metres plus `SURE` times
+its spread. Following a jump would change the velocity."""
 NOISY, SHAKY = 0.01, 0.01
-"""Metres of spread, and radians by which the attitude that is followed shakes along an axis, from
-which on little is learnt."""
+"""The spread (m) of the followed estimate, and the shaking (rad) of its attitude about an axis, at
+which the gains are halved."""
 SHAKES = 0.25
-"""Seconds over which that is taken."""
+"""Averaging time of the shaking, s."""
 MOST_ACCELERATION, MOST_TURN = 1.0, 0.1
 """Bounds of the biases, m/s^2 and rad/s, along each axis."""
 
@@ -133,7 +134,7 @@ class Inertial(Estimator[InertialParams]):
             self._anchor_spread = hypot(estimate.spread, off)
 
     def _move(self, imu: Imu) -> None:
-        """Predict to the IMU's time."""
+        """Propagate the state to the time of an IMU sample."""
         time, _, force, turn_rates = imu
         fx, fy, fz = force
         wx, wy, wz = turn_rates
@@ -159,7 +160,8 @@ class Inertial(Estimator[InertialParams]):
         self._attitude = integrate(self._attitude, rates, dt)
 
     def _follow(self, estimate: Estimate, k: float, dt: float) -> None:
-        """Draw the state towards the other estimate, and learn the biases."""
+        """Correct the state and the biases by the followed estimate. k: the bandwidth, rad/s. dt:
+        the seconds since the last correction."""
         ox, oy, oz = estimate.position
         px, py, pz = self._position
         ex, ey, ez = ox - px, oy - py, oz - pz

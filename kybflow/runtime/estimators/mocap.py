@@ -2,19 +2,19 @@
 
 The filter is `kybflow.flight.tracked_pose`.
 
-A pose whose stamp is not newer than the last one's is dropped, and so is an invalid one (a lost
-body: not finite, or no rotation). After a gap longer than `gap` the filter starts again, and there
-is no estimate until `samples` poses have arrived. spread: running standard deviation of the
+A pose is dropped if its stamp is not newer than the last one's, or if it is invalid, as that of a
+lost body (not finite, or no rotation). After a gap longer than `gap` the filter starts again, and
+there is no estimate until `samples` poses have arrived. spread: running standard deviation of the
 innovation along an axis, metres.
 
-A pose that no flight explains is dropped as well (two bodies exchanged, a reflection taken for a
-marker), so that the estimate ages and stops being healthy. If the vehicle can have reached such
-poses, and they agree for 0.3 s, they are right and the state is wrong: the filter starts again from
-them (`kybflow.flight.pose_gate`).
+A pose that the vehicle can't have reached by flight is dropped as well (two bodies were exchanged,
+or a reflection was taken for a marker), so that the estimate ages and is no longer healthy. If the
+vehicle can have reached such poses, and they agree for 0.3 s, the poses are right and the state is
+wrong: the filter starts again from them (`kybflow.flight.pose_gate`).
 
-If the vehicle's IMU arrives at 125 Hz or more, which a tracker may request, it shows how the body
-of motion capture is rotated against the vehicle, which disturbance accelerates it (`_felt_force`),
-and how late poses are stamped (`_stamp_offset`).
+If IMU samples arrive at 125 Hz or more, which a tracker may request, they are used to estimate how
+the body of motion capture is rotated relative to the vehicle, which disturbance accelerates the
+vehicle (`_felt_force`), and how late poses are stamped (`_stamp_offset`).
 """
 
 from __future__ import annotations

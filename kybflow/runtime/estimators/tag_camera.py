@@ -1,25 +1,26 @@
 """State from printed tags that the vehicle's cameras see, frame by frame, predicted to now.
 
-Each frame gives the pose of the body (`kybflow.vision.locating.locator`), searched where the
-last ones predict it, the first where the vehicle starts; the poses give the motion
-(`kybflow.flight.tracked_pose`), whose acceleration changes with the attitude until now. How fast
-the body turns while a rolling shutter reads a frame is solved for with its pose, because the poses
-show it too late. Frames of several cameras with the same stamp give one pose together. A frame that
-is not newer than the last one with a pose is dropped.
+Each frame gives the pose of the body (`kybflow.vision.locating.locator`). Tags are searched for
+where the last poses predict them, at first where the vehicle starts. The poses give the motion
+(`kybflow.flight.tracked_pose`), whose acceleration changes with the attitude until now. The rate at
+which the body turns while a rolling shutter reads a frame is estimated together with the pose,
+because the poses reveal it too late. Frames of several cameras with the same stamp give one pose
+together. A frame that is not newer than the last frame with a pose is dropped.
 
-If a pose is not where the motion predicts it, within
+A pose is accepted if it is where the motion predicts it, within
 
     gate + 4 spread + a t^2 / 2,   a = 5 m/s^2
 
-after t seconds without another, and 45 degrees, the filter starts again from it if three tags or
-more agree on it: the vehicle was carried there. Otherwise it is dropped, until such poses agree for
-0.3 s where the vehicle can be (`kybflow.flight.pose_gate`). After `gap` seconds the filter starts
-again. There is no estimate until `samples` poses have arrived.
+after t seconds without another pose, and 45 degrees. Otherwise, if three tags or more agree on the
+pose, the vehicle was carried there, and the filter starts again from it. With fewer tags the pose
+is dropped, until such poses agree for 0.3 s at a position where the vehicle can be
+(`kybflow.flight.pose_gate`). After `gap` seconds without a pose the filter starts again. There is
+no estimate until `samples` poses have arrived.
 
-age: since the newest frame with a pose was taken. spread, metres: the larger of the running
-standard deviation of the innovation along an axis and that of the last pose, which includes the
-errors of lens, mount, map and stamps (`kybflow.vision.locating.systematic`): averaging over frames
-does not reduce these.
+age: the time since the newest frame with a pose was taken. spread, metres: the larger of the
+running standard deviation of the innovation along an axis and the standard deviation of the last
+pose. The latter includes the errors of lens, mount, map and stamps
+(`kybflow.vision.locating.systematic`), which averaging over frames does not reduce.
 """
 
 from __future__ import annotations

@@ -1,3 +1,2 @@
-"""Faults: what breaks a simulated vehicle on purpose, one a file. Each says its effects and does
-nothing itself (ADR 11); `kybflow.runtime.fleet.injection` brings them about. The catalog finds
-them."""
+"""Faults: deliberate failures of a simulated vehicle, one per file. A fault only declares its
+effects (ADR 11); `kybflow.runtime.fleet.injection` applies them. The catalog finds faults."""

@@ -1,7 +1,7 @@
 """The cameras of the vehicle see as from elsewhere: where tags place it jumps.
 
-What they see is drawn `offset` away from where they are, as if the floor with its tags had been
-pushed the other way.
+Their frames are rendered from a position `offset` away from the true one, as if the floor with its
+tags had been moved the other way.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """An estimator of the vehicle fails, as if it had raised.
 
-It is not used again for the rest of the run, also after the end of the fault, and the vehicle lands
-on the next one.
+The estimator is not used again for the rest of the run, even after the fault ends. The vehicle
+lands on the next estimator.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The IMU's bias jumps: its gyroscopes and accelerometers are off by more from now on.
 
-Added to the biases that the sensor has, along each axis of the body. The on-board controller and an
-estimator that reads the IMU have the same error.
+The step is added to the biases that the sensor already has, along each body axis. The on-board
+controller and every estimator that reads the IMU are affected alike.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Motion capture sees the vehicle badly: its poses have more noise.
 
-Normally distributed, on top of the noise that the simulator gives: on the position along each axis
-of the world, on the attitude about each axis of the body.
+Normally distributed noise is added to that of the simulator: to the position along each world axis,
+and to the attitude about each body axis.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One rotor gives less thrust than commanded.
 
-As with a chipped blade or a tired motor: its thrust and its drag torque are `left` of what they
-would be, also the most that it can give. The controller does not know.
+As with a chipped blade or a worn motor: its thrust, its drag torque and its largest thrust are
+reduced to the fraction `left`. The controller does not know.
 """
 
 from __future__ import annotations

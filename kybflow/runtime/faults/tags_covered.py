@@ -1,6 +1,6 @@
 """Something lies on some of the tags that the vehicle's cameras could see.
 
-Which ones is drawn once for the whole run: more of them are covered where `share` is larger.
+The covered tags are drawn at random once for the whole run; a larger `share` covers more of them.
 """
 
 from __future__ import annotations

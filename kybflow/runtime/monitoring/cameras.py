@@ -195,7 +195,7 @@ class Sightings:
         if self.lost:
             self.lost = False
             findings.append(TagsFound())
-        if not in_air:  # it may be carried about
+        if not in_air:  # a person may carry the vehicle around
             self._tracks.clear()
             return findings
         place = self._placed(time, located)

@@ -1,19 +1,19 @@
 """Keep the setpoint inside the mission's fence, shrunk by a margin; fails closed.
 
-A position outside goes to the nearest point inside, axis by axis, and loses what takes it further
-out: on such an axis an outward velocity, the acceleration and the jerk become zero. A velocity is
-cut, axis by axis, to what still stops before the face that it goes for,
+A position outside is moved to the nearest point inside, axis by axis; on such an axis an outward
+velocity, the acceleration and the jerk become zero. A velocity is limited, axis by axis, to the
+speed that can still stop before the face that it approaches,
 
     |v| <= sqrt(2 a (d - a / (4 k^2))),    a = 1 m/s^2, d the distance of the estimate from it,
 
-linear, k d with k = 2 1/s, over the last a / (2 k^2), and the deceleration that this takes is fed
-forward; beyond the face it leads back with at most 0.3 m/s. Where the margin leaves no room, the
-middle of the box is inside. A setpoint that is inside passes unchanged. Without a fence in the
-mission it passes everything.
+and linearly, to k d with k = 2 1/s, over the last a / (2 k^2). The deceleration that this requires
+is fed forward; beyond the face the velocity leads back with at most 0.3 m/s. If the margin leaves
+no room along an axis, only the middle of the fence counts as inside. A setpoint that is inside
+passes unchanged, and so does every setpoint if the mission has no fence.
 
-The floor is different, because take-off and landing cross it, and the ground may lie anywhere: a
-position below it is allowed as far as 0.5 m under the vehicle, which is more than a landing asks
-for and no more than it can follow. World frame, metres.
+The floor is different, because take-off and landing cross it, and the height of the ground varies:
+a position below it is allowed down to 0.5 m below the vehicle, which is enough for every landing.
+World frame, metres.
 """
 
 from __future__ import annotations

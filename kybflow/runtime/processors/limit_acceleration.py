@@ -1,13 +1,14 @@
 """Keep the acceleration of the setpoint under a limit; follow behind where it asks for more.
 
-A trajectory within the limit passes unchanged, bit for bit. What counts is the acceleration that
-it states and the one that its velocity and position have between two ticks: with |a| <= A,
+A trajectory within the limit passes unchanged, bit for bit. The limit applies to the acceleration
+of the setpoint, and to the one that follows from its velocity and position in two successive ticks:
+with |a| <= A,
 
     |v - u| <= A dt,    |p - q - (u + v) dt / 2| <= A dt^2 / 4
 
-(q, u: the last tick's). One that breaks them is followed by a reference governor
-(`kybflow.flight.governor`) that stays within the limit and catches up without overshoot. The rate
-of change of setpoints of velocity is limited in the same way. World frame.
+(q, u: position and velocity in the last tick). A trajectory that violates these conditions is
+followed by a reference governor (`kybflow.flight.governor`) that stays within the limit and catches
+up without overshoot. The rate of change of velocity setpoints is limited to A as well. World frame.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Keep the speed of the setpoint under a limit; follow behind where it asks for more.
 
 A trajectory within the limit passes unchanged, bit for bit. One that is faster, or that jumps, is
-followed by a reference governor (`kybflow.flight.governor`) that goes at most `speed`, changes its
-velocity by at most `catch_up`, and catches up without overshoot. Setpoints of velocity are
-shortened to the limit, their direction kept. World frame.
+followed by a reference governor (`kybflow.flight.governor`) that moves with at most `speed`,
+accelerates with at most `catch_up`, and catches up without overshoot. Velocity setpoints are
+shortened to the limit and keep their direction. World frame.
 """
 
 from __future__ import annotations

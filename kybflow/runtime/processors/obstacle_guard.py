@@ -1,16 +1,16 @@
 """Stop before the world's obstacles, whatever the behavior wants.
 
-Every vehicle has it unless its mission lists its own processors: `library/defaults.yaml`. The
-setpoint brakes by `braking` so that the rotors stay `keep` away from each obstacle: along its way
-where it heads for one, and past one it slides along. From where it is too close it is led back, at
-up to 0.3 m/s. The rules: `kybflow.flight.avoidance`, `barrier` and `following`. What keeps clear by
-itself passes unchanged, bit for bit. Where obstacles contradict each other it brakes and emits
-`avoidance_blocked`.
+Every vehicle has it unless its mission lists its own processors (`library/defaults.yaml`). The
+setpoint brakes with `braking`, so that the rotors stay `keep` away from each obstacle: if it heads
+for an obstacle it brakes along its path, and if it passes one it slides along it. A setpoint that
+is too close is led back, at up to 0.3 m/s. The rules are in `kybflow.flight.avoidance`, `barrier`
+and `following`. A setpoint that keeps clear by itself passes unchanged, bit for bit. If the demands
+of several obstacles contradict each other, it brakes and emits `avoidance_blocked`.
 
-It does not fly around anything, and ignores other vehicles: `avoid_obstacles` does both. It acts in
-behaviors that stay in the air, not in take-off and landing, which come close to what they leave or
-land on. An obstacle that is meant to be touched says `contact: allowed` in the world. Metres, world
-frame.
+It does not fly around obstacles, and ignores other vehicles: `avoid_obstacles` does both. It acts
+in behaviors that stay in the air, not in take-off and landing, which come close to the surface that
+they leave or land on. An obstacle that may be touched has `contact: allowed` in the world. Metres,
+world frame.
 """
 
 from __future__ import annotations

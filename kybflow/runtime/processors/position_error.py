@@ -1,14 +1,14 @@
 """Raise an alarm when the vehicle is further from its setpoint than a limit.
 
-|p_setpoint - p_estimate| > limit asks the failsafe to brake: the vehicle does not follow, and
-a setpoint that runs away pulls ever harder (TeleKyb's PMPositionError, 0.5 m; there it was silent
-during take-off and landing, here it acts from take-off to touch-down). For a setpoint of velocity
-the distance is what the vehicle has fallen behind lately,
+If |p_setpoint - p_estimate| > limit, the failsafe is requested to brake: the vehicle does not
+follow, and a setpoint that runs away pulls it harder and harder (TeleKyb's PMPositionError, 0.5 m;
+there it was silent during take-off and landing, here it acts from take-off to touch-down). For a
+velocity setpoint the distance is the length of e, by which the vehicle has recently fallen behind,
 
     e' = v_setpoint - v_estimate - e / T,    T = 2 s,
 
-so that 0.25 m/s that are missing all the time make 0.5 m. The setpoint itself passes unchanged; one
-of acceleration is not judged. An alarm that persists is returned in every tick.
+so that a constant velocity error of 0.25 m/s makes 0.5 m. The setpoint itself passes unchanged;
+acceleration setpoints are not checked. An alarm that persists is returned in every tick.
 """
 
 from __future__ import annotations

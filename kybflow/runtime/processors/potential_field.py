@@ -1,10 +1,10 @@
 """Push the setpoint away from obstacles and other vehicles by TeleKyb's cotangent potential.
 
-As PMObsAvoid and VMObsAvoid did, with their defaults: a velocity gets the repulsion added, at most
-`speed`; a position is shifted, by a reference that moves with at most `velocity` and `acceleration`
-and comes back when nothing repels any more. The formula, and the differences:
-`kybflow.flight.avoidance.potential`. It ignores the fence. With nothing in reach setpoints pass bit
-for bit.
+It works like PMObsAvoid and VMObsAvoid, with their defaults: the repulsion, at most `speed`, is
+added to a velocity setpoint; a position setpoint is replaced by a reference that is pushed away
+with at most `velocity` and `acceleration` and returns when nothing repels it any more. The formula
+and the differences are described in `kybflow.flight.avoidance.potential`. It ignores the fence. If
+nothing is in reach, setpoints pass bit for bit.
 
 It guarantees no distance: it ignores speeds and braking, and repulsions from two sides cancel. It
 serves as a comparison; `avoid_obstacles` keeps a distance. It acts in behaviors that stay in the

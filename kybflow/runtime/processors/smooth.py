@@ -1,19 +1,20 @@
 """Take the steps out of setpoints: what jumps becomes a smooth way that ends where it jumped to.
 
-What has no step passes unchanged, bit for bit, with no lag at all. A step against where the last
-setpoint was heading, in position, velocity or acceleration, is kept as an error e = out - in
-that makes the output go on without it, and dies out by the critically damped filter of third order
+A setpoint without a step passes unchanged, bit for bit, without any lag. A step relative to the
+extrapolation of the last setpoint, in position, velocity or acceleration, is stored as an error
+e = out - in, so that the output continues without the step. The error dies out by the critically
+damped filter of third order
 
     e''' + 3 k e'' + 3 k^2 e' + k^3 e = 0,     k = 7.5 / settle
 
-while velocity, acceleration and jerk of the input are passed on. So a step of d is within 2 % after
-`settle`, never overshoots, and is flown with at most 0.27 d k, 0.23 d k^2 and d k^3 of speed,
-acceleration and jerk; behind a trajectory that moves on there is no lag left then. Of setpoints of
-velocity it takes out the steps of velocity and acceleration in the same way. Headings pass.
+while velocity, acceleration and jerk of the input are passed on. So a step of size d has died out
+to 2 % after `settle`, never overshoots, and adds at most 0.27 d k, 0.23 d k^2 and d k^3 of speed,
+acceleration and jerk; afterwards no lag behind a moving trajectory is left. For velocity setpoints,
+steps of velocity and acceleration are smoothed in the same way. Headings pass unchanged.
 (TeleKyb's trajectory smoothing was a chain of four integrators that lagged behind everything.)
 
-It is no safety part and no limit: a large step is flown fast; put `limit_speed` behind it. Steps
-below 1 mm, 1 cm/s and 0.1 m/s^2 pass. World frame.
+It is neither a safety part nor a limit: a large step is flown fast; list `limit_speed` after it.
+Steps below 1 mm, 1 cm/s and 0.1 m/s^2 pass. World frame.
 """
 
 from __future__ import annotations

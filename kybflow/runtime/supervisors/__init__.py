@@ -1,2 +1,2 @@
-"""Supervisors: each raises an alarm while a vehicle flies, one a file. They report and do not act:
-the failsafe decides. The catalog finds them."""
+"""Supervisors: each checks one danger while a vehicle flies, and raises an alarm; one per file.
+They only report: the failsafe decides on the reaction. The catalog finds them."""

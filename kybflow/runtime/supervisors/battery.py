@@ -1,18 +1,18 @@
 """Report a battery that runs low, a warning first, then a landing; and one that reports no more.
 
-Alarm `battery_low` with WARN from `warn_below` downwards, and with `reaction` (a landing by
-default) from `land_below` downwards in the air; on the ground there is only the warning. Each stays
-until the charge is 5 % (of full) above its bound again, so that a battery that sags under load does
-not make it flutter. The vehicle's own report on its battery counts too, with its text: with WARN,
-or in the air with `reaction` where its own failsafe would act, whether that is enabled or not.
-There is no alarm without a report of the battery.
+Alarm `battery_low` with WARN below `warn_below`, and in the air with `reaction` (a landing by
+default) below `land_below`; on the ground there is only the warning. Each stays until the charge is
+5 % (of full) above its bound again, so that it does not flutter with a battery that sags under
+load. The vehicle's own battery warning raises the alarm too, with its text: with WARN, or in the
+air with `reaction` if the vehicle's own failsafe would act, whether that is enabled or not. There
+is no alarm without a battery report.
 
 Alarm `battery_lost` with WARN while the newest report is older than `age`: the charge is unknown,
-and the bounds above apply to the last report. `battery_low` comes before it. Its value is the age
+and the bounds above apply to the last report. `battery_low` takes precedence. The value is the age
 in seconds.
 
-An alarm that persists is returned in every tick; the engine makes one event of it, and the landing
-is an event of its own. The value of `battery_low` is the charge left, 0 to 1.
+An alarm that persists is returned in every tick; the engine makes one event of it, and a separate
+event of the landing. The value of `battery_low` is the charge left, 0 to 1.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _RECOVERED, _WARNS = 0.05, 0.3
 _FULL, _EMPTY = 0.95, 0.04
-"""Charge that a battery has after a minute, and at which its voltage collapses."""
+"""Charge (0 to 1) that a battery has after a minute of flight, and at which its voltage
+collapses."""
 
 
 @params

@@ -1,9 +1,9 @@
 """Report an airborne vehicle that no longer knows where it is.
 
 Alarm `estimate_lost` in the air when no estimator has an estimate, when the newest measurement in
-it is older than `age`, or when its standard deviation is above `spread`. Its value is the age in
-seconds (where there is no estimate: since the last one's newest measurement, or since the check
-began, none allowed) or the spread in metres.
+it is older than `age`, or when its standard deviation is above `spread`. The alarm's value is the
+age in seconds or the spread in metres. Without an estimate it is the time since the last estimate's
+newest measurement, or since the first check, with a bound of zero.
 
 The default reaction is `land_blind`, the only one that needs no position. An alarm that persists is
 returned in every tick; the engine makes one event of it.
@@ -19,9 +19,9 @@ from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _BLIND = 5.0
-"""Seconds after which dead reckoning is off by metres."""
+"""Seconds after which the error of dead reckoning is several metres."""
 _SHARP = 1e-4
-"""Metres: less than the best motion capture leaves."""
+"""A spread (m) smaller than that of the best motion capture."""
 
 
 @params

@@ -1,16 +1,16 @@
 """Report a vehicle that has left the mission's fence.
 
-Alarm `fence_breached` while the estimate is more than `margin` beyond a face of the fence; once
-raised it stays until the vehicle is back inside by 5 cm, so that it does not flutter. The floor is
-the lower of the fence's and of the ground at the start: take-off and landing cross the former. It
-is not judged while the vehicle is made to come down, by a setpoint below the floor, one that sinks
-without a position, or somebody else: where it touches down the ground may be lower, and a landing
-is what the alarm would ask for. On the ground, without an estimate and without a fence in the
-mission there is nothing to report.
+Alarm `fence_breached` while the estimate is more than `margin` beyond a face of the fence. Once
+raised, the alarm stays until the vehicle is back inside by 5 cm, so that it does not flutter. The
+floor is the fence's floor or the ground at the start, whichever is lower, because take-off and
+landing cross the fence's. The floor is not checked while the vehicle is commanded to descend, by a
+setpoint below the floor or a sinking one without a position, or while somebody else controls it:
+the ground may be lower where it touches down, and the alarm would only request a landing. Nothing
+is reported on the ground, without an estimate, or without a fence in the mission.
 
 The default reaction is to land: the processor of the same name keeps the setpoint inside, so a
-vehicle that is outside does not follow, and holding a position would trust it to. An alarm that
-persists is returned in every tick; the engine makes one event of it. World frame, metres.
+vehicle that is outside does not follow its setpoint, and would not hold a position either. An alarm
+that persists is returned in every tick; the engine makes one event of it. World frame, metres.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
 
 
 def _comes_down(setpoint: Setpoint | None, floor: float) -> bool:
-    """Whether a vehicle below the floor is made to come down."""
+    """Return whether a vehicle below the floor is commanded to descend, or not commanded at all."""
     if setpoint is None:
         return True
     if setpoint.position is None:

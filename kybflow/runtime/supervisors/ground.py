@@ -3,12 +3,12 @@
 Alarm `ground_touched` when all of this has been true for half a second: the vehicle has flown (more
 than 15 cm above where it last stood); it is within 5 cm of that height, or below it; it climbs or
 sinks by less than 5 cm/s; and it doesn't follow its setpoint, which is more than `gap` above or
-below it and does not sink, or which has no position and climbs by more than 10 cm/s. The setpoint
-of a landing sinks. The supervisor knows the estimate and the ground where the vehicle stood, not a
-table on which it came down. World frame, metres.
+below it and does not sink, or which has no position and climbs by more than 10 cm/s. (The setpoint
+of a landing sinks.) Only the ground where the vehicle stood is known: a vehicle that came down on a
+table, for example, is not detected. World frame, metres.
 
-The default reaction is `land`, which stops the rotors soon: what brought it down may bring it down
-again. The mission has then failed, however softly the vehicle lies there.
+The default reaction is `land`, which soon stops the rotors: the cause may bring the vehicle down
+again. The mission has then failed, however softly the vehicle came down.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ class Ground(Supervisor[GroundParams]):
         return self._alarm() if tick.now - self._since >= _LASTS else None
 
     def _leaves(self, setpoint: Setpoint | None, height: float) -> bool:
-        """Whether the setpoint is elsewhere, and does not land."""
+        """Return whether a vehicle that has flown should be elsewhere: its setpoint is too far
+        above or below, or climbs, and is not that of a landing."""
         if setpoint is None or not self._has_flown:
             return False
         climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]

@@ -1,14 +1,15 @@
 """Report a position that jumps from one measurement to the next.
 
-Checked 50 times a second: when a newer measurement is in the estimate (its `time` less its `age`
-moves on), the position is compared with where the last one would have gone, r = |p - (p' + v' dt)|.
-Alarm `jumped` in the air when r is more than `factor` times its running average over some 20
-checks, more than `at_least`, and more than a dt^2 / 2, what a change of motion explains (a = 5
-m/s^2, as in `kybflow.flight.pose_gate`): the flying courier's check of position differences, made
-blind to the vehicle's own motion, so that a gap in the measurements is no jump. The alarm lasts 1
-s. A change of the estimator begins anew. World frame, metres.
+It is checked 50 times a second: when the estimate contains a newer measurement (its `time` minus
+its `age` has increased), its position is compared with the extrapolation of the last estimate,
+r = |p - (p' + v' dt)|. Alarm `jumped` in the air when r is more than `factor` times its running
+average over about 20 checks, more than `at_least`, and more than a dt^2 / 2, which a change of
+motion can explain (a = 5 m/s^2, as in `kybflow.flight.pose_gate`). This is the flying courier's
+check of position differences, made independent of the vehicle's own motion, so that a gap in the
+measurements is no jump. The alarm lasts 1 s. After a change of the estimator the check starts anew.
+World frame, metres.
 
-The default reaction is `land_blind`: which of the two positions is wrong can't be known.
+The default reaction is `land_blind`, because it is unknown which of the two positions is wrong.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _SHARE = 0.05
 _NOISE, _MANY = 0.002, 100.0
-"""Metres, and times the average step."""
+"""The noise of motion capture (m), and a multiple of the average step that hardly any jump
+reaches."""
 _LASTS = NS
 _SAME = NS // 1000
 

@@ -1,18 +1,18 @@
 """Report a link that has fallen silent, or slow.
 
 Alarm `link_lost` in the air while nothing at all has arrived for longer than `age`, no measurement
-and no report. Commands don't reach such a vehicle either: its own watchdog acts then. The value is
+and no report. Commands don't reach such a vehicle either; its own watchdog acts then. The value is
 the silence in seconds.
 
-Alarm `link_slow` in the air while the newest two round trips to the vehicle both took longer than
-`delay`. A loop that is closed over the link turns unstable when it is late by its phase margin over
-its crossover frequency: with the default gains by 1.24 rad / 3.5 rad/s = 0.35 s for accelerations
-(`on_board`), by 1.41 rad / 7.5 rad/s = 0.19 s for attitudes (`cascade`), of which the vehicle's own
-lag takes a part. The value is the shorter round trip in seconds. Drivers that measure none never
-raise it; `mavlink` and `ardrone` ask five times a second.
+Alarm `link_slow` in the air while the two newest round trips to the vehicle both took longer than
+`delay`. A loop that is closed over the link becomes unstable when its delay reaches its phase
+margin divided by its crossover frequency: with the default gains 1.24 rad / 3.5 rad/s = 0.35 s for
+accelerations (`on_board`) and 1.41 rad / 7.5 rad/s = 0.19 s for attitudes (`cascade`), including
+the vehicle's own lag. The value is the shorter round trip in seconds. With drivers that measure no
+round trips it is never raised; `mavlink` and `ardrone` measure five a second.
 
-The default reaction is `land`, or `land_blind` where by then there is no estimate. An autopilot
-lands by its own land mode, whose loops the link is no part of.
+The default reaction is `land`, or `land_blind` if there is no estimate by then. An autopilot lands
+by its own land mode, whose loops don't include the link.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _HASTY, _SILENT = 0.05, 10.0
-"""Seconds of silence that a radio has now and then, and after which it is gone for good."""
+"""Seconds of silence that occasionally occur on a radio, and after which it is lost for good."""
 _LATE = 2.0
-"""Seconds: several times those after which the slowest loop oscillates."""
+"""A round trip (s) several times as long as the one at which the slowest loop oscillates."""
 
 
 @params

@@ -1,16 +1,16 @@
 """Report another vehicle that is too close.
 
-Alarm `too_close` in the air while the distance of the estimates of two vehicles' centres is less
-than half of both diameters and `margin`, or than `distance` where that is more, and the way in
-which they come to rest, c (0.15 s + 15/16 c / (2 m/s^2)), c being the speed at which they close in;
-once raised it stays until they are 5 cm further apart. A vehicle without an estimate is not seen.
-As nothing closes in faster than 20 m/s, it checks a vehicle again when the gap could be gone,
-after 0.1 s at the latest; at one that is more than 5 m away, when it could be nearer. World frame,
-metres.
+Alarm `too_close` in the air while the distance of two vehicles' centres, by their estimates, is
+less than a bound. The bound is half of both diameters plus `margin`, or `distance` if that is more,
+plus the distance in which the two come to rest, c (0.15 s + 15/16 c / (2 m/s^2)), where c is the
+speed at which they approach each other. Once raised, the alarm stays until they are 5 cm further
+apart. A vehicle without an estimate is ignored. As no vehicles approach each other faster than 20
+m/s, a vehicle is checked again when the gap could be gone, after 0.1 s at the latest; one that is
+more than 5 m away, when it could be nearer. World frame, metres.
 
-The default reaction is `brake`: both vehicles see each other, both hold, and each goes on when the
-other is gone; where neither is, they land after the mission's `hover_limit`, each where no other is
-below it.
+The default reaction is `brake`: both vehicles raise the alarm and hold, and each continues when the
+other is gone. If neither leaves, they land after the mission's `hover_limit`, each where no other
+is below it.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from kybflow.world.vehicle_context import VehicleContext
 _APART = 0.05
 _CLOSING = 20.0
 _FAR = 5.0
-"""Metres from which any two vehicles can stop."""
+"""Gap (m) at which any two vehicles can still stop."""
 _LATEST = 0.1
 _ANSWER, _DECELERATION = 0.15, 2.0
-"""Seconds until a brake takes effect; with which a hold comes to rest, m/s^2."""
+"""Seconds until a brake takes effect, and the deceleration with which a hold comes to rest,
+m/s^2."""
 
 
 @params
@@ -111,14 +112,14 @@ class Proximity(Supervisor[ProximityParams]):
 
 
 def _bound(touching: float, params: ProximityParams) -> float:
-    """Return the distance (m) that two centres keep at least. touching: at which the airframes
-    touch."""
+    """Return the least allowed distance (m) of two vehicles' centres. touching: the distance at
+    which their airframes touch."""
     return max(touching + params.margin, params.distance)
 
 
 def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
-    """Return the distance (m) in which two vehicles that close in come to rest, as `safety.hold`
-    brakes. apart: metres between them."""
+    """Return the distance (m) in which two vehicles that approach each other come to rest if they
+    brake as in `safety.hold`; zero if they don't. apart: their distance (m)."""
     px, py, pz = own.position
     qx, qy, qz = other.position
     ux, uy, uz = own.velocity

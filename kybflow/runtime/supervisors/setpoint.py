@@ -1,14 +1,14 @@
 """Report a setpoint that no vehicle can follow.
 
-What the tracker followed in the last tick is judged 50 times a second, in the air: alarm
-`setpoint_jumped` when it is more than `step` from where the one that was checked before would
-have gone in the time dt between them, |p - (p' + v' dt)| > step, and as far from the vehicle (one
-that jumps to the vehicle does no harm: a hold begins so); alarm `setpoint_left` while it is more
-than `distance` from the estimate. A setpoint without a position is not judged; one that is not
-finite fails its behavior before any supervisor sees it. A jump's alarm lasts 0.1 s. World frame,
-metres.
+The setpoint that the tracker followed in the last tick is checked 50 times a second, in the air.
+Alarm `setpoint_jumped` when it is more than `step` from where the previously checked one would have
+moved in the time dt between them, |p - (p' + v' dt)| > step, and also more than `step` from the
+vehicle; a setpoint that jumps to the vehicle does no harm, as at the beginning of a hold. This
+alarm lasts 0.1 s. Alarm `setpoint_left` while the setpoint is more than `distance` from the
+estimate. A setpoint without a position is not checked; one that is not finite fails its behavior
+before any supervisor receives it. World frame, metres.
 
-The default reaction is `brake`: the vehicle holds where it is, and goes on from there.
+The default reaction is `brake`: the vehicle holds its position and continues from there.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _LASTS = NS // 10
 _TRACKED = 0.02
-"""Metres from its setpoint within which a vehicle is kept in still air, most of the time."""
+"""Distance (m) from its setpoint within which a vehicle mostly stays in still air."""
 
 
 @params

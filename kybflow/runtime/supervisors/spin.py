@@ -1,12 +1,12 @@
 """Report a vehicle that turns about its vertical faster than it is asked to.
 
-Alarm `spinning` in the air while the turn rate about body z, less the setpoint's, averaged over the
-last quarter of a second, is more than `limit`; once raised it stays for as long as the vehicle
-flies. Rotors that keep a vehicle up and level need not be able to hold its heading: with a weak one
-it spins ever faster, until nothing can hold its attitude either. Without an estimate there is
-nothing to judge. Radians per second.
+Alarm `spinning` in the air while the turn rate about body z minus the setpoint's heading rate,
+averaged over the last quarter of a second, is more than `limit`; once raised it stays for as long
+as the vehicle flies. Rotors that can keep a vehicle up and level may not be able to hold its
+heading: with a weak rotor it spins faster and faster, until its attitude can't be held either.
+Nothing is reported without an estimate. Radians per second.
 
-The default reaction is `land`: what makes it spin does not go away in the air.
+The default reaction is `land`: the cause of the spin does not go away in the air.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _LATELY = 0.25
 _MEASURED, _TURNS = 2000.0 * DEG, 10.0 * DEG
-"""rad/s: the range of usual gyroscopes, and what gusts and take-offs turn a vehicle by."""
+"""Range of usual gyroscopes, and rate at which gusts and take-offs turn a vehicle, rad/s."""
 
 
 @params

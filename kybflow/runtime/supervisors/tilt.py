@@ -20,7 +20,7 @@ from kybflow.world.vehicle_context import VehicleContext
 
 _BACK = 0.087
 _HOVERS = 0.05
-"""Tilt of a vehicle that only hovers, in a draught, rad."""
+"""Tilt (rad) of a vehicle that only hovers in a draught."""
 
 
 @params

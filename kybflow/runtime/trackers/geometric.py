@@ -6,19 +6,20 @@ e' = v - v_des, world frame, the wanted specific force is
 
     f = a_des + g e3 - P e - D e' - I integral(e) + c (v_des - (v_des . z) z)
 
-the last two as in `cascade`: the integral is horizontal, and c gives back the rotors' drag, which
-acts in the rotor plane (z: the body's z axis). Thrust is the mass times f along the estimated body
-z; the attitude has its z axis along f. Body rates are the ones at which that attitude turns, from
+where the last two terms are as in `cascade`: the integral is horizontal, and c compensates the
+rotors' drag, which acts in the rotor plane (z: the body's z axis). Thrust is the mass times f along
+the estimated body z; the commanded attitude has its z axis along f. The commanded body rates are
+the rates at which that attitude turns, from
 
     f' = j_des - P e' - D e'' + c a_des,       e'' = a - a_des
 
-where a is the acceleration that the last thrust gives along the estimated body z, less drag and g:
-the jerk and the feedback turn the vehicle, where `cascade` has the jerk alone. About body z it
-turns as the heading asks. A VELOCITY setpoint has no P and I term.
+where a is the acceleration due to the last thrust along the estimated body z, minus drag and g. So
+both the jerk and the feedback turn the vehicle; in `cascade` only the jerk does. About body z it
+turns with the heading rate. A VELOCITY setpoint has no P and I terms.
 
 P, D and I follow from the on-board loop and its delays (`kybflow.flight.loops.design`) if they are
-not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow one. For late or
-uncertain estimates, from a camera at 15 Hz or GPS, they are lower too.
+not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow one. They are
+also lower for late or uncertain estimates, such as from a camera at 15 Hz or GPS.
 
 Errors on the figure eight in still air, without an observer (width 1.46 m, two laps after 3 s of
 hovering; mean and largest over ten seeds, position in cm, velocity in cm/s):

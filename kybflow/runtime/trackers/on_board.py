@@ -1,32 +1,34 @@
 """The vehicle's own controllers follow the setpoint: an autopilot flies, as it was tuned.
 
-`by` says what it is handed, world frame. `position`: each setpoint as it is, with its velocity and
-acceleration to feed forward. `velocity`: a setpoint of position becomes one of velocity,
+`by` selects the kind of setpoint that the on-board controller receives, in the world frame.
+`position`: each setpoint unchanged, with its velocity and acceleration to feed forward. `velocity`:
+a position setpoint becomes a velocity setpoint,
 
     v = v_des + P (p_des - p), the second part at most `correction` long,
 
-so that the position is kept on this program's estimate and an autopilot stops when the stream does.
-`acceleration`: setpoints of position and of velocity become one of acceleration, by the law of
-`cascade` with gains for a vehicle that is further away,
+so that the position is held by this program's estimate, and an autopilot stops when no more
+setpoints arrive. `acceleration`: position and velocity setpoints become acceleration setpoints, by
+the law of `cascade` with gains for a vehicle that responds later,
 
     a = a_des + D (v_des - v) + K (p_des - p) + I integral(p_des - p) + drag v_des,
 
-where D is `damping`, K `stiffness`, drag horizontal; a VELOCITY setpoint has no K term, and leaves
-the integral as it is. The integral has all three axes, and is 1.5 times as quick along z, because
-no mass is learnt here; it stands still on the ground, at a limit and in steps longer than 40 ms. An
-autopilot that integrates accelerations to a height and holds that (`keeps_height`) needs no
-integral, and answers too late for a quick loop: along z, D is halved and K is a quarter then. The
-on-board attitude lags the command and has the error of its own filter. So in the air, `tilt` times
-the horizontal acceleration that the estimated attitude lacks is added:
+where D is `damping`, K `stiffness`, and drag acts horizontally; a VELOCITY setpoint has no K term,
+and leaves the integral as it is. The integral acts along all three axes, 1.5 times as fast along z,
+because the mass is not estimated here; it stands still on the ground, at a limit and in steps
+longer than 40 ms. An autopilot that integrates accelerations to a height and holds that height
+(`keeps_height`) needs no integral along z, and responds too late for a fast loop: D is then halved
+and K divided by four along z. The on-board attitude lags the command and has the error of its own
+filter. In the air, `tilt` times the horizontal acceleration that the estimated attitude lacks is
+therefore added:
 
     sent = a + T (a - (g + a_z) (z_x, z_y) / z_z),   z the estimated body z axis
 
-which makes the attitude loop (1 + T) times as quick and its error as much smaller. A vehicle with a
-quick loop shakes with T = 1. The result stays within the airframe's tilt and thrust; where they
-don't cut it, the jerk is passed on for drivers that send ahead.
+which makes the attitude loop (1 + T) times as fast and its error as many times smaller. A vehicle
+with a fast loop shakes with T = 1. The result is limited to the airframe's tilt and thrust; if
+these don't reduce it, the jerk is passed on for drivers that predict the setpoint.
 
-What the on-board controller can follow itself is passed on untouched: setpoints of velocity with
-`velocity`, those of acceleration always. Heading and heading rate go with each.
+Setpoints that the on-board controller can follow itself are passed on unchanged: velocity setpoints
+with `velocity`, acceleration setpoints always. Heading and heading rate are sent with each.
 """
 
 from __future__ import annotations

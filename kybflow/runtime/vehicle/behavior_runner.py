@@ -283,7 +283,7 @@ class BehaviorRunner:
             if reason:
                 assert self._touch_down is not None
                 if self._touch_down.refused_for(now) < UNCLEAR:
-                    return False  # in the air it would fall now, which `ArmingWatch` detects
+                    return False  # if it is in the air it falls, which `ArmingWatch` detects
                 self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None
             self._end(estimate)

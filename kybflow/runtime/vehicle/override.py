@@ -96,7 +96,7 @@ class ManualOverride:
             self._control.rest()
             self._emit(ControlTaken(reason=override.reason))
             runner.freeze("pilot")
-            if runner.hold is not None:  # while a pilot flies it, the failsafe doesn't brake it
+            if runner.hold is not None:  # the failsafe doesn't brake a vehicle that a pilot flies
                 self._failsafe.clear_brake()
                 runner.hold.leave("brake", tick.now)
         if override.refused and override.refused != self._refused:

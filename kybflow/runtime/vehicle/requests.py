@@ -324,7 +324,7 @@ class Requests:
             except PartFailed as failure:
                 if not request.values:
                     raise
-                reason = str(failure)  # the mission never had these values: it is no failure of it
+                reason = str(failure)  # the values are not the mission's: it has not failed
         if reason is not None:
             return self._refuse(request, reason)
         self._failsafe.give_way(_SAFER.get(request.state))

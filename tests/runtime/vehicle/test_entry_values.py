@@ -100,7 +100,7 @@ def refusal(written: str, state: str = "goto", at=HIGH) -> str:
         ("position=here", "`position` must be three numbers in a list, `[x, y, z]`"),
         ("position=[1, 0", "`position`: "),
         ("position=world.points.x", "`position`: the world has no point `x`"),
-        ("sped=1 m/s", "`sped` is no parameter of `fly_to`; did you mean `speed`?"),
+        ("sped=1 m/s", "`sped` is not a parameter of `fly_to`; did you mean `speed`?"),
     ],
 )
 def test_what_the_compiler_would_refuse_is_refused_in_its_words(values: str, reason: str) -> None:

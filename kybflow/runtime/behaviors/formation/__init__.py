@@ -1,23 +1,25 @@
-"""Fly in formation: each member keeps its distances to the others by what they publish.
+"""Fly in formation: each member keeps its distances to the others by the messages they publish.
 
-The members of a group that run it meet first: each comes to rest and publishes where. When all are
-there, each works out from the same news how the shape is laid and who takes which place
-(`kybflow.flight.formation.places`), and all glide into their places in the same time. From there
-each moves its own copy of the formation's frame, by a hand, along a path or behind a leader, and
-lets it drift to those that its neighbours publish (`kybflow.flight.formation.frame`). No member
-commands the others. A member that enters while others are in formation takes a free place by a way
-round those in its way (`kybflow.flight.formation.ways`), and goes on along the path from the corner
-that they fly to; one that goes over to a behavior with the same formation keeps its place.
+The members of the group that run this behavior meet first: each comes to rest and publishes its
+position. When all are there, each computes from the same messages how the shape is laid out and who
+takes which place (`kybflow.flight.formation.places`), and all glide to their places in the same
+time. From then on each member moves its own copy of the formation's frame, by hand, along a path or
+behind a leader, and lets it drift towards the copies that its neighbours publish
+(`kybflow.flight.formation.frame`). No member commands the others. A member that enters while others
+are in formation takes a free place by a path around the others (`kybflow.flight.formation.ways`),
+and joins them on the way to their next corner. A member that changes to another state with the same
+formation keeps its place.
 
 The formation slows down for a member that lags behind its point, and stops for one that is `doubt`
 away, has no estimate, or is silent for longer than `freshness`; `neighbour_lost` names the member
-and the reason. A member that is ahead of the others, because they don't receive it, slows down too.
-The formation doesn't wait for a member that has left, and keeps clear of it as of any other
-vehicle.
+and the reason. A member that is ahead of the others, because they don't receive its messages, slows
+down too. The formation doesn't wait for a member that has left, and keeps clear of it as of any
+other vehicle.
 
-The frame stops where any place would come closer than `margin` to the fence, `lowest` to the
-ground, or `clearance`, from hubs, to obstacles and other vehicles. It fails when not all have come
-after `patience`, and when the input or the leader stays lost for so long. World frame, metres.
+The frame stops before any place comes closer than `margin` to the fence, `lowest` to the ground, or
+`clearance`, measured from the hubs, to obstacles and other vehicles. The behavior fails if not all
+members have come after `patience`, and if the input or the leader is lost for longer than that.
+World frame, metres.
 """
 
 from __future__ import annotations
@@ -83,14 +85,15 @@ from kybflow.runtime.behaviors.formation.room import (
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
 _UNHURRIED = 0.25
-"""The share of `doubt` that a member may lag without slowing the others down."""
+"""The fraction of `doubt` by which a member may lag without slowing the others down."""
 _IN_PLACE = 0.01
-"""Metres from its place, one tick ahead, at which a point is there."""
+"""Distance (m) from its place, one tick ahead, at which a point counts as being there."""
 _RETRACTED = 2.0
-"""Tolerances by which a settled formation may be off."""
+"""Multiple of `tolerance` by which a settled member may be off before it is unsettled."""
 _ROOM = "room: a place is at the fence, the ground or something in its way"
 _STANDS, _PATIENT = 0.01, NS
-"""The speed (m/s) up to which a frame that is to move stands, and how long until it says so."""
+"""The speed (m/s) up to which a frame that should move counts as standing, and the time after which
+that is reported."""
 
 
 @params
@@ -163,8 +166,8 @@ class FormationParams(FormationRoomParams):
 
 
 class _Placed(NamedTuple):
-    """A member in its place. began: when it set out for it. turn: the angle to its frame's heading
-    that it then had."""
+    """A member that has a place. began: when it set out for the place. turn: the angle (rad) from
+    the frame's heading to its own at that time."""
 
     place: int
     began: Time
@@ -173,7 +176,8 @@ class _Placed(NamedTuple):
 
 
 class FormationSettled(BehaviorEvent):
-    """All have settled since one came or was lost; `error` is how far off the distances are."""
+    """All members have settled, for the first time since one came or was lost. error: the mean
+    error of this member's distances to its neighbours."""
 
     error: Length
 
@@ -212,7 +216,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._wait(entry.motion, entry.heading, entry.now)
 
     def _wait(self, motion: Motion, heading: float, now: Time) -> None:
-        """Come to rest, and wait for the others there."""
+        """Come to rest, without a place, and wait there for the others."""
         self._rest, self._heading = Rest.after(motion, heading, now), heading
         self._placed: _Placed | None = None
         self._settled = self._is_complete = self._has_emitted = False
@@ -255,7 +259,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         places.prepare()
 
     def _go_on(self, team: Team, tick: Tick) -> None:
-        """Keep the place that the vehicle had in this formation until a moment ago."""
+        """Keep the place that the vehicle had in this formation just before, in another state."""
         before = self._members.own_news(tick)
         if before is None or before.said.place == WAITING:
             return
@@ -265,16 +269,16 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         length = length if length > _IN_PLACE else 0.0
         self._set_out(Assigned(frame, said.turned, said.place, length, (place,)), tick)
         self._settled = said.settled
-        if said.path != self._drive.path:  # who enters the same path anew begins it anew
+        if said.path != self._drive.path:  # a member that enters the same path again restarts it
             self._catch_up(team)
 
     def _catch_up(self, team: Team) -> None:
-        """Continue along a path where the others are."""
+        """Continue along the path where the other members are."""
         formed = [m.said for m in self._members.but_own(team) if not m.trouble]
         self._drive.join((said.path, said.corner) for said in formed if said.place != WAITING)
 
     def _set_out(self, found: Assigned, tick: Tick) -> None:
-        """Begin the way to a place."""
+        """Begin to fly to the assigned place."""
         self._frame, self._turned = found.frame, found.turned
         start = found.frame.place(self._rest.at(tick.now))
         limits = (self._most_speed, self.params.acceleration)
@@ -287,7 +291,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return min(self.params.speed, SPEED_SHARE * self._context.airframe.speed)
 
     def _taken_places(self, own: int, taken: frozenset[int]) -> TakenPlaces:
-        """The places that are taken, worked out anew when others are."""
+        """Return the taken places as seen from the place `own`. They are recomputed only if they
+        have changed."""
         which = (self._turned, own, taken)
         if self._taken_for != which:
             shape = [places.turned_by(self._turned, place) for place in self._shape]
@@ -295,7 +300,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return self._taken
 
     def _waiting(self, team: Team, tick: Tick) -> Setpoint | Failed:
-        """Rest, and publish that."""
+        """Return the setpoint of a member that waits for its place, and publish that it waits.
+        Fails after `patience`."""
         rest, elapsed = self._rest, (tick.now - self._rest.began) / NS
         self._say(tick, WAITING, rest.coast.end, MovingFrame(ZERO, heading=self._heading))
         setpoint = rest.at(tick.now).setpoint(self._heading)
@@ -315,7 +321,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return setpoint
 
     def _flying(self, own: _Placed, team: Team, tick: Tick) -> Setpoint | Done | Failed:
-        """Keep the place while the frame moves."""
+        """Move the frame, and return the setpoint of the member's place in it."""
         p, drive, motion = self.params, self._drive, own.way.at((tick.now - own.began) / NS)
         if self._members.goes_first(own.place, team):
             self._wait(self._frame.motion(motion), self._heading, tick.now)
@@ -339,7 +345,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return Done(setpoint) if drive.ended and self._is_complete else setpoint
 
     def _move(self, taken: TakenPlaces, team: Team, limits: FrameLimits, tick: Tick) -> None:
-        """Move the frame by a tick: as slowly as the one that lags most needs it."""
+        """Move the frame by a tick, slowly enough for the member that lags most."""
         p, frame, share = self.params, self._frame, self._share(team, tick)
         asked = Asked()
         if p.path is None or self._is_complete:
@@ -354,7 +360,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._moved = tick.now
 
     def _share(self, team: Team, tick: Tick) -> float:
-        """Return the share of the speed at which no member is left behind."""
+        """Return the fraction (0 to 1) of the requested speed at which no member is left behind."""
         p, lag = self.params, team.lag
         if self._members.is_stopping(team):
             return 0.0
@@ -368,15 +374,15 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return max(0.0, min(1.0, (p.doubt - lag) / (p.doubt - slow)))
 
     def _turn_with(self, own: _Placed, tick: Tick) -> None:
-        """Turn as the frame does, and by what was between them at first."""
+        """Turn with the frame, and close the initial difference between the two headings."""
         span = max(own.way.duration, STEEPEST * abs(own.turn) / self.params.turn_rate)
         done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
         left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
         self._heading = wrap(self._frame.heading + left)
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
-        """Find whether it is settled, and emit when all are for the first time since one of them
-        came or was lost."""
+        """Determine whether the member has settled. Emit `formation_settled` when all have, for the
+        first time since one came or was lost."""
         p, seen = self.params, team.positions
         others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
         error = distance_error(tick.known().position, others)
@@ -389,7 +395,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             self._unemitted.append(FormationSettled(error=round(error, 4)))
 
     def _let_feel(self, team: Team, limits: FrameLimits, tick: Tick) -> None:
-        """Set the force for the hand: how the motion of the swarm differs from the requested
+        """Set the force for the hand: the difference between the swarm's motion and the requested
         one."""
         if isinstance(self._drive, ByHand):
             formed = [m for m in self._members.but_own(team) if m.name in team.placed]
@@ -480,7 +486,8 @@ def _drive(params: FormationParams, entry: Entry) -> Drive:
 
 
 def _motion_of(tick: Tick) -> Motion:
-    """Where the vehicle is to go on from."""
+    """Return the motion from which the vehicle continues: that of its setpoint, or else of its
+    estimate."""
     followed = tick.setpoint
     if followed is not None and followed.position is not None:
         return Motion(followed.position, followed.velocity or ZERO)

@@ -1,4 +1,5 @@
-"""What moves a formation's frame: a hand, a path, a leader, or nothing."""
+"""The drives that move a formation's frame: by hand, along a path, behind a leader, or not at
+all."""
 
 from __future__ import annotations
 
@@ -15,13 +16,18 @@ from kybflow.runtime.behaviors._hand import Hand
 from kybflow.runtime.behaviors._leader import Leader, Leading
 
 _CORNER = 0.03
-"""Metres from a corner of its path at which a frame goes on to the next."""
+"""Distance (m) from a corner of its path at which a frame continues to the next."""
 
 
 class Drive(Protocol):
-    """waits_for: what it waits for, in words. trouble: why no motion has been requested for `lost`
-    seconds. ended: whether the frame is where it was to come to. path, corner: a number of the path
-    along which it moves, 0 for none, and the corner that it makes for."""
+    """Determines the motion of a formation's frame.
+
+    waits_for: what the formation waits for, as a text, empty for nothing.
+    trouble: why no motion has been requested for `lost` seconds.
+    ended: whether the frame has reached its final position and heading.
+    path: a number that identifies the path along which the frame moves, 0 without one.
+    corner: the index of the corner of the path to which it moves.
+    """
 
     waits_for: str
     trouble: str
@@ -31,15 +37,16 @@ class Drive(Protocol):
     corner: int
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
-        """Return the requested motion of the frame. Called once a tick."""
+        """Return the requested motion of the frame. Must be called once a tick."""
 
     def join(self, others: Iterable[tuple[int, int]]) -> None:
-        """Go on where the others are, each of which moves along a `path` to a `corner`."""
+        """Continue along the path where the other members are. others: the `path` and `corner` of
+        each of them."""
         return
 
 
 class Still(Drive):
-    """Stays."""
+    """Keeps the frame where it is."""
 
     waits_for, trouble, lost, ended, path, corner = "", "", 0.0, False, 0, 0
 
@@ -48,7 +55,7 @@ class Still(Drive):
 
 
 class ByHand(Drive):
-    """Moves by the axes of an input. axes: the last values."""
+    """Moves the frame by the axes of an input. axes: their last values."""
 
     ended, path, corner = False, 0, 0
 
@@ -69,8 +76,8 @@ class ByHand(Drive):
         return Asked((level[0], level[1], z * limits.climb), turn * limits.turn_rate)
 
     def felt(self, velocity: Vec3, frame: MovingFrame, limits: FrameLimits) -> Vec3:
-        """Return the force for the hand: how the swarm's velocity differs from the one that is
-        asked, as a share of the largest, along the axes."""
+        """Return the force for the hand along the axes: the difference between the swarm's velocity
+        and the requested one, as a fraction of the largest velocity."""
         turned = 0.0 if self._in_world else frame.heading
         c, s, (vx, vy, vz), (x, y, z, _) = cos(turned), sin(turned), velocity, self.axes
         return (
@@ -91,7 +98,8 @@ class AlongPath(Drive):
         self.ended = False
 
     def join(self, others: Iterable[tuple[int, int]]) -> None:
-        """Make for the corner that others make for who move along it: their paths and corners."""
+        """Continue to the farthest corner to which others move along the same path. others: the
+        `path` and `corner` of each of them."""
         own = self.corner
         self.corner = max((corner for path, corner in others if path == self.path), default=own)
 
@@ -111,8 +119,8 @@ class AlongPath(Drive):
 
 
 class BehindLeader(Drive):
-    """Moves the centre as another vehicle moves, at an offset in its frame, and turns as it
-    does."""
+    """Moves the centre with another vehicle, the leader, at an offset in the leader's frame, and
+    turns the frame with it."""
 
     waits_for, ended, path, corner = "", False, 0, 0
 
@@ -122,8 +130,8 @@ class BehindLeader(Drive):
         self.leading: Leading | None = None
 
     def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
-        """Return the frame of the leader, None while that is unknown. Called once a tick, before
-        `asked`."""
+        """Return the frame that the leader determines, or None while it is unknown. Must be called
+        once a tick, before `asked`."""
         self.leading = leading = self._leader.heard(tick, delay, freshness)
         self.trouble, self.lost = self._leader.trouble, self._leader.lost
         if leading is None:

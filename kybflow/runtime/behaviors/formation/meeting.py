@@ -1,9 +1,9 @@
-"""How a member of a formation gets its place.
+"""Assigns a member of a formation to its place.
 
-It comes to rest and waits. When all have come, each works out from the same news how the shape is
-laid and who takes which place (`kybflow.flight.formation.places`). Who comes while others are in
-formation takes a place that is free, with all who wait beside it, by a way round those who have
-theirs (`kybflow.flight.formation.ways`). World frame, metres, radians.
+The member comes to rest and waits. When all members have come, each computes from the same messages
+how the shape is laid out and who takes which place (`kybflow.flight.formation.places`). Members
+that come while others are already in formation share the free places among themselves, and fly
+there on paths around the others (`kybflow.flight.formation.ways`). World frame, metres, radians.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from kybflow.runtime.behaviors.formation.members import WAITING, Member
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 
 _NOTICE: Time = NS // 10
-"""How long a member waits, beyond the delay, until all have received it."""
+"""How long a member waits, in addition to the delay, until all others have received its message."""
 
 
 class Rest(NamedTuple):
-    """A member that comes to rest. began: when it began to. since: when it is at rest."""
+    """A member that comes to rest. began: when it began to brake. since: when it is at rest."""
 
     coast: Coast
     heading: float
@@ -35,19 +35,24 @@ class Rest(NamedTuple):
 
     @classmethod
     def after(cls, motion: Motion, heading: float, now: Time) -> Rest:
-        """Return how a member comes to rest from a motion."""
+        """Return the rest of a member that begins to brake from this motion now."""
         coast = Coast.after(motion)
         return cls(coast, heading, now, now + round(coast.duration * NS))
 
     def at(self, now: Time) -> Motion:
-        """Return where it is, and how it moves."""
+        """Return the member's motion at `now`."""
         return self.coast.at((now - self.began) / NS)
 
 
 class Assigned(NamedTuple):
-    """The place that a member takes. frame, turned: the formation's frame, and how the shape is
-    turned from its heading. place: its number. length: the longest straight way that those have who
-    take theirs in the same time, metres. points: its own way, in the frame, to the place."""
+    """The place that a member takes.
+
+    frame: the formation's frame.
+    turned: the angle from the frame's heading to the shape.
+    place: the number of the place.
+    length: the longest straight distance (m) to a place among the members that set out together.
+    points: the member's path to its place, in the frame.
+    """
 
     frame: MovingFrame
     turned: float
@@ -57,12 +62,12 @@ class Assigned(NamedTuple):
 
 
 class Meeting:
-    """Where the members of `team` meet whose formation has the places `shape`, for the one that is
-    `own`.
+    """The meeting of the members of `team`, as the member `own` sees it. shape: the places of their
+    formation.
 
-    center, turned: where the centre is to be and how the shape is to be turned, None for what suits
-    the members. is_led: its centre is where its leader has it. lacks: what it
-    still needs for a place though all have come whom that needs, empty where that is nothing.
+    center, turned: the requested centre and turn of the shape, None for the ones that suit the
+    members best. is_led: whether a leader determines the centre. lacks: what prevents the member
+    from taking a place although enough members have come, empty if nothing does.
     """
 
     def __init__(
@@ -88,9 +93,12 @@ class Meeting:
         heard: Time,
         p: FormationRoomParams,
     ) -> Assigned | None:
-        """Return the place that the member takes which is at `rest`; None while not all have come
-        whom that needs, or none is free. leader: where the leader has the frame, None while it is
-        not received. heard: the time of the newest news that can have arrived."""
+        """Return the place that the member at `rest` takes; None while other members are still
+        missing, or while no place is free or reachable.
+
+        leader: the frame that the leader determines, None while it is unknown.
+        heard: the time of the newest messages that can have arrived.
+        """
         sound = [m for m in others if not m.trouble]
         formed = [m for m in sound if m.said.place != WAITING]
         waiting = [m for m in sound if m.said.place == WAITING]
@@ -109,7 +117,7 @@ class Meeting:
         return self._laid(here, leader or MovingFrame(ZERO, heading=heading), p)
 
     def _laid(self, here: dict[str, Vec3], frame: MovingFrame, p: FormationRoomParams) -> Assigned:
-        """Return the place in a formation that all members lay together now."""
+        """Return the place in a formation that all members lay out together now."""
         centre = frame.centre if self._is_led else self._center
         found = places.laid(tuple(here.values()), self._shape, frame.heading, centre, self._turned)
         offsets = [frame.turned(places.turned_by(found.turned, place)) for place in self._shape]
@@ -123,8 +131,8 @@ class Meeting:
     def _joined(
         self, formed: list[Member], here: dict[str, Vec3], p: FormationRoomParams
     ) -> Assigned | None:
-        """Return one of the places that are free; None where they are too few for all who wait, or
-        no way leads there."""
+        """Return one of the free places of an existing formation; None if there are too few for all
+        that wait, or if no clear path leads there."""
         frame, turned = mean_frame([m.frame for m in formed]), formed[0].said.turned
         taken = {m.said.place for m in formed}
         free = [i for i in range(len(self._shape)) if i not in taken]

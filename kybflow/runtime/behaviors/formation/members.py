@@ -1,13 +1,14 @@
-"""The members of a formation, by what one of them receives.
+"""The members of a formation, as one of them sees the others by their messages.
 
 Each member publishes an `InFormation`. A member that publishes none, or one of another formation,
 has not come yet or has left. A member is in trouble, so that the others stop and wait for it, if it
-has been silent or held for longer than `freshness`, has no estimate, or is further from its place
-than `doubt`: it jumped, is blown away, or something holds it up.
+has been silent or held for longer than `freshness`, has no estimate, or is more than `doubt` from
+its place, because its estimate jumped, the wind blows it away, or something holds it up.
 
-All members receive the same from the team, themselves included. So what follows from that for any
-of them is a `Team`, computed once a tick; each member then adds only its own part, and the cost of
-a tick does not grow with the square of the members.
+All members receive the same messages from the team, including their own. Everything that all of
+them derive from these messages is a `Team`, which is computed only once a tick and shared; each
+member then adds only its own part. So the cost of a tick doesn't grow with the square of the number
+of members.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from kybflow.core.signals import NS, Estimate, NeighbourState, Stamp, Tick, Time
 from kybflow.flight.formation.frame import MovingFrame, mean_frame
 
 WAITING = -1
-"""The place of a member that has none yet."""
+"""The place number of a member that has no place yet."""
 _NEAR_AGAIN = 0.9
-"""The share of `doubt` within which a member is no longer lost: one that is held up stays near
-`doubt`, where the others stop."""
+"""The fraction of `doubt` within which a member is no longer lost. It is less than 1, because a
+member that is held up stays at about `doubt`, where the others stop."""
 
 
 class NeighbourJoined(BehaviorEvent):
-    """Another member took a place."""
+    """Another member has taken a place."""
 
     neighbour: str
 
@@ -47,16 +48,23 @@ class NeighbourLost(BehaviorEvent):
 
 
 class NeighbourRecovered(BehaviorEvent):
-    """A member that was lost is well again."""
+    """A member that was lost has recovered."""
 
     neighbour: str
 
 
 class InFormation(NamedTuple):
-    """What a member of a formation publishes: which formation, since when it has been ready, and
-    its place, or -1 while it waits; the point where it is to be now; the frame as it has it, and
-    how the shape is turned from the frame's heading; which path it moves along, 0 for none, and
-    the corner that it makes for."""
+    """The message that a member of a formation publishes.
+
+    key: a number that identifies the formation.
+    since: when the member is, or was, at rest and ready.
+    place: its place, -1 while it waits.
+    settled: whether it has settled in its place.
+    heading, rate, centre, velocity: its own copy of the formation's frame.
+    turned: the angle from the frame's heading to the shape.
+    point: the position at which it should be now.
+    path, corner: the path along which it moves, 0 without one, and the corner to which it moves.
+    """
 
     time: Stamp
     key: int
@@ -74,8 +82,8 @@ class InFormation(NamedTuple):
 
 
 class Member(NamedTuple):
-    """A member as it is received: what it published `age` seconds ago, its estimate, and why it is
-    in trouble, empty while it is not. lag: how far it is from its point, metres."""
+    """A member according to its last message. said: what it published `age` seconds ago. lag: its
+    distance from its point, metres. trouble: why it is in trouble, empty if it is not."""
 
     name: str
     said: InFormation
@@ -86,26 +94,35 @@ class Member(NamedTuple):
 
     @property
     def frame(self) -> MovingFrame:
-        """Its frame now, extrapolated from what it published."""
+        """The member's frame now, extrapolated from its message."""
         said = self.said
         frame = MovingFrame(said.centre, said.velocity, heading=said.heading, rate=said.rate)
         return frame.after(self.age)
 
     @property
     def position(self) -> Vec3 | None:
-        """Its position now, extrapolated."""
+        """The member's position now, extrapolated from its message; None without an estimate."""
         known = self.estimate
         return None if known is None else add(known.position, scale(known.velocity, self.age))
 
 
 class Team(NamedTuple):
-    """The present members by name, in the order of the team, and what follows from what they
-    publish.
+    """The present members by name, in the order of the team, and figures that follow from their
+    messages.
 
-    troubled: why, of those in trouble. Of those with a place: placed, their names; taken, their
-    places; stopping, who are in trouble; unsettled, who are that or not settled; lag, the largest.
-    Of those among them in no trouble: holders, the first in each place; positions, by place; frame,
-    the mean of theirs, None where there are none. away: who of the team has no place.
+    troubled: the reason, for each member in trouble.
+    Of the members with a place:
+    placed: their names.
+    taken: their places.
+    stopping: those in trouble.
+    unsettled: those in trouble or not settled.
+    lag: the largest lag, metres.
+    Of the members with a place that are not in trouble:
+    holders: the first member in each place.
+    positions: the positions, by place.
+    frame: the mean frame, None without such members.
+    Of the whole team:
+    away: the members without a place.
     """
 
     members: Mapping[str, Member]
@@ -122,8 +139,8 @@ class Team(NamedTuple):
 
 
 class Members:
-    """Listens to the members of `team`, those that speak of the formation `key`, for the one that
-    is `own`. lost: who is in trouble, and who was and is not near its place again."""
+    """Receives the messages of the members of `team` in the formation `key`, for the member `own`.
+    lost: the members that are in trouble, or were and have not returned to their places yet."""
 
     def __init__(self, team: tuple[str, ...], own: str, key: int) -> None:
         self.others = tuple(name for name in team if name != own)
@@ -133,7 +150,7 @@ class Members:
         self.lost: frozenset[str] = frozenset()
 
     def heard(self, tick: Tick, delay: Time, freshness: float, doubt: float) -> Team:
-        """Return the team by the news that is `delay` old."""
+        """Return the team according to messages that are at least `delay` old."""
 
         def listened() -> Team:
             news = ((name, tick.neighbours.heard(name, tick.now - delay)) for name in self._team)
@@ -174,13 +191,13 @@ class Members:
         return team.unsettled <= {self._own}
 
     def goes_first(self, place: int, team: Team) -> bool:
-        """Return whether a member that goes first has the same place."""
+        """Return whether another member that comes earlier in the team has the same place."""
         holder = team.holders.get(place, self._own)
         return holder != self._own and self._rank[holder] < self._rank.get(self._own, -1)
 
     def own_news(self, tick: Tick) -> Member | None:
-        """Return what the vehicle itself published of this formation in the last ticks, None if it
-        was not in it."""
+        """Return the vehicle itself as a member, from its own message in this formation within the
+        last tenth of a second; None if there is none."""
         news = tick.neighbours.heard(self._own, tick.now - 1)
         if news is None or not isinstance(news.said, InFormation) or news.said.key != self.key:
             return None
@@ -188,7 +205,7 @@ class Members:
         return Member(self._own, news.said, age, news.estimate, 0.0, "") if age < 0.1 else None
 
     def changes(self, team: Team, doubt: float) -> Iterator[BehaviorEvent]:
-        """Yield each change of others since the last call."""
+        """Yield an event for each change of the other members since the last call."""
         troubled, placed, before = team.troubled, team.placed, self.lost
         if not (troubled or before) and placed == self._placed:
             return

@@ -1,5 +1,5 @@
-"""Keeps a formation's places away from the fence, the ground, obstacles, and vehicles that are no
-members."""
+"""Keeps the places of a formation away from the fence, the ground, obstacles, and vehicles that are
+not members."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext
 
 _STEP = 0.1
-"""Metres between the points of a leg that are checked."""
+"""Distance (m) between the points of a leg that are checked."""
 
 
 @params
@@ -51,7 +51,7 @@ def within_the_rotors(p: FormationRoomParams, context: VehicleContext) -> Iterat
 
 
 class FormationRoom:
-    """Where a formation may be, as one of its members sees it."""
+    """The space in which a formation may be, as one of its members computes it."""
 
     def __init__(self, context: VehicleContext, team: tuple[str, ...]) -> None:
         self._context, self._obstacles = context, Obstacles(context)
@@ -60,7 +60,7 @@ class FormationRoom:
         self._widest = max((context.diameters.get(name, 0.0) for name in team), default=0.0)
 
     def box(self, p: FormationRoomParams) -> Box | None:
-        """Return where places may be in the fence; None without one."""
+        """Return the box within the fence in which places may be, or None without a fence."""
         fence, ground = self._context.fence, self._context.start[2]
         if fence is None:
             return None
@@ -68,8 +68,8 @@ class FormationRoom:
         return Box((x0 + m, y0 + m, max(z0, ground + p.lowest)), (x1 - m, y1 - m, z1 - m))
 
     def centred(self, centre: Vec3, offsets: Sequence[Vec3], p: FormationRoomParams) -> Vec3:
-        """Return the centre nearest to `centre` from which every offset is in the room, or is as
-        little outside as it can be."""
+        """Return the point nearest to `centre` from which all offsets are inside the box. Along an
+        axis on which they don't fit, centre them."""
         box = self.box(p)
         if box is None:
             return centre
@@ -82,11 +82,13 @@ class FormationRoom:
         return (kept[0], kept[1], kept[2])
 
     def between_members(self, p: FormationRoomParams) -> float:
-        """Return how far apart the centres of two members stay when one passes the other (m)."""
+        """Return the distance (m) that the centres of two members keep when one passes the
+        other."""
         return self._context.airframe.arm + p.clearance + 0.5 * self._widest
 
     def is_open(self, frame: MovingFrame, start: Vec3, end: Vec3, p: FormationRoomParams) -> bool:
-        """Return whether a leg in the frame is in the fence and clear of the world's obstacles."""
+        """Return whether a leg is inside the fence and clear of the world's obstacles. start, end:
+        its ends, in the frame."""
         box, keep = self.box(p), self._context.airframe.arm + p.clearance
         steps = max(1, ceil(distance(start, end) / _STEP))
         for i in range(1, steps + 1):
@@ -99,14 +101,14 @@ class FormationRoom:
         return True
 
     def obstacles(self, tick: Tick, delay: Time, left: Iterable[str]) -> tuple[Shape, ...]:
-        """Return the obstacles of the vehicle: those that stand, those that move, the vehicles that
-        are no members, and the members that have `left`, from what they publish."""
+        """Return the obstacles of the vehicle: static and moving ones, the vehicles that are not
+        members, and the members that have `left`. Vehicles are known from their messages."""
         balls = [grown(seen, tick.now) for seen in tick.moving.values()]
         balls += self._heard(tick, delay, left)
         return (*self._solids, *(Sphere(seen.position, seen.radius) for seen in balls))
 
     def _heard(self, tick: Tick, delay: Time, left: Iterable[str]) -> Iterator[SeenObstacle]:
-        """Yield vehicles by what they publish."""
+        """Yield the vehicles that are not members or have `left`, according to their messages."""
         for name in (*self._others, *left):
             news = tick.neighbours.heard(name, tick.now - delay)
             if name != self._context.vehicle and news is not None:
@@ -122,9 +124,9 @@ class FormationRoom:
         speed: float,
         p: FormationRoomParams,
     ) -> list[tuple[Vec3, Surface]]:
-        """Return what some place must slow down for at `speed` (m/s), each with where that place is
-        from the centre. Obstacles far from all places are excluded at once. Of the ground and the
-        ceiling, which no turn brings nearer, the nearest place counts."""
+        """Return each surface for which a place must slow down at `speed` (m/s), with the offset of
+        that place from the centre. Obstacles far from all places are excluded at once. For the
+        floor and the ceiling, which a turn doesn't bring nearer, only the nearest place is used."""
         centre, box, keep = frame.centre, self.box(p), self._context.airframe.arm + p.clearance
         reach, far = reach_of(speed), taken.radius
         solids = [o for o in obstacles if o.distance(centre) - keep - far < reach]
