@@ -241,7 +241,7 @@ class Engine:
         )
 
     def _land(self, reason: str) -> None:
-        """Land every vehicle, whatever the mission says. Only the first call counts."""
+        """Land every vehicle, regardless of the mission. Calls after the first have no effect."""
         if self._landing is None:
             self._landing = reason
             for vehicle in self.vehicles:

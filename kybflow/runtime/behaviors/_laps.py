@@ -11,7 +11,7 @@ _ROUNDING = 1e-9
 
 
 class LapCompleted(BehaviorEvent):
-    """A lap is complete. lap: its number, from 1."""
+    """A lap is complete. `lap` is its number, from 1."""
 
     lap: Number
 

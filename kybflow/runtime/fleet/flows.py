@@ -97,7 +97,7 @@ class RunningFlow:
 
     @property
     def active(self) -> bool:
-        """Whether the flow is in a phase, so that it has begun and not ended."""
+        """Whether the flow has begun and not ended, so that it is in a phase."""
         return self.machine.state != END
 
     @property

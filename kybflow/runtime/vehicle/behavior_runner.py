@@ -60,8 +60,8 @@ _SAFE = frozenset({"brake", "landed"})
 
 
 class BehaviorRunner:
-    """Constructs a behavior when the machine enters a state, and drops it on exit. Only this class
-    changes the machine, the behavior, `flight`, the hold and the land mode.
+    """Constructs a behavior when the machine enters a state, and discards it on exit. Only this
+    class changes the machine, the behavior, `flight`, the hold and the land mode.
 
     flight: GROUND, AIR, or MOVING while a take-off or a landing is under way or was interrupted.
     entries: the number of states entered so far.

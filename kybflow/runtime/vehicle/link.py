@@ -53,7 +53,7 @@ Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
 
 class LinkHealth:
-    """Whether a link works.
+    """The health of a link: catches and reports the exceptions of its driver.
 
     error: a description of the link's first exception, None while it works.
     """

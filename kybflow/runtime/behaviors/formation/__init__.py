@@ -176,7 +176,7 @@ class _Placed(NamedTuple):
 
 
 class FormationSettled(BehaviorEvent):
-    """All members have settled, for the first time since one came or was lost. error: the mean
+    """All members have settled, for the first time since one came or was lost. `error` is the mean
     error of this member's distances to its neighbours."""
 
     error: Length
