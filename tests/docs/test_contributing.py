@@ -49,7 +49,7 @@ def block(language: str, text: str = TEXT) -> str:
 
 
 def copied(home: Path) -> None:
-    for folder in ("docs", "kybflow", "missions", "schemas", "tests"):
+    for folder in ("bench", "docs", "kybflow", "missions", "schemas", "tests"):
         shutil.copytree(ROOT / folder, home / folder)
     shutil.copy(ROOT / "pyproject.toml", home)
 
