@@ -66,12 +66,14 @@ class ActiveFaults:
     """The effects that are active on one simulated vehicle, oldest first, and their combination. An
     effect leaves no trace when it ends. `changed` is called after each change.
 
-    estimators: the names of the estimators that fail.
+    estimators: the names of the estimators that fail. filters: all filters, in the order in which
+    they are applied.
     """
 
     def __init__(self, vehicle: str, changed: Callable[[], None] = lambda: None) -> None:
         self.vehicle = vehicle
         self.estimators: frozenset[str] = frozenset()
+        self.filters: tuple[Filter, ...] = ()
         self._changed = changed
         self._effects: list[tuple[Effect, Time]] = []
 
@@ -86,13 +88,20 @@ class ActiveFaults:
     def _combine(self, effects: list[tuple[Effect, Time]]) -> None:
         self._effects = effects
         self.estimators = frozenset(e.estimator for e, _ in effects if e.estimator)
+        ordered = sorted((e for e, _ in effects), key=lambda e: e.repeats)
+        self.filters = tuple(e.filter for e in ordered if e.filter is not None)
         self._changed()
 
-    @property
-    def filters(self) -> tuple[Filter, ...]:
-        """All filters, in the order in which they are applied."""
-        effects = sorted((e for e, _ in self._effects), key=lambda e: e.repeats)
-        return tuple(e.filter for e in effects if e.filter is not None)
+    def filtered(self, measurements: Iterable[Measurement]) -> list[Measurement]:
+        """Return the measurements that all filters let pass, as the filters changed them."""
+        left = []
+        for arriving in measurements:
+            measurement: Measurement | None = arriving
+            for change in self.filters:
+                measurement = None if measurement is None else change(measurement)
+            if measurement is not None:
+                left.append(measurement)
+        return left
 
     @property
     def blows(self) -> bool:

@@ -98,8 +98,8 @@ class Engine:
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
         links = {name: link for session in sessions for name, link in session.links.items()}
-        rigs = {name: link.faults for name, link in links.items() if link.faults is not None}
-        self.injection = Injection(plan.faults, rigs, self._condition, events, seed)
+        active = {name: link.faults for name, link in links.items() if link.faults is not None}
+        self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
         self._next_look: Time = 0
@@ -129,7 +129,7 @@ class Engine:
         height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
         landed_by = limit + max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
         while not self._over():
-            seconds = self.clock.now / NS
+            seconds = self.seconds()
             if self.interrupts > 1:
                 return "interrupted twice: commands were stopped"
             if self.interrupts:

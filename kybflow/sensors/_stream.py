@@ -1,5 +1,4 @@
-"""Conversion of a tracker's poses from its units and axes to the world's, and the faults of
-simulated sensors.
+"""Conversion of a tracker's poses from its units and axes to the world's.
 
 With `z_up`, x, y and z are the world's axes. With `y_up`, x points right, y up and z towards the
 viewer (Motive's default). With R the quarter turn about x that takes y to z, p_world = R p and
@@ -17,7 +16,6 @@ from typing import Literal, NamedTuple, Protocol
 from kybflow.core.clock_offset import Offset
 from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import NS, Measurement, Pose, Time
-from kybflow.parts.link import Link
 from kybflow.parts.sensor import Stream
 
 Units = Literal["m", "mm"]
@@ -86,11 +84,3 @@ class PoseStream(Stream):
 
     def close(self) -> None:
         self._source.close()
-
-
-def filtered(measurements: list[Measurement], link: Link) -> list[Measurement]:
-    """Return the measurements of a simulated sensor, changed or dropped by the faults of the
-    vehicle's link."""
-    for change in () if link.faults is None else link.faults.filters:
-        measurements = [kept for one in measurements if (kept := change(one)) is not None]
-    return measurements

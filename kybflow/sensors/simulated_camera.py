@@ -23,7 +23,6 @@ from kybflow.core.units import Duration
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import is_calm, view_source
 from kybflow.parts.sensor import frames_of
-from kybflow.sensors._stream import filtered
 from kybflow.vision import OPENCV, WAY_OUT
 from kybflow.vision.optics import SOUND, Optics, Weakness
 from kybflow.world.calibration_errors import CalibrationErrors
@@ -135,7 +134,8 @@ class Frames(Stream):
             taken = self._taken.popleft()
             newest[taken.camera.name] = taken
         arrived: list[Measurement] = [self._drawn(taken) for taken in newest.values()]
-        return filtered(arrived, self._link) if arrived else arrived
+        faults = self._link.faults
+        return arrived if faults is None else faults.filtered(arrived)
 
     def trouble(self) -> str | None:
         if self._view() is None:
@@ -154,8 +154,8 @@ class Frames(Stream):
             while (at := round(self._counts[i] * NS / camera.rate)) <= now:
                 nearer = (now, truth) if now - at <= at - before else (before, known)
                 body = _moved(_with_visible_payload(nearer[1], self._parcel), (at - nearer[0]) / NS)
-                rig = self._link.faults
-                weakness = SOUND if rig is None else rig.camera
+                faults = self._link.faults
+                weakness = SOUND if faults is None else faults.camera
                 taken.append(_Exposure(at + self._times.latency, at, camera, body, weakness))
                 self._counts[i] += 1
         self._taken.extend(sorted(taken, key=lambda frame: frame.arrival))

@@ -20,7 +20,6 @@ from kybflow.core.signals import NS, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import truth_source
-from kybflow.sensors._stream import filtered
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -94,7 +93,8 @@ class SimulatedPoses(Stream):
         arrived: list[Measurement] = []
         while self._arriving and self._arriving[0].time + self._latency <= now:
             arrived.append(self._arriving.popleft())
-        return filtered(arrived, self._link) if arrived else arrived
+        faults = self._link.faults
+        return arrived if faults is None else faults.filtered(arrived)
 
     def close(self) -> None:
         self._arriving.clear()

@@ -112,7 +112,6 @@ class SimulatedVehicle(Link):
         self.due: Time = 0
         self.faults = ActiveFaults(context.vehicle, self._apply_faults)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
-        self._filters = self.faults.filters
         self._push = ZERO
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
@@ -247,17 +246,7 @@ class SimulatedVehicle(Link):
             arrived = sorted([*late, *arrived], key=attrgetter("time"))
         if self._deaf:
             return ()
-        return self._filtered(arrived) if self._filters else arrived
-
-    def _filtered(self, arrived: list[Measurement]) -> list[Measurement]:
-        left = []
-        for arriving in arrived:
-            measurement: Measurement | None = arriving
-            for change in self._filters:
-                measurement = None if measurement is None else change(measurement)
-            if measurement is not None:
-                left.append(measurement)
-        return left
+        return self.faults.filtered(arrived) if self.faults.filters else arrived
 
     def send(self, command: Command, now: Time) -> None:
         receiver = self._receiver
@@ -285,7 +274,6 @@ class SimulatedVehicle(Link):
 
     def _apply_faults(self) -> None:
         faults = self.faults
-        self._filters = faults.filters
         self._push = scale(faults.push, self.body.mass)
         self._deaf, self._mute = (not self.is_wired and cut for cut in (faults.deaf, faults.mute))
         self._receiver.set_delay(0 if self.is_wired else round(faults.late * NS))

@@ -163,9 +163,9 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         vehicle = case.plan.fleet.get(fault.vehicle)
         if vehicle is None:
             continue
-        frame, rig = vehicle.airframe, _rig_under(fault)
-        (wx, wy, _), (px, py, up) = rig.wind(_LATE), rig.push
-        heavy = (rig.mass * frame.mass * (1.0 - up / GRAVITY) + rig.payload) * GRAVITY
+        frame, active = vehicle.airframe, _active_under(fault)
+        (wx, wy, _), (px, py, up) = active.wind(_LATE), active.push
+        heavy = (active.mass * frame.mass * (1.0 - up / GRAVITY) + active.payload) * GRAVITY
         across = hypot(frame.drag * wx + px, frame.drag * wy + py)
         able = GRAVITY * tan(frame.tilt)
         if heavy > frame.max_thrust:
@@ -190,16 +190,16 @@ def _first_span(part: PartPlan) -> Span:
     return next((entry.value.span for entry in written), part.span)
 
 
-def _rig_under(fault: FaultPlan) -> ActiveFaults:
+def _active_under(fault: FaultPlan) -> ActiveFaults:
     """Return the active faults of a vehicle that has only this fault's effects."""
-    rig = ActiveFaults(fault.vehicle)
+    active = ActiveFaults(fault.vehicle)
     try:
-        effects = fault.part.cls(fault.part.params, Random(0)).effects(rig.vehicle)
+        effects = fault.part.cls(fault.part.params, Random(0)).effects(active.vehicle)
     except Exception:  # a part may raise anything; `fault_failed` reports it in flight
-        return rig
-    if rig.vehicle in effects:
-        rig.begin(effects[rig.vehicle], 0)
-    return rig
+        return active
+    if active.vehicle in effects:
+        active.begin(effects[active.vehicle], 0)
+    return active
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:

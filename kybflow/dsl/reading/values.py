@@ -113,7 +113,7 @@ def _word(node: Scalar, field: Field, found: Findings) -> Any:
     text, kind = node.text, field.type
     kind = kind.item if isinstance(kind, ListOf) else kind
     if len(text) > _LONGEST:
-        found.report("KYB104", f"`{text[:20]}...` is too long to be a value", node.span)
+        _too_long(node, found)
     elif isinstance(kind, Choice):
         if text in kind.words:
             return text
@@ -146,13 +146,17 @@ def _numbers(
     return tuple(items) if is_whole and None not in items else None
 
 
+def _too_long(node: Scalar, found: Findings) -> None:
+    found.report("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
+
+
 def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> float | None:
     if not isinstance(node, Scalar) or len(node.text) > _LONGEST:
-        message = f"a number is needed, but this is {describe(node)}"
         if field.shape != "scalar":
+            message = f"a number is needed, but this is {describe(node)}"
             found.report("KYB104", message, node.span)
         elif isinstance(node, Scalar):
-            _word(node, field, found)
+            _too_long(node, found)
         else:
             _wrong(node, field, found)
         return None

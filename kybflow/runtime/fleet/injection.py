@@ -31,13 +31,13 @@ class Injection:
     def __init__(
         self,
         faults: Sequence[FaultPlan],
-        rigs: Mapping[str, ActiveFaults],
+        active: Mapping[str, ActiveFaults],
         conditions: Conditions,
         events: Events,
         seed: int,
     ) -> None:
         self.failure: str | None = None
-        self._rigs, self._events = rigs, events
+        self._active, self._events = active, events
         self._waiting = [
             _Waiting(plan, _due(plan, conditions), random.Random(f"{seed} {i} {plan.part.name}"))
             for i, plan in enumerate(faults)
@@ -66,10 +66,10 @@ class Injection:
         fault = plan.part.cls(plan.part.params, waiting.generator)
         working = _Working(plan, now, self._fail)
         for name, effect in fault.effects(plan.vehicle).items():
-            working.effects.append((self._rigs[name], working.guarded(effect)))
+            working.effects.append((self._active[name], working.guarded(effect)))
         try:
-            for rig, effect in working.effects:
-                rig.begin(effect, now)
+            for active, effect in working.effects:
+                active.begin(effect, now)
         except Exception:
             _take_away(working)
             raise
@@ -89,8 +89,8 @@ class Injection:
 
 
 def _take_away(fault: _Working) -> None:
-    for rig, effect in fault.effects:
-        rig.end(effect)
+    for active, effect in fault.effects:
+        active.end(effect)
 
 
 class _Waiting:

@@ -227,7 +227,7 @@ def test_of_a_fault_that_cannot_be_injected_nothing_stays() -> None:
             raise ZeroDivisionError("no world has that")
 
     flight = Flight(FaultPlan(part=plan_of(Chancy), vehicle="a", time=1.0))
-    flight.rigs["a"] = flight.injection._rigs["a"] = ActiveFaults("a", changed)
+    flight.rigs["a"] = flight.injection._active["a"] = ActiveFaults("a", changed)
     flight.tick(1.0)
     assert [entry[1] for entry in flight.path] == ["fault_failed"]
     assert flight.rigs["a"].mass == 1.0
