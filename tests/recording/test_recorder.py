@@ -37,7 +37,8 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.recording.layout import definition, dtype_spec, struct_format
+from kybflow.dsl.resolving.library_files import installed
+from kybflow.recording.layout import definition, dtype_spec, event_record, struct_format
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
 from kybflow.report.data import read_log, read_moving
@@ -489,3 +490,13 @@ def test_memory_is_flat_over_ten_minutes_of_four_vehicles(tmp_path):
     grown = resident() - early
     recorder.close()
     assert grown < 4_000_000
+
+
+def test_an_event_names_the_file_of_an_installed_library_by_its_package():
+    def recorded(at: str) -> str:
+        return event_record(Event(0, "landed", "a", {}, at))["at"]
+
+    assert recorded(f"{installed('kybflow')}/defaults.yaml:7") == (
+        "kybflow/missions/library/defaults.yaml:7"
+    )
+    assert recorded("mission.yaml:7") == "mission.yaml:7"

@@ -36,19 +36,26 @@ def motion(t: float) -> tuple[Vec3, Quat, Vec3]:
     return (c, s, 1.0), attitude, rotate_back(attitude, force)
 
 
-def tilt_error(turned: Quat, seconds: float, bias: Vec3 = ZERO, **params: float) -> float:
+def tilt_error(
+    turned: Quat, seconds: float, bias: Vec3 = ZERO, dt: float = DT, **params: float
+) -> float:
     """How far the estimate's z is off the vehicle's after a flight whose poses are of a body that
     is `turned` against the vehicle, degrees."""
     estimator, estimate = Mocap(MocapParams(**params), SITE), None
     attitude = LEVEL
-    for step in range(1, round(seconds / DT) + 1):
-        now = round(step * DT * NS)
-        place, attitude, (fx, fy, fz) = motion(step * DT)
-        felt = Imu(now, DT, (fx + bias[0], fy + bias[1], fz + bias[2]), ZERO)
+    for step in range(1, round(seconds / dt) + 1):
+        now = round(step * dt * NS)
+        place, attitude, (fx, fy, fz) = motion(step * dt)
+        felt = Imu(now, dt, (fx + bias[0], fy + bias[1], fz + bias[2]), ZERO)
         seen = [Pose(now, place, multiply(attitude, turned))] if step % 2 else []
         estimate = estimator.update((felt, *seen), now)
     assert isinstance(estimate, Estimate)
     return degrees(tilt_of(multiply(conjugate(attitude), estimate.attitude)))
+
+
+def test_an_imu_of_a_hundred_samples_a_second_is_used() -> None:
+    turned = from_euler(radians(1.5), radians(-1.0), 0.0)
+    assert tilt_error(turned, 12.0, dt=0.01) < 0.15
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
