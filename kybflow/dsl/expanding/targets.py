@@ -233,7 +233,7 @@ def _provided(driver: PartPlan, sensors: Iterable[SensorPlan]) -> frozenset[Meas
     return frozenset(kind for part in sources for kind in part.cls.provides)
 
 
-CONTROL_RATE = 250
+CONTROL_RATE = 125
 """The usual control rate, Hz."""
 
 
