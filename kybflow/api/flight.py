@@ -12,8 +12,7 @@ from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kybflow.api.entry_judge import PlanEntryJudge
-from kybflow.api.opening import Devices, assemble, clock_for, open_devices, pace_of
+from kybflow.api.opening import Devices, PlanEntryJudge, assemble, clock_for, open_devices, pace_of
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
@@ -282,7 +281,7 @@ class _Run:
         self._verdicts: tuple[Verdict, ...] = ()
 
     def fly(self, observers: Sequence[Observer]) -> None:
-        """Open the drivers, fly to the end and close the drivers."""
+        """Open the drivers, fly to the end, close the drivers and judge the expectations."""
         devices: Devices | None = None
         try:
             again = self._request.inputs
@@ -297,7 +296,14 @@ class _Run:
             if devices is not None:
                 reasons = devices.close()
                 self._driver_failed = self._driver_failed or "; ".join(reasons) or None
-        self._judge()
+        engine = self._engine
+        if engine is not None:
+            if engine.flying:
+                for vehicle in engine.vehicles:
+                    vehicle.runner.close(engine.clock.now)
+                engine.flows.close(engine.clock.now)
+            ended_well = self._reason is None and self._driver_failed is None
+            self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
         self._events.emit(RunEnded(reason=self._reason or self._driver_failed))
 
     def _flown(
@@ -318,17 +324,6 @@ class _Run:
                 engine.inputs.end(clock.now, "the run ended")
         self._driver_failed = next((v.link_error for v in engine.vehicles if v.link_error), None)
         return reason
-
-    def _judge(self) -> None:
-        engine = self._engine
-        if engine is None:
-            return
-        if engine.flying:
-            for vehicle in engine.vehicles:
-                vehicle.runner.close(engine.clock.now)
-            engine.flows.close(engine.clock.now)
-        ended_well = self._reason is None and self._driver_failed is None
-        self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
 
     def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
         """Return the content of `summary.json`."""

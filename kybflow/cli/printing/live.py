@@ -12,10 +12,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from kybflow.cli.keys.offered import Offer
-from kybflow.cli.keys.terminal_commander import KeyMessage, TerminalCommander
+from kybflow.cli.keys import KeyMessage, Offer, TerminalCommander
 from kybflow.cli.output import grouped
-from kybflow.cli.printing.run import sentence
+from kybflow.cli.printing.flights import sentence
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Event
 from kybflow.runtime.engine import Engine
