@@ -227,23 +227,17 @@ def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
         return vehicle.runner.off_ground
     x, y, z = truth.position
     reach = vehicle.context.airframe.diameter
-    tops = [
-        top
-        for other in vehicles
-        for (ox, oy, oz), top in _tops(other)
-        if hypot(ox - x, oy - y) < reach and oz < z - LEGS
-    ]
+    tops = list[float]()  # heights at which the vehicle would stand on another one or a payload
+    for other in vehicles:
+        below, parcel, things = other.truth, other.context.payload, list[tuple[Vec3, float]]()
+        if below is not None:
+            things.append((below.position, LEGS))
+            if parcel is not None and below.payload is not None:
+                things.append((below.payload, 0.5 * parcel.size + LEGS))
+        for (ox, oy, oz), height in things:
+            if hypot(ox - x, oy - y) < reach and oz < z - LEGS:
+                tops.append(oz + height)
     return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STANDS
-
-
-def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
-    """Yield the true position of a vehicle and of its payload, each with the height (m) at which
-    another vehicle on top of it would be."""
-    truth, parcel = vehicle.truth, vehicle.context.payload
-    if truth is not None:
-        yield truth.position, truth.position[2] + LEGS
-        if parcel is not None and truth.payload is not None:
-            yield truth.payload, truth.payload[2] + 0.5 * parcel.size + LEGS
 
 
 @contextmanager

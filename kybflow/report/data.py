@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -410,31 +411,25 @@ def read_log(path: Path) -> Recording:
     mission: dict[str, Any] = {}
     topics: dict[int, str] = {}
     log = Recording(mission)
-    with path.open("rb") as file:
-        try:
-            for record in StreamReader(file).records:
-                if isinstance(record, Message):
-                    _keep(log, topics[record.channel_id], record)
-                elif isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                elif isinstance(record, Schema):
-                    _check_layout(path, record)
-                elif isinstance(record, Metadata) and record.name == METADATA:
-                    mission.update(json.loads(record.metadata["plan"]))
-        except EndOfFile:
-            pass  # the run was killed, or is still flying
-    if not mission:
-        raise ValueError(f"`{path.name}` has no metadata of a mission")
-    return log
-
-
-def _check_layout(path: Path, schema: Schema) -> None:
-    """Raise ValueError if the ticks have other fields than in this version."""
-    if schema.name == f"{PACKAGE}/Tick" and schema.data != definition("Tick"):
+    tick: Schema | None = None
+    with path.open("rb") as file, suppress(EndOfFile):  # the run was killed, or is still flying
+        for record in StreamReader(file).records:
+            if isinstance(record, Message):
+                _keep(log, topics[record.channel_id], record)
+            elif isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Schema) and record.name == f"{PACKAGE}/Tick":
+                tick = record
+            elif isinstance(record, Metadata) and record.name == METADATA:
+                mission.update(json.loads(record.metadata["plan"]))
+    if tick is not None and tick.data != definition("Tick"):
         raise ValueError(
             f"`{path.name}` was recorded by another version of kybflow, whose ticks have another"
             " layout; tools that decode ROS 1 messages by their schema can read it"
         )
+    if not mission:
+        raise ValueError(f"`{path.name}` has no metadata of a mission")
+    return log
 
 
 def _keep(log: Recording, topic: str, message: Message) -> None:

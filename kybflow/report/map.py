@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kybflow.report.data import Run, Track
+from kybflow.report.data import Run
 from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
@@ -135,18 +135,18 @@ def _collisions(run: Run) -> list[dict[str, Any]]:
     hits = [e for e in run.events if e["event"] in IMPACTS and e["vehicle"] in tracks]
     if not hits:
         return []
-    x, y = map(list, zip(*(_place(tracks[e["vehicle"]], e["t_s"]) for e in hits), strict=True))
+    x, y = list[float](), list[float]()
+    for event in hits:
+        track = tracks[event["vehicle"]]
+        known = np.flatnonzero(~np.isnan(track.position[:, 0]))
+        at = track.start
+        if len(known):
+            at = track.position[known[np.argmin(np.abs(track.time[known] - event["t_s"]))]].tolist()
+        x.append(at[0])
+        y.append(at[1])
     texts = [f"{e['vehicle']} {impact_text(e)}" for e in hits]
     cross = {"symbol": "x", "size": 13, "color": "alarm"}
     return [markers("collision", x, y, cross, "%{text}", text=texts)]
-
-
-def _place(track: Track, time: float) -> tuple[float, float]:
-    known = np.flatnonzero(~np.isnan(track.position[:, 0]))
-    if not len(known):
-        return track.start[0], track.start[1]
-    nearest = known[np.argmin(np.abs(track.time[known] - time))]
-    return float(track.position[nearest, 0]), float(track.position[nearest, 1])
 
 
 Coordinates = list[float | None]

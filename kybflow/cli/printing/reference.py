@@ -49,20 +49,21 @@ def list_parts(catalog: Catalog) -> str:
 
 def show_part(catalog: Catalog, name: str) -> str:
     """Return the documentation of every part called `name`; empty if there is none."""
-    kinds = [kind for kind in catalog.kinds() if name in catalog.names(kind)]
-    return "\n\n".join("\n".join(_part(catalog.get(kind, name))) for kind in kinds)
-
-
-def _part(spec: PartSpec) -> Iterator[str]:
-    yield f"{spec.name} ({spec.kind[:-1]})\n\n{spec.doc.strip()}\n"
-    if legs := getattr(spec.cls, "flight", ()):
-        ways = ", ".join(f"{leg.start.value} to {leg.end.value}" for leg in legs)
-        yield f"flight: {ways}\n"
-    if spec.fields:
-        head = ("parameter", "type", "default", "bounds", "help")
-        yield from columns([head, *map(_cells, spec.fields)], indent="  ")
-    else:
-        yield "No parameters."
+    blocks = []
+    for spec in (
+        catalog.get(kind, name) for kind in catalog.kinds() if name in catalog.names(kind)
+    ):
+        lines = [f"{spec.name} ({spec.kind[:-1]})\n\n{spec.doc.strip()}\n"]
+        if legs := getattr(spec.cls, "flight", ()):
+            ways = ", ".join(f"{leg.start.value} to {leg.end.value}" for leg in legs)
+            lines.append(f"flight: {ways}\n")
+        if spec.fields:
+            head = ("parameter", "type", "default", "bounds", "help")
+            lines += columns([head, *map(_cells, spec.fields)], indent="  ")
+        else:
+            lines.append("No parameters.")
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
 
 
 def _cells(field: Field) -> tuple[str, str, str, str, str]:
@@ -84,8 +85,8 @@ def page() -> str:
     return environment.get_template("parts.md").render(
         catalog=catalog,
         cells=_cells,
-        in_flight=_in_flight,
-        facts=lambda spec: "; ".join(_facts(spec)),
+        in_flight=in_flight,
+        facts=lambda spec: "; ".join(facts(spec)),
         are_options=lambda kind: kind not in _NO_OPTIONS,
         airframe=fields_of(Airframe),
         types=_types(),
@@ -105,7 +106,7 @@ def _types() -> Iterator[tuple[str, ...]]:
     yield "matrix of any of these", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
 
 
-def _in_flight(field: Field) -> str:
+def in_flight(field: Field) -> str:
     if field.read_only or field.type.fixed:
         return "never"
     if field.tightens is None:
@@ -115,7 +116,7 @@ def _in_flight(field: Field) -> str:
     return "only severer" if field.choices else f"only {field.tightens}"
 
 
-def _facts(spec: PartSpec) -> Iterator[str]:
+def facts(spec: PartSpec) -> Iterator[str]:
     """Yield the facts that a part's class declares in addition to its parameters."""
     cls: Any = spec.cls
     if spec.kind == "behaviors":
