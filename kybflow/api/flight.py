@@ -12,8 +12,7 @@ from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kybflow.api.entry_judge import PlanEntryJudge
-from kybflow.api.opening import Devices, assemble, clock_for, open_devices, pace_of
+from kybflow.api.opening import Devices, PlanEntryJudge, assemble, clock_for, open_devices, pace_of
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
@@ -228,23 +227,17 @@ def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
         return vehicle.runner.off_ground
     x, y, z = truth.position
     reach = vehicle.context.airframe.diameter
-    tops = [
-        top
-        for other in vehicles
-        for (ox, oy, oz), top in _tops(other)
-        if hypot(ox - x, oy - y) < reach and oz < z - LEGS
-    ]
+    tops = list[float]()  # heights at which the vehicle would stand on another one or a payload
+    for other in vehicles:
+        below, parcel, things = other.truth, other.context.payload, list[tuple[Vec3, float]]()
+        if below is not None:
+            things.append((below.position, LEGS))
+            if parcel is not None and below.payload is not None:
+                things.append((below.payload, 0.5 * parcel.size + LEGS))
+        for (ox, oy, oz), height in things:
+            if hypot(ox - x, oy - y) < reach and oz < z - LEGS:
+                tops.append(oz + height)
     return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STANDS
-
-
-def _tops(vehicle: Vehicle) -> Iterator[tuple[Vec3, float]]:
-    """Yield the true position of a vehicle and of its payload, each with the height (m) at which
-    another vehicle on top of it would be."""
-    truth, parcel = vehicle.truth, vehicle.context.payload
-    if truth is not None:
-        yield truth.position, truth.position[2] + LEGS
-        if parcel is not None and truth.payload is not None:
-            yield truth.payload, truth.payload[2] + 0.5 * parcel.size + LEGS
 
 
 @contextmanager
@@ -282,7 +275,7 @@ class _Run:
         self._verdicts: tuple[Verdict, ...] = ()
 
     def fly(self, observers: Sequence[Observer]) -> None:
-        """Open the drivers, fly to the end and close the drivers."""
+        """Open the drivers, fly to the end, close the drivers and judge the expectations."""
         devices: Devices | None = None
         try:
             again = self._request.inputs
@@ -297,7 +290,14 @@ class _Run:
             if devices is not None:
                 reasons = devices.close()
                 self._driver_failed = self._driver_failed or "; ".join(reasons) or None
-        self._judge()
+        engine = self._engine
+        if engine is not None:
+            if engine.flying:
+                for vehicle in engine.vehicles:
+                    vehicle.runner.close(engine.clock.now)
+                engine.flows.close(engine.clock.now)
+            ended_well = self._reason is None and self._driver_failed is None
+            self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
         self._events.emit(RunEnded(reason=self._reason or self._driver_failed))
 
     def _flown(
@@ -318,17 +318,6 @@ class _Run:
                 engine.inputs.end(clock.now, "the run ended")
         self._driver_failed = next((v.link_error for v in engine.vehicles if v.link_error), None)
         return reason
-
-    def _judge(self) -> None:
-        engine = self._engine
-        if engine is None:
-            return
-        if engine.flying:
-            for vehicle in engine.vehicles:
-                vehicle.runner.close(engine.clock.now)
-            engine.flows.close(engine.clock.now)
-        ended_well = self._reason is None and self._driver_failed is None
-        self._verdicts = engine.judge.verdicts(engine.seconds() if ended_well else None)
 
     def summary(self, wall_time_s: float, recording: str | None) -> dict[str, Any]:
         """Return the content of `summary.json`."""

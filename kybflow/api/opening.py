@@ -1,5 +1,5 @@
 """Opens and assembles what a plan needs to fly: the sessions of the drivers, the other sensors, a
-clock, the vehicles and the engine."""
+clock, the vehicles, the engine and the judge of the values that commands give."""
 
 from __future__ import annotations
 
@@ -10,10 +10,21 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from kybflow.core.errors import DriverError, FileError, KybflowError, described
+from kybflow.core.errors import DriverError, FileError, KybflowError, Refused, described
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Sticks
-from kybflow.dsl.plan import InputPlan, PartPlan, Plan, VehiclePlan
+from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.entry_values import OF_ENTRIES
+from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.expanding.entry_values import entry_values
+from kybflow.dsl.expanding.world import Points
+from kybflow.dsl.language.source import Source
+from kybflow.dsl.plan import InputPlan, PartPlan, Plan, Values, VehiclePlan
+from kybflow.dsl.reading import nodes
+from kybflow.dsl.reading.composer import compose
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
+from kybflow.parts.catalog import Catalog
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine, Observer
@@ -118,7 +129,13 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
     instead of opened. Raises DriverError and then leaves no device open."""
     devices = Devices([], {}, {}, {}, {})
     try:
-        _open_sessions(plan, seed, devices.sessions)
+        generator = random.Random(seed)
+        by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
+        for vehicle in plan.vehicles:
+            by_driver.setdefault(vehicle.driver.cls, []).append(vehicle)
+        for driver, vehicles in by_driver.items():
+            seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
+            devices.sessions.append(driver.open(seats, generator))
         links = _links(devices)
         for vehicle in plan.vehicles:
             opened = devices.sensors[vehicle.name] = []
@@ -169,18 +186,6 @@ def _input(plan: InputPlan, devices: Devices, again: Mapping[str, str]) -> Input
 
 def _links(devices: Devices) -> dict[str, Link]:
     return {name: link for session in devices.sessions for name, link in session.links.items()}
-
-
-def _open_sessions(plan: Plan, seed: int, sessions: list[Session]) -> None:
-    """Open a session for each driver, with all vehicles that fly with it, and append it to
-    `sessions`."""
-    generator = random.Random(seed)
-    by_driver: dict[type[Driver[Any]], list[VehiclePlan]] = {}
-    for vehicle in plan.vehicles:
-        by_driver.setdefault(vehicle.driver.cls, []).append(vehicle)
-    for driver, vehicles in by_driver.items():
-        seats = [Seat(context_of(plan, v), v.driver.params) for v in vehicles]
-        sessions.append(driver.open(seats, generator))
 
 
 def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
@@ -259,3 +264,61 @@ def clock_for(plan: Plan, speed: float | None) -> Clock:
     if plan.simulated:
         return SimulatedClock(plan.control_rate, speed)
     return WallClock(plan.control_rate)
+
+
+_HERE = Span("the command", 1, 1, 1, 1)
+"""The source location of values that a command gives."""
+
+
+class PlanEntryJudge:
+    """Checks the values that a command gives for a state (`EntryJudge`). The compiler's checks run
+    on the mission as if the vehicle began in that state, with those values, at its present
+    position."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+
+    def read(self, vehicle: str, state: str, written: Values) -> Values:
+        own = self._plan.fleet[vehicle].states[state]
+        if own.built_in:
+            raise Refused(f"`{state}` is built in and takes no values")
+        entries: dict[str, nodes.MappingEntry] = {}
+        for name, text in written:
+            found = Findings()
+            node = compose(text, _HERE.file, found)
+            if node is not None:
+                node = Points(self._plan.points, found).apply(node)
+            if node is None or found.all:
+                raise Refused(f"`{name}`: {_in_a_line(found.all[0])}")
+            entries[name] = nodes.MappingEntry(nodes.Scalar(name, _HERE), node)
+        found = Findings()
+        values = entry_values(Source(_HERE, nodes.Mapping(entries, _HERE)), own.behavior, found)
+        if found.all:
+            raise Refused(_in_a_line(found.all[0]))
+        return values
+
+    def objection(
+        self, vehicle: str, state: str, params: Any, points: Sequence[Vec3]
+    ) -> str | None:
+        own = self._plan.fleet[vehicle]
+        entered = own.states[state]
+        entered = entered.but(behavior=entered.behavior.but(params=params))
+        for point in points:
+            begins = own.but(start=point, begin=state, states={state: entered.but(transitions=())},
+                estimators=(), supervisors=(), sensors=(), requested=frozenset(),
+                requested_first=frozenset(),
+            )  # fmt: skip
+            alone = self._plan.but(vehicles=(begins,), flows=(), callbacks=(), faults=(), inputs=(),
+                groups={}, moving={},
+            )  # fmt: skip
+            case = Case(alone, Catalog({}))
+            first = next((f for check in OF_ENTRIES for f in check(case)), None)
+            if first is not None:
+                return _in_a_line(first)
+        return None
+
+
+def _in_a_line(finding: Diagnostic) -> str:
+    label = f": {finding.label}" if finding.label else ""
+    hint = f"; {finding.help}" if finding.help else ""
+    return f"{finding.message}{label}{hint}"

@@ -11,8 +11,7 @@ from kybflow.core.signals import NS, InputReading, Time
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.inputs.rows import InputRow, head, line
-from kybflow.recording.growing_file import GrowingFile
-from kybflow.recording.run_folder import RunUnwritten
+from kybflow.recording.run_folder import GrowingFile, RunUnwritten
 from kybflow.runtime.clock import Clock, WallClock
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.inputs import Inputs
@@ -65,7 +64,11 @@ def record_input(
 
     # the device opens before the table is emptied
     device = closing(plan.part.cls.open(plan.part.params, _no_sticks))
-    with suppress(KeyboardInterrupt), device as link, closing(_table(out)) as file:
+    with (
+        suppress(KeyboardInterrupt),
+        device as link,
+        closing(GrowingFile.of_run(out, "table")) as file,
+    ):
         clock = WallClock(RATE) if clock is None else clock
         file.write(head(axes).encode())
         inputs = Inputs((plan,), {plan.name: link}, Events(), note)
@@ -78,13 +81,6 @@ def record_input(
     if file.failed is not None:
         raise RunUnwritten(file.failed)
     return rows
-
-
-def _table(out: Path) -> GrowingFile:
-    try:
-        return GrowingFile(out, "table")
-    except OSError as error:
-        raise RunUnwritten(f"`{out}` can't be written: {error.strerror}") from error
 
 
 def _no_sticks(vehicle: str) -> None:

@@ -1,5 +1,5 @@
 """`kybflow test`: flies missions as tests.
 
-`cases` flies one case, `session` flies many in parallel processes, `coverage` finds the states and
-transitions that no flight took, and `junit` writes the results for CI.
+`cases` flies one case, computes the coverage and writes the results as JUnit XML; `session` flies
+many cases in parallel processes.
 """

@@ -19,8 +19,7 @@ from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from queue import SimpleQueue
 
-from kybflow.campaigns.cases import FlightCase, FlightResult, Verdict, fly_case
-from kybflow.campaigns.coverage import Coverage, covered
+from kybflow.campaigns.cases import Coverage, FlightCase, FlightResult, Verdict, covered, fly_case
 from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
 from kybflow.runtime.interrupts import Interrupts
 
@@ -111,8 +110,15 @@ class Pool:
         busy = [worker for worker in self._workers if worker.case is not None]
         ready = wait([worker.line for worker in busy], _LOOK) if busy else []
         for worker in busy:
-            if worker.line in ready:
-                self._finish(worker)
+            if worker.line not in ready:
+                continue
+            result = worker.result()
+            if worker.is_dead:
+                self._workers.remove(worker)
+            if result.verdict == "interrupted":
+                self.interrupts = max(self.interrupts, 1)
+            elif not (worker.is_dead and self._is_landing):
+                self._done(result)
         return bool(busy)
 
     def _assign(self, waiting: deque[FlightCase]) -> None:
@@ -123,15 +129,6 @@ class Pool:
                 idle.append(_Worker())
                 self._workers += idle
             idle.pop().begin(self._fly, waiting.popleft())
-
-    def _finish(self, worker: _Worker) -> None:
-        result = worker.result()
-        if worker.is_dead:
-            self._workers.remove(worker)
-        if result.verdict == "interrupted":
-            self.interrupts = max(self.interrupts, 1)
-        elif not (worker.is_dead and self._is_landing):
-            self._done(result)
 
 
 class _Worker:

@@ -6,14 +6,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.errors import FileError
 from kybflow.core.signals import NS
 from kybflow.dsl.reading.folders import PROVENANCE
 from kybflow.inputs.rows import parse
-from kybflow.recording.growing_file import whole_lines
-from kybflow.recording.run_folder import EVENTS, INPUTS, RunFolderError
+from kybflow.recording.run_folder import EVENTS, INPUTS, RunFolderError, whole_lines
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 from kybflow.runtime.commanding.lease import SCHEDULE
 
@@ -39,6 +38,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     try:
         asked = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
         events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
+        given = [(e["t_s"], e["fields"]) for e in events if e["event"] == "command_given"]
         return EarlierRun(
             target=asked["target"],
             seed=asked["seed"],
@@ -46,9 +46,14 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             options=tuple(asked["option"]),
             emits=tuple(asked["emit"]),
             commands=tuple(
-                _command(e["fields"], e["t_s"])
-                for e in events
-                if e["event"] == "command_given" and e["fields"]["by"] != SCHEDULE
+                RecordedCommand(
+                    round(fields.get("heard_s", seconds) * NS),
+                    fields["command"],
+                    fields["by"],
+                    fields.get("take", False),
+                )
+                for seconds, fields in given
+                if fields["by"] != SCHEDULE
             ),
             inputs=dict(_tables(folder / INPUTS)),
         )
@@ -71,8 +76,3 @@ def _tables(folder: Path) -> Iterator[tuple[str, str]]:
                 yield path.stem, "\n".join(lines)
         except FileError as error:
             raise RunFolderError(f"`{path}`, line {error.line}: {error}") from error
-
-
-def _command(fields: dict[str, Any], seconds: float) -> RecordedCommand:
-    arrived = round(fields.get("heard_s", seconds) * NS)
-    return RecordedCommand(arrived, fields["command"], fields["by"], fields.get("take", False))

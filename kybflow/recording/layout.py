@@ -206,11 +206,16 @@ def head(plan: Plan) -> dict[str, Any]:
 
 
 def _vehicle(vehicle: VehiclePlan, plan: Plan) -> dict[str, Any]:
-    others = (other for other in plan.vehicles if other.name != vehicle.name)
+    others = {v.name: v.airframe.diameter for v in plan.vehicles if v.name != vehicle.name}
+    own, supervisors = vehicle.airframe.diameter, vehicle.supervisors
     return {
         "start": vehicle.start,
         "heading": vehicle.heading,
-        "keeps_apart": {other.name: _kept_apart(vehicle, other) for other in others},
+        # metres below which a supervisor alarms at the start; 0 if none does
+        "keeps_apart": {
+            name: max((s.cls.keeps_apart(s.params, own, size) for s in supervisors), default=0.0)
+            for name, size in others.items()
+        },
         "states": {
             state.name: {
                 "built_in": state.built_in,
@@ -220,13 +225,6 @@ def _vehicle(vehicle: VehiclePlan, plan: Plan) -> dict[str, Any]:
             for state in vehicle.states.values()
         },
     }
-
-
-def _kept_apart(vehicle: VehiclePlan, other: VehiclePlan) -> float:
-    """Return the distance (m) below which a supervisor alarms at the start; 0 if none does."""
-    own, theirs = vehicle.airframe.diameter, other.airframe.diameter
-    bounds = (s.cls.keeps_apart(s.params, own, theirs) for s in vehicle.supervisors)
-    return max(bounds, default=0.0)
 
 
 class MeasurementLayout:
@@ -296,16 +294,13 @@ def _recorded(name: str, plain: Any, note: Any, index: int) -> tuple[tuple[_Fiel
             return field, lambda values: (values[index] is not None, values[index] or 0)
         if plain == tuple[float, ...]:
             extra = ("uint8", note.extra, note.extra_comment)
-            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), _several(index)
+
+            def numbers(values: Any) -> tuple[float, ...]:
+                held = values[index][:SWITCHES]
+                return (len(held), *held, *(0.0,) * (SWITCHES - len(held)))
+
+            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), numbers
     raise TypeError(f"`{name}: {plain}` can't be recorded")
-
-
-def _several(index: int) -> Callable[[Any], tuple[float, ...]]:
-    def numbers(values: Any) -> tuple[float, ...]:
-        held = values[index][:SWITCHES]
-        return (len(held), *held, *(0.0,) * (SWITCHES - len(held)))
-
-    return numbers
 
 
 @cache

@@ -74,19 +74,16 @@ class _Album:
             self._folder.add(name, _picture(frame, located))
         if is_kept and name not in self._at_changes:
             self._at_changes.append(name)
-        if is_due:
-            self._evenly.append(name)
-            if len(self._evenly) > EVENLY:
-                self._delete_every_other()
-            self._due = frame.time + self._pace
-
-    def _delete_every_other(self) -> None:
-        self._pace *= 2
-        dropped, self._evenly = self._evenly[1::2], self._evenly[::2]
-        for name in dropped:
-            if name not in self._at_changes:
+        if not is_due:
+            return
+        self._evenly.append(name)
+        if len(self._evenly) > EVENLY:
+            self._pace *= 2
+            dropped, self._evenly = self._evenly[1::2], self._evenly[::2]
+            for spare in (name for name in dropped if name not in self._at_changes):
                 with suppress(OSError):
-                    (self._folder.path / name).unlink()
+                    (self._folder.path / spare).unlink()
+        self._due = frame.time + self._pace
 
 
 def _name(time: Time, camera: str, located: Located | None) -> str:

@@ -41,7 +41,6 @@ from kybflow.core.signals import (
     kind_name,
 )
 from kybflow.dsl.plan import Plan
-from kybflow.recording.growing_file import GrowingFile
 from kybflow.recording.layout import (
     COMMAND_KINDS,
     EVENT_SCHEMA,
@@ -64,7 +63,7 @@ from kybflow.recording.layout import (
     obstacles_record,
     struct_format,
 )
-from kybflow.recording.run_folder import RunUnwritten
+from kybflow.recording.run_folder import GrowingFile
 from kybflow.runtime.observer import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
@@ -101,10 +100,7 @@ class Recorder:
     for this. Raises RunUnwritten if the file can't be opened."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
-        try:
-            self._file = GrowingFile(path, "recording")
-        except OSError as error:
-            raise RunUnwritten(f"`{path}` can't be written: {error.strerror}") from error
+        self._file = GrowingFile.of_run(path, "recording")
         self._context = Context()
         per_second = plan.control_rate * max(1, len(plan.vehicles)) * _TICK.size
         self._writer = open_mcap(

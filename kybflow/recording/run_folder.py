@@ -14,9 +14,12 @@ import os
 import platform
 import re
 from codecs import BOM_UTF8
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
+from io import FileIO
 from pathlib import Path, PurePath
+from stat import S_ISREG
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import KybflowError
@@ -25,7 +28,6 @@ from kybflow.core.signals import Event, InputReading, Time
 from kybflow.dsl.plan import EstimatorPlan, InputPlan, Plan, SensorPlan
 from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
 from kybflow.inputs.rows import InputRow, head, line
-from kybflow.recording.growing_file import GrowingFile
 from kybflow.recording.layout import event_record
 
 if TYPE_CHECKING:
@@ -49,6 +51,84 @@ class RunFolderError(KybflowError):
 
 class RunUnwritten(RunFolderError):
     """A file of a run can't be written, for example on a full or read-only disk."""
+
+
+class GrowingFile:
+    """An unbuffered file that a run appends to, so that its contents survive a crash.
+
+    After the first error, `failed` holds the reason and further data is dropped. It counts as an
+    error if another program removes, replaces or truncates the file. what: a name for the contents,
+    used in `failed`. Raises OSError if the file can't be opened.
+    """
+
+    def __init__(self, path: Path, what: str) -> None:
+        self._path, self._what = path, what
+        # appends, because writing at a position would fill a truncated file up with zeros
+        self._file = FileIO(
+            path, "w", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666)
+        )
+        self._size = 0
+        self.failed: str | None = None
+
+    @classmethod
+    def of_run(cls, path: Path, what: str) -> GrowingFile:
+        """Open the file at `path`. Raises RunUnwritten."""
+        try:
+            return cls(path, what)
+        except OSError as error:
+            raise RunUnwritten(f"`{path}` can't be written: {error.strerror}") from error
+
+    def write(self, data: bytes) -> int:
+        """Append `data` and return its length, even if it can't be written."""
+        left = memoryview(data)
+        try:
+            while left and self.failed is None:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._fail(error.strerror or str(error))
+        self._size += len(data)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Return the size of the file. The MCAP writer calls this even with seeking disabled."""
+        return self._size
+
+    def flush(self) -> None:
+        """Do nothing: the file is unbuffered."""
+
+    def check(self) -> None:
+        """Check that the file still holds everything that was written."""
+        if self.failed is None and not self._file.closed:
+            lost = self._lost()
+            if lost:
+                self._fail(lost)
+
+    def close(self) -> None:
+        """Close the file; may be called again."""
+        self.check()
+        try:
+            self._file.close()
+        except OSError as error:
+            if self.failed is None:
+                self._fail(error.strerror or str(error))
+
+    def _lost(self) -> str | None:
+        """Return what another program did to the file, or None."""
+        ours = os.fstat(self._file.fileno())
+        if not S_ISREG(ours.st_mode):
+            return None
+        try:
+            found = self._path.stat()
+        except OSError:
+            return f"`{self._path}` was removed or moved"
+        if not os.path.samestat(ours, found):
+            return f"`{self._path}` was replaced"
+        if found.st_size != self._size:
+            return f"`{self._path}` has {found.st_size} bytes, but {self._size} were written"
+        return None
+
+    def _fail(self, reason: str) -> None:
+        self.failed = f"the {self._what} stopped: {reason}"
 
 
 class RunFolder:
@@ -98,18 +178,15 @@ class RunFolder:
         for name, file in files.items():
             write_file(self.path / name, contents(file))
         for own in plan.inputs:
-            self._open_table(own)
-
-    def _open_table(self, plan: InputPlan) -> None:
-        path = self.path / INPUTS / f"{plan.name}.csv"
-        axes: tuple[str, ...] = plan.part.cls.axes(plan.part.params)
-        try:
-            path.parent.mkdir(exist_ok=True)
-            file = GrowingFile(path, f"table of `{plan.name}`")
-        except OSError as error:
-            raise RunUnwritten(f"`{path}` can't be written: {error.strerror}") from error
-        self._inputs[plan.name] = file, axes
-        file.write(head(axes).encode())
+            axes: tuple[str, ...] = own.part.cls.axes(own.part.params)
+            path = self.path / INPUTS / f"{own.name}.csv"
+            try:
+                path.parent.mkdir(exist_ok=True)
+                table = GrowingFile(path, f"table of `{own.name}`")
+            except OSError as error:
+                raise RunUnwritten(f"`{path}` can't be written: {error.strerror}") from error
+            self._inputs[own.name] = table, axes
+            table.write(head(axes).encode())
 
     def add(self, name: str, data: bytes) -> Path:
         """Write another file of the run and return its path. name: its path within the folder.
@@ -135,15 +212,24 @@ class RunFolder:
             file.close()
 
 
+def whole_lines(path: Path) -> list[str]:
+    """Return the complete lines of a growing file; none if there is no file. After a run that was
+    killed, the last line may be incomplete and is left out."""
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    return text.split("\n")[:-1]
+
+
 def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFolder:
     """Create the folder `out`, or `runs/<mission>-<time>` with a number appended if that exists.
 
     `out` must be new or empty. Raises RunFolderError for a folder with files, RunUnwritten if the
     folder can't be created.
     """
-    path = (
-        out if out is not None else _free(Path("runs"), f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
-    )
+    default = path = Path("runs", f"{plan.mission}-{started:%Y%m%d-%H%M%S}")
+    number = 2
+    while out is None and path.exists():
+        path, number = default.with_name(f"{default.name}-{number}"), number + 1
+    path = path if out is None else out
     try:
         path.mkdir(parents=True, exist_ok=True)
         _check_empty(path)
@@ -152,17 +238,12 @@ def create_run_folder(plan: Plan, out: Path | None, started: datetime) -> RunFol
         raise RunUnwritten(f"`{path}` can't be written: {error.strerror or error}") from error
 
 
-def _free(parent: Path, name: str) -> Path:
-    path, number = parent / name, 2
-    while path.exists():
-        path, number = parent / f"{name}-{number}", number + 1
-    return path
-
-
 def _check_empty(path: Path) -> None:
     """Raise RunFolderError for a folder with files, because a run never replaces files."""
-    found = sorted(entry.name for entry in path.iterdir())
-    ours = FILES | _copied(path)
+    found, ours = sorted(entry.name for entry in path.iterdir()), set(FILES)
+    with suppress(OSError, ValueError, LookupError, TypeError):  # copies of its mission's files
+        names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
+        ours |= {PurePath(name).parts[0] for name in names}
     foreign = [name for name in found if name not in ours or EVENTS not in found]
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
@@ -171,15 +252,6 @@ def _check_empty(path: Path) -> None:
         )
     if found:
         raise RunFolderError(f"`{path}` holds an earlier run; name another folder, or remove it")
-
-
-def _copied(path: Path) -> set[str]:
-    """Return the entries of an earlier run's folder that are copies of its mission's files."""
-    try:
-        names = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))[FLOWN_FROM]
-        return {PurePath(name).parts[0] for name in names}
-    except (OSError, ValueError, LookupError, TypeError):
-        return set()
 
 
 def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:
@@ -213,6 +285,10 @@ def provenance(
 ) -> dict[str, Any]:
     """Return the content of `provenance.json`: the request, the sources with their SHA-256, the
     paths of the copied `files`, the versions and the machine."""
+    parts: list[SensorPlan | EstimatorPlan | InputPlan] = []
+    for vehicle in plan.vehicles:
+        parts += (*vehicle.sensors, *vehicle.estimators)
+    packages = [name for one in (*parts, *plan.inputs) for name in one.part.cls.packages]
     # like `platform.platform()`, which would run `uname -p`
     kernel, libc = f"{platform.system()}-{platform.release()}", "".join(platform.libc_ver())
     return {
@@ -223,24 +299,13 @@ def provenance(
         "started": started.isoformat(timespec="seconds"),
         "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
         FLOWN_FROM: [*files],
-        "versions": {"python": platform.python_version(), **_versions(_packages(plan))},
+        "versions": {"python": platform.python_version(), **_versions((*_PACKAGES, *packages))},
         "machine": {
             "system": f"{kernel}-{platform.machine()}-{libc or 'unknown'}",
             "processor": platform.machine(),
             "cores": os.cpu_count(),
         },
     }
-
-
-def _packages(plan: Plan) -> Iterator[str]:
-    """Yield the packages that every run uses, then those of its sensors, estimators and inputs."""
-    yield from _PACKAGES
-    for vehicle in plan.vehicles:
-        parts: list[SensorPlan | EstimatorPlan] = [*vehicle.sensors, *vehicle.estimators]
-        for plan_part in parts:
-            yield from plan_part.part.cls.packages
-    for own in plan.inputs:
-        yield from own.part.cls.packages
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:

@@ -10,19 +10,59 @@ import numpy as np
 
 from kybflow.core.units import DEG
 from kybflow.report.data import Picture, Run
-from kybflow.report.estimators import (
-    CHI_95,
-    Array,
-    EstimatorStatistics,
-    EstimatorTrack,
-    statistics_of,
-)
+from kybflow.report.estimators import EstimatorTrack
 from kybflow.report.plot import Figure, bands, dashed, line, over_time
+
+CHI_95 = 2.796
+"""Bound of 95 % of the position errors, in standard deviations along an axis, if they are equal for
+all axes: the root of the 95 % quantile of the chi-square distribution with three degrees of
+freedom."""
 
 MOST_POINTS = 3000
 """The most points in a curve."""
 _USED = "rgba(31,158,119,0.16)"
 _AXES = (("x", "#2f7ed8"), ("y", "#e07b26"), ("z", "#a55ec4"))
+
+
+@dataclass(frozen=True)
+class EstimatorStatistics:
+    """The errors of an estimator while the vehicle flew on it; None if it never did.
+
+    share: the share of the vehicle's ticks. mean, p99, highest: of the position error, m. within:
+    the share of position errors within `CHI_95` spreads, without blended ticks. yaw_p99: rad.
+    age_mean, age_highest: s.
+    """
+
+    share: float
+    mean: float | None = None
+    p99: float | None = None
+    highest: float | None = None
+    within: float | None = None
+    yaw_p99: float | None = None
+    age_mean: float | None = None
+    age_highest: float | None = None
+
+
+def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
+    """Return the statistics of one estimator. ticks: the number of the vehicle's ticks."""
+    used = track.used & ~np.isnan(track.age)
+    share = float(track.used.sum()) / max(ticks, 1)
+    age, distance = track.age[used], track.position_error
+    known = used & ~np.isnan(distance)
+    if not known.any():
+        return EstimatorStatistics(share)
+    errors, own = distance[known], known & ~track.blended
+    is_within = distance[own] <= CHI_95 * track.spread[own]
+    return EstimatorStatistics(
+        share,
+        float(errors.mean()),
+        float(np.quantile(errors, 0.99)),
+        float(errors.max()),
+        float(is_within.mean()) if own.any() else None,
+        float(np.quantile(np.abs(track.yaw_error[known]), 0.99)),
+        float(age.mean()),
+        float(age.max()),
+    )
 
 
 @dataclass(frozen=True)
@@ -79,7 +119,10 @@ def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
         "Shaded: in use."
     )
     layout = over_time(run, "error (cm)", "normal")
-    highest = _highest(track.used[kept], off, bound)
+    # the largest error while in use, or the 99 % quantile of the bounds if that is larger
+    errors, bounds = (v[track.used[kept] & np.isfinite(v)] for v in (off, bound))
+    common = float(np.quantile(bounds, 0.99)) if len(bounds) else 0.0
+    highest = max(common, float(errors.max(initial=0.0)))
     if highest > 0.0:
         layout["yaxis"]["range"] = [0.0, 1.15 * highest]
         note += " Click x, y or z for one axis; double-click for the full range."
@@ -119,13 +162,6 @@ def _kept(track: EstimatorTrack) -> slice:
 
 def _reference(run: Run) -> str:
     return "the truth" if run.simulated else "the estimate that the vehicle flew on"
-
-
-def _highest(used: Any, off: Array, bound: Array) -> float:
-    """Return the largest error while in use, or the 99 % quantile of the bounds if it is larger."""
-    errors, bounds = (values[used & np.isfinite(values)] for values in (off, bound))
-    common = float(np.quantile(bounds, 0.99)) if len(bounds) else 0.0
-    return max(common, float(errors.max(initial=0.0)))
 
 
 def _in_use(track: EstimatorTrack) -> dict[str, Any]:

@@ -1,5 +1,4 @@
-"""Computes the errors of each estimator over time, whether or not the vehicle flew on it, and their
-statistics."""
+"""Computes the errors of each estimator over time, whether or not the vehicle flew on it."""
 
 from __future__ import annotations
 
@@ -15,11 +14,6 @@ from kybflow.core.signals import NS
 from kybflow.recording.layout import dtype_spec
 
 Array = NDArray[np.float64]
-
-CHI_95 = 2.796
-"""Bound of 95 % of the position errors, in standard deviations along an axis, if they are equal for
-all axes: the root of the 95 % quantile of the chi-square distribution with three degrees of
-freedom."""
 
 _SAME_POSITION = 1e-4
 """The largest negligible offset between two positions, m."""
@@ -63,47 +57,6 @@ class EstimatorTrack:
             (float(self.time[first]), float(self.time[last - 1]) + step)
             for first, last in edges.reshape(-1, 2)
         ]
-
-
-@dataclass(frozen=True)
-class EstimatorStatistics:
-    """The errors of an estimator while the vehicle flew on it; None if it never did.
-
-    share: the share of the vehicle's ticks. mean, p99, highest: of the position error, m. within:
-    the share of position errors within `CHI_95` spreads, without blended ticks. yaw_p99: rad.
-    age_mean, age_highest: s.
-    """
-
-    share: float
-    mean: float | None = None
-    p99: float | None = None
-    highest: float | None = None
-    within: float | None = None
-    yaw_p99: float | None = None
-    age_mean: float | None = None
-    age_highest: float | None = None
-
-
-def statistics_of(track: EstimatorTrack, ticks: int) -> EstimatorStatistics:
-    """Return the statistics of one estimator. ticks: the number of the vehicle's ticks."""
-    used = track.used & ~np.isnan(track.age)
-    share = float(track.used.sum()) / max(ticks, 1)
-    age, distance = track.age[used], track.position_error
-    known = used & ~np.isnan(distance)
-    if not known.any():
-        return EstimatorStatistics(share)
-    errors, own = distance[known], known & ~track.blended
-    is_within = distance[own] <= CHI_95 * track.spread[own]
-    return EstimatorStatistics(
-        share,
-        float(errors.mean()),
-        float(np.quantile(errors, 0.99)),
-        float(errors.max()),
-        float(is_within.mean()) if own.any() else None,
-        float(np.quantile(np.abs(track.yaw_error[known]), 0.99)),
-        float(age.mean()),
-        float(age.max()),
-    )
 
 
 def read_estimators(
@@ -164,26 +117,22 @@ def _track(
     used: NDArray[np.bool_],
     blended: NDArray[np.bool_],
 ) -> EstimatorTrack:
+    own, theirs = _present(rows, "attitude"), reference.attitude
+    yaw: Array = (_heading(own) - _heading(theirs) + np.pi) % (2.0 * np.pi) - np.pi
+    turn: Array = 2.0 * np.arccos(np.abs((own * theirs).sum(axis=1)).clip(0.0, 1.0))
     return EstimatorTrack(
         vehicle,
         name,
         stamps / NS,
         _present(rows, "position") - reference.position,
-        *_rotation(_present(rows, "attitude"), reference.attitude),
+        yaw,
+        turn,
         _present(rows, "age"),
         _present(rows, "spread"),
         usable,
         used,
         blended,
     )
-
-
-def _rotation(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return the heading of `a` minus that of `b`, and the angle between the attitudes; radians."""
-    product: Array = np.abs((a * b).sum(axis=1))
-    yaw: Array = (_heading(a) - _heading(b) + np.pi) % (2.0 * np.pi) - np.pi
-    turn: Array = 2.0 * np.arccos(product.clip(0.0, 1.0))
-    return yaw, turn
 
 
 def _heading(q: Array) -> Array:

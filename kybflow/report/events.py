@@ -1,13 +1,13 @@
-"""Classifies events as alarms or routine, formats their fields, and marks them in the timeline."""
+"""Classifies events as alarms or routine, formats their fields, and finds the intervals of a run in
+its events: faults, holds, clamps and estimators in use."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from html import escape
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from kybflow.report.data import Run
-from kybflow.report.plot import markers
 
 BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_ended"})
 """Events that the timeline shows as bars."""
@@ -22,11 +22,6 @@ _ROUTINE = BARS | {
     "run_started", "run_ended", "preflight_passed", "took_off", "landed", "driver_changed",
     "payload_loaded", "payload_released", "payload_rested",
 }  # fmt: skip
-_MARKERS = {
-    EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
-    ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
-    COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
-}
 
 
 def kind_of(event: Mapping[str, Any]) -> str:
@@ -59,27 +54,6 @@ def fields_text(event: Mapping[str, Any]) -> str:
     )
 
 
-def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Return a trace for each kind of mark. Events of one vehicle at the same time share a mark.
-    rows: the y coordinates of the marks, by vehicle and for the `run`."""
-    found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _MARKERS}
-    for event in run.events:
-        row = event["vehicle"] or "run"
-        if event["event"] not in BARS and row in rows:
-            place = (event["t_s"], rows[row])
-            fields, at = fields_text(event), f" ({escape(event['at'])})" if event["at"] else ""
-            text = f"{event['event']}{' - ' if fields else ''}{escape(fields)}{at}"
-            found[kind_of(event)].setdefault(place, []).append(text)
-    traces = []
-    for kind, places in found.items():
-        if places:
-            x, y = map(list, zip(*places, strict=True))
-            texts = ["<br>".join(of) for of in places.values()]
-            hover = "<b>%{x:.2f} s</b><br>%{text}"
-            traces.append(markers(kind, x, y, _MARKERS[kind], hover, text=texts))
-    return traces
-
-
 def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -95,7 +69,15 @@ def ending(run: Run, name: str) -> str:
     own = [event for event in run.events if event["vehicle"] == name]
     parts = ["on the ground" if vehicle["final"] == "ground" else "in the air"]
     if last is not None and last["name"] == "fault":
-        reason = _fault_reason([event for event in own if event["t_s"] <= last["start_s"]])
+        # the reason of the last failsafe that ended the flight, or else of the last failure
+        before = [event for event in own if event["t_s"] <= last["start_s"]]
+        stopped = [
+            event["fields"]["reason"]
+            for event in before
+            if event["event"] == "failsafe_started" and event["fields"].get("reaction") != "brake"
+        ]
+        failed = [e["fields"]["reason"] for e in before if e["event"].endswith("_failed")]
+        reason = (stopped or failed or [""])[-1]
         parts.append(f"in fault: {reason}" if reason else "in fault")
     parts += [
         f"{impact_text(event)} at {event['t_s']:.2f} s"
@@ -105,12 +87,123 @@ def ending(run: Run, name: str) -> str:
     return ", ".join(parts)
 
 
-def _fault_reason(events: list[dict[str, Any]]) -> str:
-    """Return the reason of the last failsafe that ended the flight, or else of the last failure."""
-    stopped = [
-        event["fields"]["reason"]
-        for event in events
-        if event["event"] == "failsafe_started" and event["fields"].get("reaction") != "brake"
-    ]
-    failed = [event["fields"]["reason"] for event in events if event["event"].endswith("_failed")]
-    return str((stopped or failed or [""])[-1])
+FAULT, HOLD, CLAMP = "fault at work", "hold", "clamped setpoint"
+BLIND, FALLBACK = "no estimate", "fallback estimator"
+TINTS = {
+    FAULT: "rgba(209,73,91,0.26)",
+    HOLD: "rgba(224,167,38,0.30)",
+    CLAMP: "rgba(52,140,86,0.26)",
+    BLIND: "rgba(120,40,140,0.30)",
+    FALLBACK: "rgba(47,126,216,0.20)",
+}
+"""The colour of each kind, light enough for curves on top of it in both themes."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An interval in a vehicle's flight, from `start` to `end`, s."""
+
+    kind: str
+    vehicle: str
+    label: str
+    start: float
+    end: float
+
+
+def faults_and_holds(run: Run) -> list[Interval]:
+    """Return the faults, holds and clamps of each vehicle. An interval without an end lasts until
+    the run ends."""
+    found: list[Interval] = []
+    for track in run.tracks:
+        own = [event for event in run.events if event["vehicle"] == track.name]
+        found += [
+            *_faults(own, run.end), *_holds(own, run.end), *_clamps(own, track.name, run.end)
+        ]  # fmt: skip
+    return found
+
+
+def estimators_in_use(run: Run) -> dict[str, list[Interval]]:
+    """Return the intervals in which each vehicle flew on each estimator, by vehicle. Their kind is
+    FALLBACK for all estimators but the first, and BLIND while there was no estimate."""
+    found: dict[str, list[Interval]] = {}
+    for track in run.tracks:
+        own = (event for event in run.events if event["vehicle"] == track.name)
+        found[track.name] = list(_estimators(own, track.name, run.end))
+    return found
+
+
+def shaded(run: Run) -> list[Interval]:
+    """Return the intervals to shade behind curves: all except the use of the first estimator."""
+    used = [interval for own in estimators_in_use(run).values() for interval in own]
+    besides = [interval for interval in used if interval.kind in (BLIND, FALLBACK)]
+    order = list(TINTS)
+    return sorted([*faults_and_holds(run), *besides], key=lambda i: order.index(i.kind))
+
+
+def _faults(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
+    running: dict[tuple[str, str], list[float]] = {}
+    for event in events:
+        vehicle, fault = event["vehicle"], event["fields"].get("fault", "")
+        key = (fault, event["at"])
+        if event["event"] == "fault_injected":
+            running.setdefault(key, []).append(event["t_s"])
+        elif event["event"] == "fault_ended" and running.get(key):
+            yield Interval(FAULT, vehicle, fault, running[key].pop(0), event["t_s"])
+    for (fault, _), starts in running.items():
+        yield from (Interval(FAULT, events[0]["vehicle"], fault, start, end) for start in starts)
+
+
+def _clamps(events: list[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
+    running: dict[str, float] = {}
+    for event in events:
+        name, label = event["event"], event["fields"].get("processor", "")
+        if name == "clamp_started":
+            running[label] = event["t_s"]
+        elif name == "clamp_ended":
+            yield Interval(CLAMP, vehicle, label, running.pop(label), event["t_s"])
+    for label, start in running.items():
+        yield Interval(CLAMP, vehicle, label, start, end)
+
+
+def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
+    """Yield pauses and brakes. A hold also ends when the behavior that it interrupts ends."""
+    running: dict[str, float] = {}
+    for event in events:
+        name, time, fields = event["event"], event["t_s"], event["fields"]
+        ended: list[str] = []
+        if name == "paused":
+            running.setdefault("paused", time)
+        elif name == "failsafe_started" and fields.get("reaction") == "brake":
+            running.setdefault("brake", time)
+        elif name == "resumed":
+            ended = ["paused"]
+        elif name == "failsafe_ended" and fields.get("reaction") == "brake":
+            ended = ["brake"]
+        elif name == "behavior_ended":
+            ended = list(running)
+        for label in ended:
+            start = running.pop(label, time)
+            if time > start:
+                yield Interval(HOLD, event["vehicle"], label, start, time)
+    for label, start in running.items():
+        yield Interval(HOLD, events[0]["vehicle"], label, start, end)
+
+
+def _estimators(events: Iterator[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
+    first: str | None = None
+    now: tuple[str, float] | None = None
+    for event in events:
+        if event["event"] not in ("estimator_changed", "estimator_lost"):
+            continue
+        name = event["fields"].get("estimator") or ""
+        first = first or name
+        if now is not None:
+            yield _used(vehicle, *now, event["t_s"], first)
+        now = (name, event["t_s"])
+    if now is not None and first is not None:
+        yield _used(vehicle, *now, end, first)
+
+
+def _used(vehicle: str, name: str, start: float, end: float, first: str) -> Interval:
+    kind = "estimator" if name == first else FALLBACK if name else BLIND
+    return Interval(kind, vehicle, name or BLIND, start, end)

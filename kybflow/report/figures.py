@@ -3,18 +3,188 @@ batteries."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+import re
+from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 
+from kybflow.core.errors import UnitError
 from kybflow.core.signals import NS
+from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.inputs.rows import InputRow, InputRows
 from kybflow.report.data import Run, Track
-from kybflow.report.intervals import FAULT, TINTS, shaded
-from kybflow.report.map import path_map
-from kybflow.report.plot import VEHICLES, Figure, bands, coloured, dashed, line, over_time, shade
-from kybflow.report.swarm import swarm_figures
+from kybflow.report.estimators import Array, norm
+from kybflow.report.events import FAULT, TINTS, shaded
+from kybflow.report.map import moving_ball, path_map, room, seen_from_above, shown
+from kybflow.report.plot import (
+    VEHICLES,
+    Figure,
+    bands,
+    coloured,
+    dashed,
+    line,
+    markers,
+    over_time,
+    shade,
+)
 from kybflow.report.timeline import timeline
+
+_MOST_PAIRS = 28
+"""The most pairs that get a line each. If there are more, each vehicle gets a line with the
+distance to its nearest one."""
+_MOST_NAMED = 15
+"""The most lines in the legend. If there are more, the names are only in the hover labels."""
+_MOMENTS = 9
+"""The number of moments in the figure from above."""
+_BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
+
+
+def swarm_figures(run: Run) -> list[Figure]:
+    """Return the figures of several vehicles, or of one vehicle and moving obstacles."""
+    flown = [track for track in run.tracks if len(track.time)]
+    above = [_from_above(run)] if len(flown) > 1 or (flown and run.moving) else []
+    return [*above, _distances(run, flown)] if len(flown) > 1 else above
+
+
+def _distances(run: Run, tracks: list[Track]) -> Figure:
+    """Draw the distance of each pair while both fly, with the bounds of supervisors and
+    expectations."""
+    pairs = list(combinations(tracks, 2))
+    if len(pairs) <= _MOST_PAIRS:
+        curves = [(f"{a.name} and {b.name}", a.time, _between(a, b)) for a, b in pairs]
+        note = "Between the centres of two vehicles while both are in the air."
+    else:
+        curves = [(a.name, a.time, _to_nearest(a, tracks)) for a in tracks]
+        note = "From each vehicle to the nearest one, while both are in the air."
+    traces = [
+        line(name, time, gap, VEHICLES[n % len(VEHICLES)], 1.6, hover="%{y:.3f} m")
+        for n, (name, time, gap) in enumerate(curves)
+    ]
+    if len(traces) > _MOST_NAMED:
+        traces = [{**trace, "showlegend": False} for trace in traces]
+    if alarms := alarm_distances(run):
+        traces += [_bound(run, "alarm below", at, "2px,3px") for at in alarms]
+        note += " A supervisor alarms below a dotted line, and sooner for vehicles that approach."
+    expected = least_separation(run)
+    if expected is not None:
+        traces.append(_bound(run, "expected above", expected, "6px,4px"))
+        note += " The dashed line is the least that an expectation allows."
+    return Figure("distances", "Distances", note, traces, over_time(run, "distance (m)", "tozero"))
+
+
+def _bound(run: Run, name: str, bound: float, dash: str) -> dict[str, Any]:
+    """Return a horizontal line over the whole run."""
+    limit = line(
+        f"{name} {round(bound, 3):g} m", np.array([0.0, run.end]), np.full(2, bound), "alarm", 1.4
+    )
+    limit["line"]["dash"] = dash
+    return limit
+
+
+def alarm_distances(run: Run) -> list[float]:
+    """Return the distances below which supervisors alarm, as at the start of the run; metres,
+    without duplicates and zeros."""
+    vehicles = run.mission.get("vehicles", {}).values()
+    kept = (bound for facts in vehicles for bound in facts.get("keeps_apart", {}).values())
+    return sorted({round(bound, 3) for bound in kept if bound > 0.0})
+
+
+def least_separation(run: Run) -> float | None:
+    """Return the largest separation that an expectation requires, metres; None if none does."""
+    found = []
+    for expectation in run.summary.get("expectations", ()):
+        for bound in _BOUND.findall(expectation["text"]):
+            try:
+                found.append(parse_quantity(bound, LENGTH))
+            except UnitError:
+                continue  # the bound is another expression
+    return max(found, default=None)
+
+
+def _between(a: Track, b: Track) -> Array:
+    """Return the distance between two vehicles at the times of the first, m; NaN where one doesn't
+    fly."""
+    here, there = _aloft(a), _at(b, a.time)
+    gap: Array = norm(here - there)
+    return gap
+
+
+def _to_nearest(a: Track, tracks: list[Track]) -> Array:
+    gaps = np.array([_between(a, b) for b in tracks if b is not a])
+    known = np.where(np.isnan(gaps), np.inf, gaps).min(axis=0)
+    nearest: Array = np.where(np.isinf(known), np.nan, known)
+    return nearest
+
+
+def _aloft(track: Track) -> Array:
+    """Return a vehicle's positions (n, 3), NaN where it doesn't fly."""
+    flies = ~np.isnan(track.position_error)
+    place: Array = np.where(flies[:, None], track.position, np.nan)
+    return place
+
+
+def _at(track: Track, times: Array) -> Array:
+    """Return a vehicle's positions at these times, NaN where it doesn't fly."""
+    places = _aloft(track)
+    index = np.clip(np.searchsorted(track.time, times), 0, len(track.time) - 1)
+    found: Array = places[index]
+    return found
+
+
+def _from_above(run: Run) -> Figure:
+    """Draw the paths from above, with the moving obstacles and flying vehicles at several
+    moments."""
+    window, _ = shown(run)
+    traces = room(run, window)
+    for track, colour in coloured(run):
+        way = line(track.name, track.position[:, 0], track.position[:, 1], colour, 1.2)
+        traces.append({**way, "opacity": 0.5})
+    for moment in np.linspace(0.0, run.end, _MOMENTS + 2)[1:-1]:
+        at = float(moment)
+        for name in run.moving:
+            traces += moving_ball(run, name, at, f"{at:.0f}")
+        traces += _moment(run, at)
+    note = f"The vehicles in the air at {_MOMENTS} moments, with the seconds. Lines join vehicles"
+    note += " in one state whose behavior uses the positions of the others."
+    layout = seen_from_above(run, window)
+    return Figure("from_above", "From above over time", note, traces, layout, over_time=False)
+
+
+def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
+    """Draw a dot for each vehicle that flies at `moment` (s), and lines between vehicles in the
+    same state if its behavior uses what the others publish."""
+    places = {}
+    for track, colour in coloured(run):
+        here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)
+        if not np.isnan(here[0]):
+            visit = next((v for v in track.visits if v.start <= moment < v.end), None)
+            joins = visit.name if visit is not None and visit.hears else ""
+            places[track.name] = (float(here[0]), float(here[1]), float(here[2]), colour, joins)
+    if not places:
+        return []
+    edges: list[float] = []
+    sides: list[float] = []
+    for a, b in combinations(places.values(), 2) if len(places) <= len(VEHICLES) else ():
+        if a[4] == b[4] != "":
+            edges += [a[0], b[0], np.nan]
+            sides += [a[1], b[1], np.nan]
+    joined = line("", np.array(edges), np.array(sides), "soft", 0.7)
+    dots = markers(
+        "in the air",
+        [p[0] for p in places.values()],
+        [p[1] for p in places.values()],
+        {"size": 9, "color": [p[3] for p in places.values()]},
+        f"%{{customdata[0]}} at {moment:.1f} s, %{{customdata[1]:.2f}} m high",
+        mode="markers+text",
+        text=[f"{moment:.0f}", *[""] * (len(places) - 1)],
+        textposition="top center",
+        textfont={"size": 10, "color": "ink"},
+        customdata=[[name, p[2]] for name, p in places.items()],
+        showlegend=False,
+    )
+    return [{**joined, "showlegend": False}, dots]
+
 
 _BELOW = "The setpoint of a landing goes below the ground; the vehicle stops at touchdown."
 

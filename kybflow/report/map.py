@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kybflow.report.data import Run, Track
+from kybflow.report.data import Run
 from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
@@ -48,11 +48,20 @@ class Extent(NamedTuple):
 def path_map(run: Run) -> Figure:
     """Draw the paths over the fence, the obstacles and the named points."""
     window, outside = shown(run)
+    x, y = [track.start[0] for track in run.tracks], [track.start[1] for track in run.tracks]
+    ring = {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}}
+    starts = markers("start", x, y, ring, "start %{x:.2f}, %{y:.2f} m")
     traces = [
-        *room(run, window), *moving_paths(run), *_paths(run), _starts(run), *_parcels(run),
+        *room(run, window), *moving_paths(run), *_paths(run), starts, *_parcels(run),
         *_collisions(run),
     ]  # fmt: skip
-    note, layout = _note(run, outside), seen_from_above(run, window)
+    note = "The flown path and the reference of the tracker."
+    obstacles, unit = run.world.obstacles.items(), Extent(0.0, 0.0, 1.0, 1.0)
+    if level := [n for n, s in obstacles if isinstance(s, Plane) and not outline(s, unit)[0]]:
+        note += f" Not drawn because horizontal: {', '.join(level)}."
+    if outside:
+        note += f" Outside this map: {', '.join(outside)}."
+    layout = seen_from_above(run, window)
     return Figure("path", "Path from above", note, traces, layout, over_time=False)
 
 
@@ -109,12 +118,6 @@ def _paths(run: Run) -> list[dict[str, Any]]:
     return traces
 
 
-def _starts(run: Run) -> dict[str, Any]:
-    x, y = [track.start[0] for track in run.tracks], [track.start[1] for track in run.tracks]
-    ring = {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}}
-    return markers("start", x, y, ring, "start %{x:.2f}, %{y:.2f} m")
-
-
 def _parcels(run: Run) -> list[dict[str, Any]]:
     """Draw a square where each payload came to rest, by the simulator's truth."""
     drops = [e for e in run.events if e["event"] == "payload_rested"]
@@ -132,32 +135,18 @@ def _collisions(run: Run) -> list[dict[str, Any]]:
     hits = [e for e in run.events if e["event"] in IMPACTS and e["vehicle"] in tracks]
     if not hits:
         return []
-    x, y = map(list, zip(*(_place(tracks[e["vehicle"]], e["t_s"]) for e in hits), strict=True))
+    x, y = list[float](), list[float]()
+    for event in hits:
+        track = tracks[event["vehicle"]]
+        known = np.flatnonzero(~np.isnan(track.position[:, 0]))
+        at = track.start
+        if len(known):
+            at = track.position[known[np.argmin(np.abs(track.time[known] - event["t_s"]))]].tolist()
+        x.append(at[0])
+        y.append(at[1])
     texts = [f"{e['vehicle']} {impact_text(e)}" for e in hits]
     cross = {"symbol": "x", "size": 13, "color": "alarm"}
     return [markers("collision", x, y, cross, "%{text}", text=texts)]
-
-
-def _place(track: Track, time: float) -> tuple[float, float]:
-    known = np.flatnonzero(~np.isnan(track.position[:, 0]))
-    if not len(known):
-        return track.start[0], track.start[1]
-    nearest = known[np.argmin(np.abs(track.time[known] - time))]
-    return float(track.position[nearest, 0]), float(track.position[nearest, 1])
-
-
-def _note(run: Run, outside: list[str]) -> str:
-    parts = ["The flown path and the reference of the tracker."]
-    level = [
-        name
-        for name, shape in run.world.obstacles.items()
-        if isinstance(shape, Plane) and not outline(shape, Extent(0.0, 0.0, 1.0, 1.0))[0]
-    ]
-    if level:
-        parts.append(f"Not drawn because horizontal: {', '.join(level)}.")
-    if outside:
-        parts.append(f"Outside this map: {', '.join(outside)}.")
-    return " ".join(parts)
 
 
 Coordinates = list[float | None]

@@ -15,8 +15,7 @@ from plotly.offline import get_plotlyjs
 from kybflow.core.units import DEG, format_measured
 from kybflow.recording.run_folder import REPORT, write_file
 from kybflow.report.data import Picture, Run, read_run
-from kybflow.report.estimator_pages import estimator_pages, statistics
-from kybflow.report.estimators import CHI_95
+from kybflow.report.estimator_pages import CHI_95, estimator_pages, statistics
 from kybflow.report.events import COLLISION, EVENT, ending, fields_text, is_notable, kind_of
 from kybflow.report.figures import figures
 
@@ -42,10 +41,10 @@ def render(run: Run) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.tests.update(change=_is_change, plain=lambda event: kind_of(event) == EVENT)
+    environment.tests.update(change=is_change, plain=lambda event: kind_of(event) == EVENT)
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
     environment.filters.update(
-        code=_code, errors=_errors, picture=_picture, quantity=_quantity, scaled=_scaled
+        code=code, errors=errors, picture=picture, quantity=quantity, scaled=scaled
     )
     return environment.get_template("page.html").render(
         run=run,
@@ -63,34 +62,34 @@ def render(run: Run) -> str:
     )
 
 
-def _is_change(event: dict[str, Any]) -> bool:
+def is_change(event: dict[str, Any]) -> bool:
     """Return whether an event is a change of the estimator in flight."""
     is_one = event["event"] in ("estimator_changed", "estimator_lost")
     return is_one and event["fields"]["reason"] != "the first estimate"
 
 
-def _scaled(value: float | None, factor: float = 1.0, digits: int = 2, unit: str = "") -> str:
+def scaled(value: float | None, factor: float = 1.0, digits: int = 2, unit: str = "") -> str:
     """Format a number times `factor`; None becomes a dash."""
     return _DASH if value is None else f"{value * factor:.{digits}f}{unit}"
 
 
-def _quantity(value: float | None, unit: str, sign: str = "") -> str:
+def quantity(value: float | None, unit: str, sign: str = "") -> str:
     """Format a value given in SI units; None becomes a dash."""
     if value is None:
         return _DASH
     return format_measured(value, unit, sign).replace("-", "\N{MINUS SIGN}")
 
 
-def _errors(record: dict[str, Any]) -> list[str]:
+def errors(record: dict[str, Any]) -> list[str]:
     """Format the mean, rms and largest position error in cm, then those of the velocity in cm/s."""
     return [
-        _scaled((record[field] or {}).get(figure), 100.0)
+        scaled((record[field] or {}).get(figure), 100.0)
         for field in ("position_error_m", "velocity_error_m_s")
         for figure in ("mean", "rms", "max")
     ]
 
 
-def _code(text: str) -> Markup:
+def code(text: str) -> Markup:
     """Return text as HTML, with the names between backticks as code."""
     parts = escape(text).split("`")
     return Markup("").join(
@@ -98,7 +97,7 @@ def _code(text: str) -> Markup:
     )
 
 
-def _picture(picture: Picture) -> dict[str, str]:
+def picture(picture: Picture) -> dict[str, str]:
     """Return a picture with its caption and encoded data."""
     if picture.used is None:
         found = "no pose"

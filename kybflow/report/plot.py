@@ -12,7 +12,7 @@ from typing import Any
 
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array
-from kybflow.report.intervals import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS, Interval
+from kybflow.report.events import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS, Interval
 
 VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
 

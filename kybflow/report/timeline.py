@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from typing import Any
 
 from kybflow.report.data import Run, StateVisit
-from kybflow.report.events import marks
-from kybflow.report.intervals import (
+from kybflow.report.events import (
+    ALARM,
+    BARS,
     CLAMP,
+    COLLISION,
+    EVENT,
     FAULT,
     HOLD,
     TINTS,
     Interval,
     estimators_in_use,
     faults_and_holds,
+    fields_text,
+    kind_of,
 )
-from kybflow.report.plot import Figure, time_axis
+from kybflow.report.plot import Figure, markers, time_axis
 
+_MARKERS = {
+    EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
+    ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
+    COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
+}
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
 _GREY = "#9aa3ad"
+"""The colour of built-in states."""
 _BAR, _LANE, _MARKS, _GAP, _LEVEL = 28.0, 15.0, 20.0, 14.0, 13.0
 """Heights in pixels: of a bar, of a lane, of the room for marks below a bar, of the gap between
 rows, and of a level of labels."""
@@ -38,7 +50,9 @@ def timeline(run: Run) -> Figure:
     below. Under a vehicle's row, its faults, holds, clamps and estimators have a lane each, if
     there are any. The y axis counts pixels from the top."""
     visits = {track.name: track.visits for track in run.tracks} | _phases(run)
-    colours = _visit_colours([visit for own in visits.values() for visit in own])
+    shown = [visit for own in visits.values() for visit in own]
+    names = dict.fromkeys(visit.name for visit in shown if not visit.built_in)
+    colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(names)}
     traces: list[dict[str, Any]] = []
     labels: list[dict[str, Any]] = []
     marked: dict[str, float] = {}
@@ -49,12 +63,12 @@ def timeline(run: Run) -> Figure:
         texts, above = narrow_labels(own, max(run.end, 0.1))
         middle = down + above + _BAR / 2
         ticks[row], marked[row] = middle, middle + _BAR / 2 + 9.0
-        traces += [_visit(v, middle, colours[v.name], v not in texts) for v in own]
+        traces += [_visit(v, middle, colours.get(v.name, _GREY), v not in texts) for v in own]
         labels += [_label(v, middle - _BAR / 2, level) for v, level in texts.items()]
         down = middle + _BAR / 2 + _MARKS
-        for kind, shown in lanes.get(row, {}).items():
+        for kind, intervals in lanes.get(row, {}).items():
             ticks[f"{row}, {kind}"] = down + _LANE / 2
-            traces += [_interval(interval, down + _LANE / 2) for interval in shown]
+            traces += [_interval(interval, down + _LANE / 2) for interval in intervals]
             down += _LANE + 3.0
         down += _GAP
     if any(not event["vehicle"] for event in run.events):
@@ -79,6 +93,27 @@ def timeline(run: Run) -> Figure:
         "showlegend": True,
     }
     return Figure("timeline", "Behaviors and events", _NOTE, traces, layout)
+
+
+def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Return a trace for each kind of mark. Events of one vehicle at the same time share a mark.
+    rows: the y coordinates of the marks, by vehicle and for the `run`."""
+    found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _MARKERS}
+    for event in run.events:
+        row = event["vehicle"] or "run"
+        if event["event"] not in BARS and row in rows:
+            place = (event["t_s"], rows[row])
+            fields, at = fields_text(event), f" ({escape(event['at'])})" if event["at"] else ""
+            text = f"{event['event']}{' - ' if fields else ''}{escape(fields)}{at}"
+            found[kind_of(event)].setdefault(place, []).append(text)
+    traces = []
+    for kind, places in found.items():
+        if places:
+            x, y = map(list, zip(*places, strict=True))
+            texts = ["<br>".join(of) for of in places.values()]
+            hover = "<b>%{x:.2f} s</b><br>%{text}"
+            traces.append(markers(kind, x, y, _MARKERS[kind], hover, text=texts))
+    return traces
 
 
 def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateVisit, int], float]:
@@ -188,10 +223,3 @@ def _phases(run: Run) -> dict[str, list[StateVisit]]:
             visits = found[f"flow {fields['flow']}"]
             visits[-1] = replace(visits[-1], end=event["t_s"], ended=fields["how"])
     return found
-
-
-def _visit_colours(visits: Sequence[StateVisit]) -> dict[str, str]:
-    """Return a colour for each state name; grey for built-in states."""
-    own = dict.fromkeys(visit.name for visit in visits if not visit.built_in)
-    colours = {name: _VISITS[number % len(_VISITS)] for number, name in enumerate(own)}
-    return {visit.name: colours.get(visit.name, _GREY) for visit in visits}

@@ -9,8 +9,7 @@ from installed_package import package
 from toolchain import ROOT, compiled, printed
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.api.library import libraries, missions
-from kybflow.api.scaffold import SCHEMA, scaffold
+from kybflow.api.library import SCHEMA, libraries, missions, scaffold
 from kybflow.core.errors import KybflowError
 
 SURVEY = str(ROOT / "missions" / "survey.yaml")

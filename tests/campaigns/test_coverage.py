@@ -2,7 +2,7 @@
 
 from plans import part, plan, state, vehicle
 
-from kybflow.campaigns.coverage import (
+from kybflow.campaigns.cases import (
     CoverageListener,
     StateItem,
     TransitionItem,

@@ -14,9 +14,15 @@ from toolchain import compiled, invoke
 
 from kybflow.api.flight import Flown
 from kybflow.campaigns import cases
-from kybflow.campaigns.cases import FlightCase, FlightResult, fly_case, missions_under
-from kybflow.campaigns.coverage import StateItem, coverage_items
-from kybflow.campaigns.junit import write_junit
+from kybflow.campaigns.cases import (
+    FlightCase,
+    FlightResult,
+    StateItem,
+    coverage_items,
+    fly_case,
+    missions_under,
+    write_junit,
+)
 from kybflow.campaigns.session import Pool, coverage_of, exit_code, run_cases
 from kybflow.core.details import detailed
 from kybflow.dsl.compiler import compile_mission

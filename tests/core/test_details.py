@@ -13,7 +13,7 @@ from typer import Exit
 from kybflow.api.flight import Flown, inspect
 from kybflow.cli.commands import preflight
 from kybflow.cli.commands.preflight import table
-from kybflow.cli.printing.run import outcome, sentence
+from kybflow.cli.printing.flights import outcome, sentence
 from kybflow.core.details import detailed, details, headline
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event

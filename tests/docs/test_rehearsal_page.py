@@ -8,7 +8,7 @@ from pathlib import Path
 
 from toolchain import ROOT, invoke
 
-from kybflow.api.findings.codes import codes
+from kybflow.api.codes import codes
 
 PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")
 [MISSION] = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -7,8 +7,15 @@ from pathlib import Path
 import pytest
 from toolchain import ROOT, printed
 
-from kybflow.api.findings.codes import codes, families, list_codes, page, show_code
-from kybflow.api.findings.pages import sections, sections_of
+from kybflow.api.codes import (
+    codes,
+    families,
+    list_codes,
+    page,
+    sections,
+    sections_of,
+    show_code,
+)
 
 PAGE = ROOT / "docs" / "checks.md"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from toolchain import MISSIONS, invoke
 
-from kybflow.api.findings.formats import to_annotation, to_sarif
+from kybflow.api.validation import to_annotation, to_sarif
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 

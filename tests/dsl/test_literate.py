@@ -1,5 +1,5 @@
 """Bad missions beside the exact report: every Markdown file in `literate/` is a test. Their form:
-`kybflow.api.findings.pages`.
+`kybflow.api.codes`.
 
 Rewrite the reports of a file with: python tests/dsl/test_literate.py NAME.md
 """
@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))  # where this run
 
 from hardware_catalog import HardwareCatalog
 
-from kybflow.api.findings.pages import Section, folder, sections, sections_of, write
+from kybflow.api.codes import Section, folder, sections, sections_of, write
 from kybflow.core.signals import Battery, Imu
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission

@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from toolchain import compiled
 
 from kybflow.cli.printing.mission import show_mission
-from kybflow.cli.printing.parts import show_part
+from kybflow.cli.printing.reference import show_part
 from kybflow.core.params import Field, Numbers
 from kybflow.core.units import ANGLE
 from kybflow.dsl.diagnostics.diagnostic import Findings

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.recording.growing_file import GrowingFile
+from kybflow.recording.run_folder import GrowingFile
 
 
 def replace(path: Path) -> None:

@@ -17,8 +17,7 @@ from kybflow.core.signals import NS, Command, Estimate, Event, Truth
 from kybflow.recording.recorder import Recorder, VehicleChannel
 from kybflow.recording.run_folder import create_run_folder
 from kybflow.report.data import Picture, read_run
-from kybflow.report.estimator_pages import estimator_pages
-from kybflow.report.estimators import CHI_95, statistics_of
+from kybflow.report.estimator_pages import CHI_95, estimator_pages, statistics_of
 from kybflow.report.page import render
 
 SECONDS, CHANGE = 4.0, 3.0

@@ -10,7 +10,7 @@ from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.report.data import read_run
-from kybflow.report.estimators import statistics_of
+from kybflow.report.estimator_pages import statistics_of
 from kybflow.report.page import render
 
 MISSION = """

@@ -9,9 +9,8 @@ import pytest
 from recorded_run import write_run
 
 from kybflow.report.data import StateVisit, read_run
-from kybflow.report.events import ending
+from kybflow.report.events import Interval, ending, estimators_in_use, faults_and_holds, shaded
 from kybflow.report.figures import figures
-from kybflow.report.intervals import Interval, estimators_in_use, faults_and_holds, shaded
 from kybflow.report.page import render
 from kybflow.report.timeline import narrow_labels, timeline
 

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kybflow.report.data import MovingTrack, Run, StateVisit, Track
-from kybflow.report.swarm import alarm_distances, least_separation, swarm_figures
-from kybflow.report.world import RecordedWorld
+from kybflow.report.data import MovingTrack, RecordedWorld, Run, StateVisit, Track
+from kybflow.report.figures import alarm_distances, least_separation, swarm_figures
 
 TIME = np.linspace(0.0, 10.0, 101)
 

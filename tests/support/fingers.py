@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from types import TracebackType
 
-from kybflow.cli.keys.offered import Offer
-from kybflow.cli.keys.terminal_commander import TerminalCommander
+from kybflow.cli.keys import Offer, TerminalCommander
 from kybflow.runtime.engine import Engine
 
 

@@ -72,7 +72,12 @@ class Person:
             event = next((e for e in one.events if (name, e) not in self._given), None)
             if event is not None:
                 self._given.add((name, event))
-                self._give(event, name, engine)
+                self.assumed.append(Assumed(engine.seconds(), event, name))
+                if event in self._buttons:
+                    engine.events.emit(Custom(event), at=self._buttons[event])
+                else:
+                    command = GivenCommand(named(event), SCHEDULE, name=event)
+                    self._commands.scheduled.appendleft((now, command))
                 return  # one event per tick, because it may change what waits
 
     def _waiting(self, engine: Engine) -> Iterator[_Listener]:
@@ -98,14 +103,6 @@ class Person:
 
     def _of(self, transitions: Iterable[TransitionPlan]) -> tuple[str, ...]:
         return tuple(name for name in heard_by(transitions) if name in self._names)
-
-    def _give(self, name: str, waiting: str, engine: Engine) -> None:
-        self.assumed.append(Assumed(engine.seconds(), name, waiting))
-        if name in self._buttons:
-            engine.events.emit(Custom(name), at=self._buttons[name])
-        else:
-            command = GivenCommand(named(name), SCHEDULE, name=name)
-            self._commands.scheduled.appendleft((engine.clock.now, command))
 
 
 def _waits(vehicle: Vehicle) -> bool:

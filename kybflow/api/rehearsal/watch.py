@@ -117,9 +117,11 @@ class Watch:
                     self._add(empty, vehicle.name)
             if vehicle.name in places and vehicle.airborne:
                 self._check_fence(vehicle, places[vehicle.name])
-        self._check_pairs(before, places)
+        self._check_pairs(engine, before, places)
 
-    def _check_pairs(self, before: dict[str, Vec3], places: dict[str, Vec3]) -> None:
+    def _check_pairs(
+        self, engine: Engine, before: dict[str, Vec3], places: dict[str, Vec3]
+    ) -> None:
         """Check each pair whose distance since the last tick may be too small or the least so
         far."""
         known = [
@@ -131,8 +133,17 @@ class Watch:
         for (one, flies, here, was), (other, other_flies, there, went) in combinations(known, 2):
             least = inf if self.separation is None else self.separation.metres
             near = distance(here, there) < max(least, self._widest) + moved
-            if near and (flies or other_flies):
-                self._check_gap(one, other, least_distance(sub(was, went), sub(here, there)))
+            if not near or not (flies or other_flies):
+                continue
+            gap, pair = least_distance(sub(was, went), sub(here, there)), (one.name, other.name)
+            if gap < least:
+                self.separation = LeastSeparation(gap, engine.seconds(), pair)
+            needed = _needed(one, other)
+            collides = gap < one.context.airframe.arm + other.context.airframe.arm
+            if gap < needed and not collides and flies and other_flies:
+                own, beside = self._doing(one), self._doing(other)
+                mend = self._apart(one, other, needed)
+                self._add(findings.too_close(own, beside, gap, needed, mend), *sorted(pair))
 
     def end(self, engine: Engine) -> None:
         """Make the findings about the end. Called after the engine has stopped."""
@@ -146,18 +157,6 @@ class Watch:
                 own, beside = self._doing(one), self._doing(other)
                 found = findings.common_place(own, beside, rests=True)
                 self._add(found, *pair)
-
-    def _check_gap(self, one: Vehicle, other: Vehicle, gap: float) -> None:
-        assert self._engine is not None
-        if self.separation is None or gap < self.separation.metres:
-            self.separation = LeastSeparation(gap, self._engine.seconds(), (one.name, other.name))
-        needed = _needed(one, other)
-        collides = gap < one.context.airframe.arm + other.context.airframe.arm
-        if gap < needed and not collides and one.airborne and other.airborne:
-            own, beside = self._doing(one), self._doing(other)
-            mend = self._apart(one, other, needed)
-            found = findings.too_close(own, beside, gap, needed, mend)
-            self._add(found, *sorted((one.name, other.name)))
 
     def _check_fence(self, vehicle: Vehicle, place: Vec3) -> None:
         fence = vehicle.context.fence
@@ -246,9 +245,14 @@ class Watch:
             self._add_in(state, vehicle, found)
 
     def _behavior_waits(self, event: Event) -> None:
+        """Handle a landing that waits because another vehicle, presumably the nearest, is below."""
         vehicle = self._vehicles[event.vehicle]
-        other = self._nearest(vehicle)
-        if vehicle.runner.leg.end is GROUND and vehicle.airborne and other is not None:
+        truths = {name: v.truth for name, v in self._vehicles.items()}
+        places = {name: t.position[:2] for name, t in truths.items() if t is not None}
+        place = places.pop(vehicle.name, None)
+        lands = vehicle.runner.leg.end is GROUND and vehicle.airborne
+        if lands and place is not None and places:
+            other = self._vehicles[min(places, key=lambda name: dist(places[name], place))]
             own, beside = self._doing(vehicle), self._doing(other)
             found = findings.common_place(own, beside, rests=False)
             self._add(found, vehicle.name, other.name)
@@ -270,15 +274,6 @@ class Watch:
         check, why = str(event.fields["check"]), str(event.fields["reason"])
         at = event.at or self._plan.vehicles[0].at
         self._add(findings.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
-
-    def _nearest(self, vehicle: Vehicle) -> Vehicle | None:
-        """Return the other vehicle at the least horizontal distance from `vehicle`, or None."""
-        truths = {name: v.truth for name, v in self._vehicles.items()}
-        places = {name: t.position[:2] for name, t in truths.items() if t is not None}
-        place = places.pop(vehicle.name, None)
-        if place is None or not places:
-            return None
-        return self._vehicles[min(places, key=lambda name: dist(places[name], place))]
 
     def _apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
         assert self._arrivals is not None

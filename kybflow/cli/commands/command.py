@@ -105,7 +105,7 @@ def command(
 
 def _watch(client: RunClient, *, as_json: bool) -> None:
     """Print the events of a run as they happen."""
-    from kybflow.cli.printing.run import sentence
+    from kybflow.cli.printing.flights import sentence
     from kybflow.core.signals import NS, Event
 
     for one in client.watch():

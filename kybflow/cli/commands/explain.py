@@ -25,7 +25,7 @@ def command(
       kybflow explain KYB203
       kybflow explain --check docs/checks.md
     """
-    from kybflow.api.findings.codes import codes, list_codes, page, show_code
+    from kybflow.api.codes import codes, list_codes, page, show_code
 
     if published(page, "kybflow explain", write_to, check):
         return

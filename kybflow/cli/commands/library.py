@@ -29,7 +29,7 @@ def command(
       kybflow library line
       kybflow library missions/survey.yaml
     """
-    from kybflow.cli.printing.library import (
+    from kybflow.cli.printing.reference import (
         known_names,
         list_shipped,
         show_file,

@@ -28,7 +28,7 @@ def command(
       kybflow new hop
       kybflow new my_eight --from figure_eight
     """
-    from kybflow.api.scaffold import scaffold
+    from kybflow.api.library import scaffold
 
     with failing(INVALID, KybflowError, word="kybflow: "):
         written = scaffold(name, origin, Path())

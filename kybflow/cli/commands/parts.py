@@ -26,7 +26,7 @@ def command(
       kybflow parts circle
       kybflow parts --check docs/parts.md
     """
-    from kybflow.cli.printing.parts import list_parts, page, show_part
+    from kybflow.cli.printing.reference import list_parts, page, show_part
     from kybflow.parts.catalog import load_catalog
 
     if published(page, "kybflow parts", write_to, check):

@@ -39,8 +39,7 @@ def command(
       kybflow preflight missions/figure_eight.yaml --target lab
     """
     from kybflow.api.flight import inspect
-    from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.report import preflight_line
+    from kybflow.api.rehearsal.rehearse import preflight_line, rehearse
     from kybflow.core.errors import DriverError, PartFailed
 
     plan, result = compiled(mission, target, sets)

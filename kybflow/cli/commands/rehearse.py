@@ -39,8 +39,7 @@ def command(
       kybflow rehearse missions/courier.yaml --target lab --format json
       kybflow rehearse missions/joystick.yaml --target hands --emit stick.take@8s
     """
-    from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.report import formatted
+    from kybflow.api.rehearsal.rehearse import formatted, rehearse
 
     plan, result = compiled(mission, target, sets)
     with failing(INVALID, KybflowError):

@@ -115,8 +115,7 @@ def _rehearse(
     plan: Plan, result: Result, emits: Sequence[Emitted], options: Sequence[Change]
 ) -> None:
     """Rehearse a plan and print the findings. Exits with INVALID if one is an error."""
-    from kybflow.api.rehearsal.rehearse import rehearse
-    from kybflow.api.rehearsal.report import reports
+    from kybflow.api.rehearsal.rehearse import rehearse, reports
 
     with failing(INVALID, KybflowError):
         rehearsal = rehearse(plan, emits, options, result.texts)
@@ -143,7 +142,7 @@ def fly_plan(
     """
     from kybflow.api.flight import fly
     from kybflow.api.opening import with_window
-    from kybflow.cli.printing.run import outcome, sentence
+    from kybflow.cli.printing.flights import outcome, sentence
     from kybflow.recording.run_folder import RunUnwritten
 
     out, err = printer(sys.stdout), printer(sys.stderr)
@@ -182,7 +181,7 @@ def _panel(plan: Plan) -> LivePanel:
     person = None
     steers = any(own.part.cls.reads_terminal for own in plan.inputs)
     if not steers and sys.stdin is not None and sys.stdin.isatty():
-        from kybflow.cli.keys.terminal_commander import TerminalCommander
+        from kybflow.cli.keys import TerminalCommander
         from kybflow.core.terminal import Terminal
 
         person = TerminalCommander(Terminal(sys.stdin.fileno(), sys.stdout.fileno()))

@@ -51,10 +51,9 @@ def command(
     """
     from datetime import datetime
 
-    from kybflow.campaigns.cases import FlightCase, missions_under
-    from kybflow.campaigns.junit import write_junit
+    from kybflow.campaigns.cases import FlightCase, missions_under, write_junit
     from kybflow.campaigns.session import coverage_of, exit_code, run_cases
-    from kybflow.cli.printing.test_results import progress, show_table
+    from kybflow.cli.printing.flights import progress, show_table
 
     folder = out / f"test-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     numbers = _seeds(seeds)

@@ -35,19 +35,18 @@ def command(
       kybflow validate missions --format sarif
       kybflow validate missions/figure_eight.yaml --set lap=8s
     """
-    from kybflow.api.validation import WHOLE, validate_paths
+    from kybflow.api.validation import validate_paths, whole
 
-    whole = WHOLE.get(format)
     files, valid = [], []
     for one in validate_paths(paths, target, sets):
         valid.append(one.valid)
-        if whole is not None:
+        if format in ("json", "sarif"):
             files.append(one)
             continue
         for text in one.annotations if format == "github" else one.reports:
             echo(text)
-    if whole is not None:
-        echo(whole(files))
+    if format in ("json", "sarif"):
+        echo(whole(files, format))
     if not valid:
         echo(f"{', '.join(map(str, paths))}: no missions found", err=True)
     raise Exit(0 if valid and all(valid) else INVALID)

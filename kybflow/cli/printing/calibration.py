@@ -70,7 +70,14 @@ def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator
     seen, name = walk.seen, walk.camera.name
     yield f"frames: {len(walk.at)} of {read} show tags, out of {total}"
     yield f"tags: {len(walk.tags)}, {len(seen.frame)} corners, {adjusted.sigma['corners']:.2f} px"
-    yield from _left_out(found)
+    used = adjusted.used
+    if not used["corners"].all():
+        wrong = ~used["corners"]
+        sightings = len(set(zip(seen.frame[wrong], seen.tag[wrong], strict=True)))
+        yield f"left out: {sightings} sightings of tags that don't fit"
+    poses = used.get("reference position")
+    if poses is not None and not poses.all():
+        yield f"left out: {int((~poses).sum())} of {len(poses)} poses that don't fit"
     if found.ahead is not None:
         yield f"clock: the poses' is {found.ahead:+.3f} s from the frames'"
     yield ""
@@ -102,17 +109,6 @@ def _doubts(found: WalkCalibration) -> Iterator[str]:
     for kind, columns in CORRECTIONS.items():
         if kind in _AMISS and (abs(found.adjusted.x[columns]) > _SURE * BELIEVED[kind]).any():
             yield f"doubtful: {kind}, far from its prior; {_AMISS[kind]}"
-
-
-def _left_out(found: WalkCalibration) -> Iterator[str]:
-    used, walk = found.adjusted.used, found.walk
-    if not used["corners"].all():
-        wrong = ~used["corners"]
-        sightings = len(set(zip(walk.seen.frame[wrong], walk.seen.tag[wrong], strict=True)))
-        yield f"left out: {sightings} sightings of tags that don't fit"
-    poses = used.get("reference position")
-    if poses is not None and not poses.all():
-        yield f"left out: {int((~poses).sum())} of {len(poses)} poses that don't fit"
 
 
 def _lens(found: WalkCalibration) -> Iterator[_Row]:

@@ -12,10 +12,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from kybflow.cli.keys.offered import Offer
-from kybflow.cli.keys.terminal_commander import KeyMessage, TerminalCommander
+from kybflow.cli.keys import KeyMessage, Offer, TerminalCommander
 from kybflow.cli.output import grouped
-from kybflow.cli.printing.run import sentence
+from kybflow.cli.printing.flights import sentence
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Event
 from kybflow.runtime.engine import Engine
@@ -64,21 +63,18 @@ class LivePanel:
             self._draw()
 
     def _draw(self, refresh: bool = True) -> None:
-        if self._engine is not None:
-            self._drawn = time.monotonic()
-            drawing = self._drawing(self._engine, self._drawn - self._began)
-            self._live.update(drawing, refresh=refresh)
-
-    def _drawing(self, engine: Engine, wall: float) -> Group:
-        seconds = engine.seconds()
+        engine = self._engine
+        if engine is None:
+            return
+        self._drawn = time.monotonic()
+        seconds, wall = engine.seconds(), self._drawn - self._began
         table = Table(title=f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x")
         several = len(engine.vehicles) > 1
         headings = ("vehicle", "behavior", "estimator", "battery", "position error", "height")
         for heading in (*headings, "nearest") if several else headings:
             table.add_column(heading, justify="left" if heading in _LEFT else "right")
         for vehicle in engine.vehicles:
-            nearest = (_nearest(vehicle, engine.vehicles),) if several else ()
-            table.add_row(*_row(vehicle, engine.flying), *nearest)
+            table.add_row(*_row(vehicle, engine))
         below = [*_below(engine)] if engine.flying else []
         keys: Iterator[Text] = iter(())
         if (person := self.commander) is not None:
@@ -89,34 +85,30 @@ class LivePanel:
                 keys = keys_drawn(person.offers, person.message, self._console.width, room)
         cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
         events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
-        return Group(table, *cut, *keys, *events)
+        self._live.update(Group(table, *cut, *keys, *events), refresh=refresh)
 
 
-def _row(vehicle: Vehicle, flying: bool) -> tuple[str, ...]:
-    """Return the cells of a vehicle: its name, its state and what holds it, and its measured
-    values."""
+def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
+    """Return a vehicle's name, its state and what holds it, its measured values and, if there are
+    several vehicles, the distance to the nearest one according to the estimates."""
     estimate, battery, setpoint = vehicle.estimate, vehicle.battery, vehicle.wanted
     wanted, hold = setpoint.position if setpoint is not None else None, vehicle.runner.hold
     held = () if hold is None else sorted(_HELD.get(holder, holder) for holder in hold.holders)
-    return (
+    cells = [
         vehicle.name,
-        ", ".join((vehicle.state, *held)) if flying else "preflight",
+        ", ".join((vehicle.state, *held)) if engine.flying else "preflight",
         vehicle.estimator or "none",
         f"{battery.remaining:.0%}" if battery else "-",
         f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
         f"{estimate.position[2]:.2f} m" if estimate else "-",
-    )
-
-
-def _nearest(vehicle: Vehicle, vehicles: Sequence[Vehicle]) -> str:
-    """Return the distance to the nearest other vehicle according to the estimates, and its name."""
-    others = ((other.estimate, other.name) for other in vehicles if other is not vehicle)
-    own = vehicle.estimate
-    if own is None:
-        return "-"
-    gaps = ((distance(own.position, it.position), name) for it, name in others if it is not None)
-    gap, name = min(gaps, default=(0.0, ""))
-    return f"{gap:.2f} m {name}" if name else "-"
+    ]
+    if len(engine.vehicles) > 1:
+        others = [(v.estimate, v.name) for v in engine.vehicles if v is not vehicle]
+        at = None if estimate is None else estimate.position
+        gaps = [(distance(at, e.position), name) for e, name in others if at and e]
+        gap, name = min(gaps, default=(0.0, ""))
+        cells.append(f"{gap:.2f} m {name}" if name else "-")
+    return cells
 
 
 def _below(engine: Engine) -> Iterator[str]:

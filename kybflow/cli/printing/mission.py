@@ -24,7 +24,6 @@ from kybflow.dsl.plan import (
     InputPlan,
     LogText,
     Parameter,
-    PartPlan,
     Perform,
     Plan,
     SetOption,
@@ -71,15 +70,23 @@ def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
     yield f"  trusts     {', '.join(e.part.name for e in vehicle.estimators) or 'nothing'}"
     if sensors := [sensor.part for sensor in vehicle.sensors]:
         kinds = [part.name for part in sensors]
-        own = (part.label.partition(".")[2] for part in sensors)
-        names = (f"{k} ({o})" if kinds.count(k) > 1 else k for k, o in zip(kinds, own, strict=True))
+        labels = (part.label.partition(".")[2] for part in sensors)
+        names = (
+            f"{k} ({o})" if kinds.count(k) > 1 else k for k, o in zip(kinds, labels, strict=True)
+        )
         yield f"  senses by  {', '.join(names)}"
     yield f"  processed  {', '.join(p.name for p in vehicle.processors) or 'by nothing'}"
     yield f"  tracked    by {vehicle.tracker.name}, flown by {vehicle.driver.name}"
     yield from _loop(vehicle, period)
     yield f"  watched    {', '.join(s.name for s in vehicle.supervisors)}"
     for part in (*vehicle.processors, *vehicle.supervisors):
-        yield from (f"  loosened   {line}" for line in _loosened(part))
+        declaration: Any = type(part.params)
+        for field in fields_of(declaration):
+            own = getattr(part.params, field.name)
+            if not field.required and field.loosens(field.default, own):
+                before, after = shown_value(field.default, field), shown_value(own, field)
+                name = f"{part.label}.{field.name}"
+                yield f"  loosened   {name} from {before} to {after} ({part.at})"
     states = [state for state in vehicle.states.values() if not state.built_in]
     rows = [(s.name, s.behavior.name + _ways(s.transitions)) for s in states]
     yield from columns(rows, "  ")
@@ -100,16 +107,6 @@ def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
         is_coupled = matrix is not None and matrix.is_coupled
         about = ", estimated: the height is coupled with x and y" if is_coupled else ""
         yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}{about}"
-
-
-def _loosened(part: PartPlan) -> Iterator[str]:
-    """Yield each safety parameter of a part that is less strict than its default."""
-    declaration: Any = type(part.params)
-    for field in fields_of(declaration):
-        own = getattr(part.params, field.name)
-        if not field.required and field.loosens(field.default, own):
-            before, after = shown_value(field.default, field), shown_value(own, field)
-            yield f"{part.label}.{field.name} from {before} to {after} ({part.at})"
 
 
 def _ways(transitions: Iterable[TransitionPlan]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from kybflow.cli.keys.offered import FIXED, KEYS, OfferedKeys
+from kybflow.cli.keys import FIXED, KEYS, OfferedKeys
 from kybflow.dsl.plan import Emit, Stop, Switch
 from kybflow.runtime.commanding.orders import LandOrder, PauseOrder, ResetOrder, ResumeOrder
 from kybflow.runtime.commanding.situation import FlowSituation, Situation, VehicleSituation

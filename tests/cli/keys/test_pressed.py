@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.cli.keys.pressed import ENTER, ESCAPE, PressedKeys
+from kybflow.cli.keys import ENTER, ESCAPE, PressedKeys
 
 UP, DELETE, F1, ALT_L = b"\x1b[A", b"\x1b[3~", b"\x1bOP", b"\x1bl"
 PASTED = b"\x1b[200~land\r\x1b[201~"

@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 from toolchain import ROOT, invoke
 
-from kybflow.cli.printing.parts import page
+from kybflow.cli.printing.reference import page
 from kybflow.core.events import BaseEvent
 from kybflow.core.params import Field, RecordOf, fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS

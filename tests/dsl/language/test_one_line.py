@@ -244,7 +244,7 @@ def judged(name, keys):
 """
 """Python of the copy, run beside it."""
 PROBE = """\
-from kybflow.cli.printing.parts import page
+from kybflow.cli.printing.reference import page
 from kybflow.dsl.language.published import mission_schema
 from kybflow.dsl.language.schema import Schemas, record_schema
 from kybflow.dsl.language.tables import records, with_tables

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from plans import part, plan, state, vehicle
 from short_flights import down, hold, named, path, up
 
-from kybflow.api.entry_judge import PlanEntryJudge
+from kybflow.api.opening import PlanEntryJudge
 from kybflow.core.errors import Refused
 from kybflow.core.signals import SetpointKind
 from kybflow.dsl.plan import TransitionPlan

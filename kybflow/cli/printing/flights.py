@@ -1,0 +1,124 @@
+"""The output of `kybflow run`, a line per event and the outcome; and of `kybflow test`, a progress
+bar on a terminal, the failures, a table of the missions, and the states and transitions that no
+flight took."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kybflow.core.details import details, headline
+from kybflow.core.signals import NS, Event
+from kybflow.core.units import format_measured
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from kybflow.api.flight import Flown
+    from kybflow.campaigns.cases import Coverage, FlightResult
+
+_MARGIN = " " * 20
+_QUIET_FIELDS = frozenset({"behavior", "part"})
+
+
+def sentence(event: Event) -> str:
+    """Format an event as a line, `  3.24 s  mk     behavior_started up (take_off)`, followed by any
+    tables in its fields. The event `run_ended` omits its reason, which is part of the outcome."""
+    fields = dict(event.fields)
+    words = [event.name]
+    if "behavior" in fields:
+        words.append(str(fields["behavior"]))
+    if "part" in fields:
+        words.append(f"({fields['part']})")
+    quiet = _QUIET_FIELDS | {"reason"} if event.name == "run_ended" else _QUIET_FIELDS
+    shown = {k: v for k, v in fields.items() if k not in quiet and v is not None}
+    words += [f"{k}={headline(_short(v))}" for k, v in shown.items()]
+    at = f"  [{event.at}]" if event.at else ""
+    line = f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
+    below = (row for value in shown.values() for row in details(_short(value)))
+    return "\n".join([line, *(f"{_MARGIN}{row}" for row in below)])
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
+    """Yield the lines printed after a run. has_pace: whether its clock may differ from real
+    time."""
+    summary = flown.summary
+    for expectation in summary["expectations"]:
+        mark = "held  " if expectation["held"] else "FAILED"
+        value, unit = expectation["value"], str(expectation["unit"])
+        measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
+        yield f"{mark}  {expectation['text']}{measured}"
+    for seconds, name in flown.never_given:
+        yield f"`{name}` at {seconds:g} s was never given: the run ended before"
+    reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
+    yield f"{summary['mission']} {summary['outcome']}{reason}"
+    pace, factor = "", summary["real_time_factor"]
+    if has_pace and factor is not None:  # one significant digit below 1
+        pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
+    yield (
+        f"{summary['sim_time_s']:.1f} s flown in {summary['wall_time_s']:.1f} s{pace}, "
+        f"recorded in {flown.folder}"
+    )
+
+
+@contextmanager
+def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
+    """Show a progress bar on a terminal. Yield the function to call after each flight; it prints
+    failures even if there is no bar."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    def show(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True)
+
+    def done(result: FlightResult) -> None:
+        bar.advance(task)
+        if result.passed:
+            return
+        show(f"{result.verdict.upper()}  {result.case.name}")
+        for reason in result.reason:
+            show("    " + reason.replace("\n", "\n    "))
+        if result.folder is not None:
+            show(f"    kept in {result.folder}")
+
+    shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *shown, TimeElapsedColumn(), console=console, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("flying", total=total)
+        yield done
+
+
+def show_table(
+    console: Console, results: Sequence[FlightResult], coverage: dict[Path, Coverage]
+) -> None:
+    """Print the number of passed flights and the coverage of each mission, then what no flight
+    took."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("mission", "passed", "states and transitions taken"):
+        table.add_column(heading, overflow="fold")
+    for path in dict.fromkeys(one.case.path for one in results):
+        cases = [one for one in results if one.case.path == path]
+        passed = sum(one.passed for one in cases)
+        found = coverage.get(path)
+        taken = "" if found is None else f"{found.total - len(found.missed)} of {found.total}"
+        table.add_row(escape(str(path)), f"{passed} of {len(cases)}", taken)
+    console.print(table)
+    for path, found in coverage.items():
+        for missed in found.missed:
+            place = missed.at or str(path)
+            console.print(f"{place}: not taken: {missed}", markup=False, soft_wrap=True)
