@@ -9,16 +9,13 @@ from __future__ import annotations
 import json
 import math
 import re
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
@@ -31,13 +28,10 @@ from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
-    METADATA,
     OBSTACLES_TOPIC,
-    PACKAGE,
-    definition,
     dtype_spec,
-    kept_every,
 )
+from kybflow.recording.messages import Messages, Recording, read_recording
 from kybflow.recording.run_folder import (
     EVENTS,
     FRAMES,
@@ -146,7 +140,7 @@ MOST_TICKS = 6000
 MOST_PICTURES = 96
 """The most pictures in a report; the others remain in the folder."""
 
-_TICK, _SETPOINT = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Setpoint"))
+_SETPOINT = np.dtype(dtype_spec("Setpoint"))
 _BATTERY = np.dtype(dtype_spec(Battery))
 _PICTURE_NAME = re.compile(r"(\d+\.\d+)s-(?:(\d+)-used-(\d+)-rejected|no-pose)\.jpg")
 
@@ -249,7 +243,7 @@ class Run:
 def read_run(folder: Path) -> Run:
     """Read the run in `folder`. Raises RunFolderError."""
     try:
-        log = read_log(folder / LOG)
+        log = read_recording(folder / LOG)
         events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
         world = read_world(folder / RESOLVED)
         summary, provenance = _read_json(folder / SUMMARY), _read_json(folder / PROVENANCE)
@@ -257,14 +251,12 @@ def read_run(folder: Path) -> Run:
         inputs = read_inputs(folder)
     except (OSError, ValueError, FileError, McapError) as error:
         raise RunFolderError(f"`{folder}` is no readable run: {error}") from error
-    end = max([0, *log.last.values()]) / NS
+    end = log.end / NS
     tracks = tuple(
         _track(name, facts, log, _visits(events, name, facts["states"], end), summary)
         for name, facts in log.mission["vehicles"].items()
     )
-    estimators = tuple(
-        e for name in log.mission["vehicles"] for e in read_estimators(log.messages, name)
-    )
+    estimators = tuple(e for name in log.mission["vehicles"] for e in read_estimators(log, name))
     return Run(
         log.mission, summary, provenance, events, tracks, end, world, estimators, pictures, inputs,
         read_moving(log),
@@ -274,8 +266,8 @@ def read_run(folder: Path) -> Run:
 def read_moving(log: Recording) -> dict[str, MovingTrack]:
     """Return the moving obstacles by name."""
     rows: dict[str, list[dict[str, Any]]] = {}
-    for message in log.messages.get(OBSTACLES_TOPIC, []):
-        for name, one in json.loads(message.data).items():
+    for obstacles in log[OBSTACLES_TOPIC].json():
+        for name, one in obstacles.items():
             rows.setdefault(name, []).append(one)
     return {
         name: MovingTrack(
@@ -322,16 +314,13 @@ def _track(
     visits: tuple[StateVisit, ...],
     summary: dict[str, Any],
 ) -> Track:
-    messages = log.messages.get(f"/{name}/tick", [])
-    kept = messages[:: max(1, math.ceil(len(messages) / MOST_TICKS))]
-    ticks = np.frombuffer(b"".join(m.data for m in kept), _TICK)
-    stamps = np.array([m.log_time for m in kept], np.int64)
+    rows = log.ticks(name)
+    stamps, ticks = rows.every(max(1, math.ceil(len(rows.times) / MOST_TICKS)))
     time = stamps / NS
-    reports = log.messages.get(f"/{name}/battery", [])
-    battery = np.frombuffer(b"".join(m.data for m in reports), _BATTERY)
+    charged, battery = log[f"/{name}/battery"].decoded(_BATTERY)
     position, velocity = _state(ticks, "position"), _state(ticks, "velocity")
     reference = _field(ticks["setpoint"], "position", HAS_POSITION)
-    wanted = _wanted(ticks["setpoint"], stamps, log.messages.get(f"/{name}/wanted", []))
+    wanted = _wanted(ticks["setpoint"], stamps, log[f"/{name}/wanted"])
     goal = _field(wanted, "position", HAS_POSITION)
     flies = np.zeros(len(time), bool)
     own = summary.get("vehicles", {}).get(name, {})
@@ -348,21 +337,17 @@ def _track(
             flies, norm(velocity - _field(wanted, "velocity", HAS_VELOCITY)), np.nan
         ),
         to_target=_to_target(time, position, goal, visits),
-        battery_time=np.array([m.log_time for m in reports], np.float64) / NS,
+        battery_time=charged / NS,
         battery=battery["remaining"],
         visits=visits,
     )
 
 
-def _wanted(
-    followed: NDArray[Any], stamps: NDArray[np.int64], others: list[Message]
-) -> NDArray[Any]:
+def _wanted(followed: NDArray[Any], stamps: NDArray[np.int64], others: Messages) -> NDArray[Any]:
     """Return the behavior's setpoint in each tick: the one from `/wanted` at that time, or else the
     one that the tracker followed."""
-    wanted, other = followed.copy(), np.frombuffer(b"".join(m.data for m in others), _SETPOINT)
-    _, index, of = np.intersect1d(
-        stamps, np.array([m.log_time for m in others], np.int64), return_indices=True
-    )
+    wanted, (times, other) = followed.copy(), others.decoded(_SETPOINT)
+    _, index, of = np.intersect1d(stamps, times, return_indices=True)
     wanted[index] = other[of]
     return wanted
 
@@ -391,61 +376,6 @@ def _to_target(
         if len(goals):
             distances[inside] = norm(position[inside] - goals[-1])
     return distances
-
-
-@dataclass(frozen=True)
-class Recording:
-    """The messages of a recording that the report needs, by topic. mission: the metadata. seen,
-    last: for each topic, the number of messages and the newest log time (ns), including messages
-    left out."""
-
-    mission: dict[str, Any]
-    messages: dict[str, list[Message]] = field(default_factory=dict)
-    seen: dict[str, int] = field(default_factory=dict)
-    last: dict[str, int] = field(default_factory=dict)
-
-
-def read_log(path: Path) -> Recording:
-    """Read the recording at `path`, which may be truncated. Raises OSError, ValueError or McapError
-    for a file that is no recording, or one of another version of kybflow."""
-    mission: dict[str, Any] = {}
-    topics: dict[int, str] = {}
-    log = Recording(mission)
-    tick: Schema | None = None
-    with path.open("rb") as file, suppress(EndOfFile):  # the run was killed, or is still flying
-        for record in StreamReader(file).records:
-            if isinstance(record, Message):
-                _keep(log, topics[record.channel_id], record)
-            elif isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Schema) and record.name == f"{PACKAGE}/Tick":
-                tick = record
-            elif isinstance(record, Metadata) and record.name == METADATA:
-                mission.update(json.loads(record.metadata["plan"]))
-    if tick is not None and tick.data != definition("Tick"):
-        raise ValueError(
-            f"`{path.name}` was recorded by another version of kybflow, whose ticks have another"
-            " layout; tools that decode ROS 1 messages by their schema can read it"
-        )
-    if not mission:
-        raise ValueError(f"`{path.name}` has no metadata of a mission")
-    return log
-
-
-def _keep(log: Recording, topic: str, message: Message) -> None:
-    """Keep all battery reports, estimates and obstacles, and the ticks at the rate of the
-    report."""
-    log.last[topic] = message.log_time
-    if topic.endswith("/battery") or "/estimator/" in topic or topic == OBSTACLES_TOPIC:
-        log.messages.setdefault(topic, []).append(message)
-    elif topic.endswith("/tick"):
-        seen = log.seen[topic] = log.seen.get(topic, 0) + 1
-        if (seen - 1) % kept_every(log.mission["control_rate"]) == 0:
-            log.messages.setdefault(topic, []).append(message)
-    elif topic.endswith("/wanted"):
-        ticks = log.messages.get(topic.removesuffix("wanted") + "tick")
-        if ticks and ticks[-1].log_time == message.log_time:
-            log.messages.setdefault(topic, []).append(message)
 
 
 def read_pictures(folder: Path) -> tuple[Picture, ...]:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.records import Message
 from numpy.typing import NDArray
 
 from kybflow.core.signals import NS
 from kybflow.recording.layout import dtype_spec
+from kybflow.recording.messages import Recording
 
 Array = NDArray[np.float64]
 
 _SAME_POSITION = 1e-4
 """The largest negligible offset between two positions, m."""
-_TICK, _CANDIDATE = np.dtype(dtype_spec("Tick")), np.dtype(dtype_spec("Candidate"))
+_CANDIDATE = np.dtype(dtype_spec("Candidate"))
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,10 @@ class EstimatorTrack:
         ]
 
 
-def read_estimators(
-    messages: Mapping[str, Sequence[Message]], vehicle: str
-) -> Iterator[EstimatorTrack]:
+def read_estimators(log: Recording, vehicle: str) -> Iterator[EstimatorTrack]:
     """Yield the estimates that a vehicle flew on as a track without a name, then a track for each
-    of its estimators; nothing if none was recorded. messages: by topic."""
-    ticks, stamps = _decoded(messages.get(f"/{vehicle}/tick", ()), _TICK)
+    of its estimators; nothing if none was recorded."""
+    stamps, ticks = log.ticks(vehicle)
     flown, truth = ticks["estimate"], ticks["truth"]
     is_known = truth["present"][:, None]
     reference = _Reference(
@@ -73,8 +71,8 @@ def read_estimators(
     )
     prefix = f"/{vehicle}/estimator/"
     blended, found = np.full(len(ticks), -1), []
-    for topic in (topic for topic in messages if topic.startswith(prefix)):
-        rows, at = _decoded(messages[topic], _CANDIDATE)
+    for topic in (topic for topic in log.topics if topic.startswith(prefix)):
+        at, rows = log[topic].decoded(_CANDIDATE)
         index = np.searchsorted(stamps, at).clip(0, max(len(stamps) - 1, 0))
         held = stamps[index] == at if len(stamps) else np.zeros(len(at), bool)
         rows, index, at = rows[held], index[held], at[held]
@@ -97,14 +95,6 @@ class _Reference(NamedTuple):
 
     position: Array
     attitude: Array
-
-
-def _decoded(
-    messages: Sequence[Message], kind: np.dtype[Any]
-) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Return (the messages as one array, their log times in ns)."""
-    data = np.frombuffer(b"".join(message.data for message in messages), kind)
-    return data, np.array([message.log_time for message in messages], np.int64)
 
 
 def _track(

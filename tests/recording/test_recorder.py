@@ -41,7 +41,8 @@ from kybflow.dsl.resolving.library_files import installed
 from kybflow.recording.layout import definition, dtype_spec, event_record, struct_format
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
-from kybflow.report.data import read_log, read_moving
+from kybflow.recording.messages import read_recording
+from kybflow.report.data import read_moving
 from kybflow.world.moving_sphere import MovingSphere
 
 ESTIMATE = Estimate(
@@ -112,7 +113,7 @@ def test_moving_obstacles_are_recorded_where_they_were_seen(tmp_path):
     assert message.log_time == 2 * NS
     told = json.loads(message.data)
     assert told == {"ball": {"seen_s": 1.0, "position": [0.5, 0.0, 1.0], "radius": 0.2}}
-    [(name, track)] = read_moving(read_log(tmp_path / "log.mcap")).items()
+    [(name, track)] = read_moving(read_recording(tmp_path / "log.mcap")).items()
     assert (name, track.time.tolist(), track.radius) == ("ball", [1.0], 0.2)
 
 
