@@ -30,15 +30,15 @@ _RECORD, _MESSAGE = Struct("<BQ"), Struct("<HIQQ")
 """A record's opcode and length; a message's channel, sequence, log time and publish time."""
 
 
-class Rows(NamedTuple):
+class Series(NamedTuple):
     """Decoded messages. times: log times, ns, (n,). values: structures, (n,)."""
 
     times: NDArray[np.int64]
     values: NDArray[Any]
 
-    def every(self, n: int) -> Rows:
+    def every(self, n: int) -> Series:
         """Return the first of each `n` messages."""
-        return Rows(self.times[::n], self.values[::n])
+        return Series(self.times[::n], self.values[::n])
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ class Messages:
     sizes: NDArray[np.int64]
     content: bytes
 
-    def decoded(self, kind: np.dtype[Any]) -> Rows:
+    def decoded(self, kind: np.dtype[Any]) -> Series:
         """Return the messages as an array of structures, and their times. Raises ValueError if they
         have another layout."""
-        return Rows(self.times, np.frombuffer(self.content, kind))
+        return Series(self.times, np.frombuffer(self.content, kind))
 
     def json(self) -> Iterator[Any]:
         """Yield the value of each message, of a topic encoded as JSON."""
@@ -76,7 +76,7 @@ class Recording:
     def __getitem__(self, topic: str) -> Messages:
         return self.topics.get(topic, NO_MESSAGES)
 
-    def ticks(self, vehicle: str) -> Rows:
+    def ticks(self, vehicle: str) -> Series:
         """Return a vehicle's ticks, at about `RATE` a second."""
         rows = self[f"/{vehicle}/tick"].decoded(TICK)
         return rows.every(kept_every(self.mission["control_rate"]))

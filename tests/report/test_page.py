@@ -182,7 +182,7 @@ def test_a_run_that_never_ticked_has_a_report_without_figures(tmp_path):
 
 
 def test_ticks_of_another_layout_are_an_error_that_says_so(folder, monkeypatch):
-    monkeypatch.setattr("kybflow.report.data.definition", lambda _: b"bool armed\n")
+    monkeypatch.setattr("kybflow.recording.messages.definition", lambda _: b"bool armed\n")
     with pytest.raises(RunFolderError, match=r"`log\.mcap` was recorded by another version"):
         read_run(folder)
 
