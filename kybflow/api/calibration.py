@@ -21,9 +21,8 @@ from kybflow.dsl.expanding.vehicles import written_camera
 from kybflow.dsl.plan import Plan
 from kybflow.recording.layout import dtype_spec
 from kybflow.recording.run_folder import EVENTS, LOG, RunFolderError
-from kybflow.vision.calibration.pose_table import read_poses
-from kybflow.vision.calibration.track import RecordedTrack
-from kybflow.vision.tag_table import write_tags
+from kybflow.vision.calibration.track import RecordedTrack, read_poses
+from kybflow.vision.tags import write_tags
 
 if TYPE_CHECKING:
     from kybflow.vision.calibration.walk import WalkCalibration

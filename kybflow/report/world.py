@@ -13,10 +13,8 @@ from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, parse_quantity
-from kybflow.world.columns import Columns
-from kybflow.world.occupancy_map import occupied_places, read_image, read_info
-from kybflow.world.point_cloud import METRES, PointCloud, placed, thinned
-from kybflow.world.point_cloud_file import read_points
+from kybflow.world.obstacle_files import occupied_places, read_image, read_info, read_points
+from kybflow.world.scanned import METRES, Columns, PointCloud, placed, thinned
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 

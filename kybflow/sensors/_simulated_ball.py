@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from kybflow.core.geometry import LEVEL, ZERO, scale, sub
 from kybflow.core.signals import NS, Command, Measurement, Time, Truth
 from kybflow.parts import Link, Stream
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 
 _STEP = 1e-3
 

@@ -1,4 +1,5 @@
-"""Conversion of a tracker's poses from its units and axes to the world's.
+"""The poses of motion-capture systems, converted from a tracker's units and axes to the world's; and
+a socket that wakes the thread that receives them.
 
 With `z_up`, x, y and z are the world's axes. With `y_up`, x points right, y up and z towards the
 viewer (Motive's default). With R the quarter turn about x that takes y to z, p_world = R p and
@@ -8,6 +9,9 @@ along x is then level and heads east.
 
 from __future__ import annotations
 
+import contextlib
+import socket
+import threading
 import time
 from collections.abc import Callable, Sequence
 from math import isfinite, sqrt
@@ -84,3 +88,34 @@ class PoseStream(Stream):
 
     def close(self) -> None:
         self._source.close()
+
+
+CHUNK = 1 << 16
+"""Largest number of bytes to read at once."""
+
+
+class Waker:
+    """Ends another thread's wait on `receiver`. ended: set when the thread must stop."""
+
+    def __init__(self) -> None:
+        self.ended = threading.Event()
+        self.receiver, self._sender = socket.socketpair()
+        self.receiver.setblocking(False)
+        self._sender.setblocking(False)
+
+    def wake(self) -> None:
+        with contextlib.suppress(OSError):  # full or closed: the thread is awake already
+            self._sender.send(b"\0")
+
+    def end(self) -> None:
+        self.ended.set()
+        self.wake()
+
+    def drain(self) -> None:
+        """Discard all wake-ups so far."""
+        with contextlib.suppress(OSError):
+            self.receiver.recv(CHUNK)
+
+    def close(self) -> None:
+        self.receiver.close()
+        self._sender.close()

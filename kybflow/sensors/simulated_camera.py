@@ -24,9 +24,7 @@ from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import is_calm, view_source
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
-from kybflow.vision.optics import SOUND, Optics, Weakness
-from kybflow.world.calibration_errors import CalibrationErrors
-from kybflow.world.cameras import Camera
+from kybflow.world.cameras import SOUND, CalibrationErrors, Camera, Optics, Weakness
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ import numpy
 from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import FILL_NON_ZERO, Canvas
 
-from kybflow.vision.families import cells, pattern
 from kybflow.vision.projection import Array
 from kybflow.vision.rendering.floor import QUIET
+from kybflow.vision.tags import cells, pattern
 
 PAPERS = {"a4": (210.0, 297.0), "a3": (297.0, 420.0)}
 _MARGIN, _GAP, _LABEL, _FOOT = 8.0, 3.0, 5.0, 12.0

@@ -16,8 +16,8 @@ from toolchain import ROOT, compiled, invoke  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, ZERO, add  # noqa: E402
 from kybflow.core.signals import Truth  # noqa: E402
-from kybflow.vision.optics import Optics  # noqa: E402
 from kybflow.vision.rendering.drawing import Room  # noqa: E402
+from kybflow.world.cameras import Optics  # noqa: E402
 
 PAGE = (ROOT / "docs" / "tag-floor.md").read_text(encoding="utf-8")
 MISSION, CAMERA, TARGETS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)

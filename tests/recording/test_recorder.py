@@ -42,7 +42,7 @@ from kybflow.recording.layout import definition, dtype_spec, event_record, struc
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
 from kybflow.report.data import read_log, read_moving
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 
 ESTIMATE = Estimate(
     7,

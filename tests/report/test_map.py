@@ -12,7 +12,7 @@ from recorded_run import write_run
 from kybflow.report.data import MovingTrack, read_run
 from kybflow.report.map import Extent, outline, path_map
 from kybflow.report.world import RecordedWorld, read_world
-from kybflow.world.point_cloud import PointCloud
+from kybflow.world.scanned import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 
 WORLD = RecordedWorld(

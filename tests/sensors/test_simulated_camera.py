@@ -19,9 +19,8 @@ from kybflow.core.signals import NS, Frame, Truth
 from kybflow.parts import ActiveFaults, Effect, Link
 from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
-from kybflow.vision.optics import SOUND, Weakness
 from kybflow.vision.rendering.drawing import Room
-from kybflow.world.cameras import Camera, Lens
+from kybflow.world.cameras import SOUND, Camera, Lens, Weakness
 from kybflow.world.shapes import Sphere
 from kybflow.world.tags import Tag, TagMap
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext

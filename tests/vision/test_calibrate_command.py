@@ -17,8 +17,8 @@ from walks import CAMERA, TURN, bodies, pose_at, scene  # noqa: E402
 from kybflow.core.errors import FileError  # noqa: E402
 from kybflow.core.files import File  # noqa: E402
 from kybflow.core.geometry import from_euler, multiply  # noqa: E402
-from kybflow.vision.calibration.pose_table import read_poses  # noqa: E402
-from kybflow.vision.tag_table import read_tags, write_tags  # noqa: E402
+from kybflow.vision.calibration.track import read_poses  # noqa: E402
+from kybflow.vision.tags import read_tags, write_tags  # noqa: E402
 
 MISSION = """kybflow: 1
 mission: floor

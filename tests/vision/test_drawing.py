@@ -12,14 +12,12 @@ import numpy  # noqa: E402 - after the skip
 
 from kybflow.core.geometry import LEVEL, ZERO, add, from_euler, integrate, scale  # noqa: E402
 from kybflow.core.signals import Truth  # noqa: E402
-from kybflow.vision.families import dictionary, pattern  # noqa: E402
-from kybflow.vision.optics import Optics, Weakness  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.vision.rendering.drawing import Room, motion  # noqa: E402
 from kybflow.vision.rendering.floor import swapped  # noqa: E402
-from kybflow.vision.rendering.grid import grid  # noqa: E402
-from kybflow.vision.rendering.shutter import Shot  # noqa: E402
-from kybflow.world.cameras import Camera, Lens  # noqa: E402
+from kybflow.vision.rendering.shot import Shot, grid  # noqa: E402
+from kybflow.vision.tags import dictionary, pattern  # noqa: E402
+from kybflow.world.cameras import Camera, Lens, Optics, Weakness  # noqa: E402
 from kybflow.world.tags import Tag, TagMap  # noqa: E402
 
 LENS = Lens(640, 480, 460.0, 462.0, 322.0, 238.0, (-0.25, 0.08, 0.001, -0.001, -0.005))

@@ -10,8 +10,8 @@ pytest.importorskip("cv2")
 
 import numpy
 
-from kybflow.vision.optics import Optics
-from kybflow.vision.rendering.exposure import ImageNoise, blur_lens, streak
+from kybflow.vision.rendering.drawing import ImageNoise, blur_lens, streak
+from kybflow.world.cameras import Optics
 
 
 @pytest.mark.parametrize(("dx", "dy"), [(6.0, 0.0), (3.0, -4.0), (0.3, 0.2), (-7.3, 1.1)])

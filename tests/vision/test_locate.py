@@ -14,8 +14,11 @@ from hypothesis import strategies as st  # noqa: E402
 from tag_floors import CAMERA, grid, lively, misplaced, moved, off, pad, still, truth_at  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub  # noqa: E402
-from kybflow.vision.locating.locate import locate  # noqa: E402
-from kybflow.vision.locating.sight import BodyMotion, TagView  # noqa: E402
+from kybflow.vision.locating.locate import (  # noqa: E402
+    BodyMotion,
+    TagView,
+    locate,
+)
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.world.tags import Tag  # noqa: E402
 

@@ -21,10 +21,9 @@ from tag_floors import (  # noqa: E402
 )
 
 from kybflow.core.geometry import LEVEL, from_euler  # noqa: E402
-from kybflow.vision.locating.detect import Detector, WideSearch  # noqa: E402
-from kybflow.vision.locating.locator import Locator, Prediction  # noqa: E402
+from kybflow.vision.locating.locate import BodyMotion  # noqa: E402
+from kybflow.vision.locating.locator import Detector, Locator, Prediction, WideSearch  # noqa: E402
 from kybflow.vision.locating.search import Search, Shapes  # noqa: E402
-from kybflow.vision.locating.sight import BodyMotion  # noqa: E402
 from kybflow.vision.projection import project  # noqa: E402
 from kybflow.world.tags import Tag, TagMap  # noqa: E402
 

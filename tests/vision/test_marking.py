@@ -9,8 +9,8 @@ cv2 = pytest.importorskip("cv2")
 
 from tag_floors import CAMERA, grid  # noqa: E402
 
-from kybflow.vision.locating.sight import TagView  # noqa: E402
-from kybflow.vision.marking import WIDEST, marked  # noqa: E402
+from kybflow.vision.images import WIDEST, marked  # noqa: E402
+from kybflow.vision.locating.locate import TagView  # noqa: E402
 
 
 def square(x, y, side=100.0):

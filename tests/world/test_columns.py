@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kybflow.core.geometry import Vec3, add, scale
-from kybflow.world.columns import Columns
+from kybflow.world.scanned import Columns
 from kybflow.world.shapes import parts_of
 
 RADIUS = 0.07

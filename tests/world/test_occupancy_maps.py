@@ -8,7 +8,7 @@ import pytest
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
-from kybflow.world.occupancy_map import occupied_places, read_image, read_info
+from kybflow.world.obstacle_files import occupied_places, read_image, read_info
 
 INFO = """image: map.pgm
 resolution: 0.5

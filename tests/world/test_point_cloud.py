@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kybflow.core.geometry import Vec3
-from kybflow.world.point_cloud import PointCloud, placed, thinned
+from kybflow.world.scanned import PointCloud, placed, thinned
 
 RADIUS = 0.1
 

@@ -9,7 +9,7 @@ import pytest
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
-from kybflow.world.point_cloud_file import read_points
+from kybflow.world.obstacle_files import read_points
 
 POINTS = [(0.5, -1.25, 2.0), (1.0, 0.0, 0.75)]
 HEADER = """ply

@@ -13,8 +13,7 @@ from collections.abc import Mapping
 
 from kybflow.core.errors import described
 from kybflow.core.signals import Time
-from kybflow.sensors._stream import TrackerPose
-from kybflow.sensors._waker import CHUNK, Waker
+from kybflow.sensors._stream import CHUNK, TrackerPose, Waker
 
 SILENT = 10.0
 """Seconds without data after which the process is restarted."""

@@ -26,9 +26,9 @@ import cv2
 import numpy
 from numpy.typing import NDArray
 
-from kybflow.vision.families import pattern
-from kybflow.vision.locating.sight import Start, TagView
+from kybflow.vision.locating.locate import Start, TagView
 from kybflow.vision.projection import project
+from kybflow.vision.tags import pattern
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import Key, Tag
 

@@ -28,10 +28,9 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.flight.fusion.covariance import WANDERING
-from kybflow.vision.locating.locate import Located
-from kybflow.vision.locating.sight import BodyMotion, Sight, TagView
+from kybflow.vision.locating.locate import BodyMotion, Located, Sight, TagView
 from kybflow.vision.projection import rotation
-from kybflow.world.calibration_errors import CalibrationErrors, share_of
+from kybflow.world.cameras import CalibrationErrors, share_of
 from kybflow.world.tags import Key
 
 Array = NDArray[Any]

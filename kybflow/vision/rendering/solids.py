@@ -20,8 +20,7 @@ import numpy
 
 from kybflow.core.geometry import Vec3, add, norm, scale, sub
 from kybflow.vision.projection import Array
-from kybflow.vision.rendering.grid import grid
-from kybflow.vision.rendering.shutter import FAR, Shot
+from kybflow.vision.rendering.shot import FAR, Shot, grid
 from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere, parts_of
 
 NONE: Mapping[str, Shape] = MappingProxyType({})

@@ -19,7 +19,7 @@ from kybflow.sensors.simulated_motion_capture import (
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
 )
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
 BALL = MovingSphere(((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 1.0)), 0.1, 0.5)

@@ -6,8 +6,15 @@ import pytest
 
 from kybflow.core.signals import NS
 from kybflow.sensors.vrpn.client import Key, VrpnSubscription, _Reader
-from kybflow.sensors.vrpn.codec import COOKIE, PING, POSE, PoseReport, encode_pose
-from kybflow.sensors.vrpn.peer import Peer, SenderStatus
+from kybflow.sensors.vrpn.codec import (
+    COOKIE,
+    PING,
+    POSE,
+    Peer,
+    PoseReport,
+    SenderStatus,
+    encode_pose,
+)
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 

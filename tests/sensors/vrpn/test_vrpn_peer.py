@@ -11,12 +11,14 @@ from kybflow.sensors.vrpn.codec import (
     SENDER,
     TEXT,
     CodecError,
+    Peer,
     PoseReport,
+    SenderMessage,
+    SenderStatus,
     describe,
     encode,
     encode_pose,
 )
-from kybflow.sensors.vrpn.peer import Peer, SenderMessage, SenderStatus
 
 REPORT = PoseReport(3, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
 PAYLOAD = encode_pose(REPORT)
