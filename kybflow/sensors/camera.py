@@ -80,7 +80,12 @@ class Grabber:
     def _run(self, capture: Capture | None) -> None:
         while not self._stop.is_set():
             if capture is None:
-                capture = self._reopened()
+                if self._stop.wait(self._again):
+                    return
+                try:
+                    capture = self._opened()
+                except DriverError as error:
+                    self.error = str(error)
                 continue
             try:
                 found, image = capture.read()
@@ -95,15 +100,6 @@ class Grabber:
                 capture = None
         if capture is not None:
             capture.release()
-
-    def _reopened(self) -> Capture | None:
-        if self._stop.wait(self._again):
-            return None
-        try:
-            return self._opened()
-        except DriverError as error:
-            self.error = str(error)
-            return None
 
 
 SILENT = 1.0

@@ -101,22 +101,17 @@ class SimulatedPoses(Stream):
 
     def _take(self, now: Time, since: Time, body: Truth) -> None:
         """Queue every pose that is due by `now`, extrapolated from the body's state at `since`."""
-        rate, at_rest = self._params.rate, body.velocity == body.angular_velocity == ZERO
+        params, at_rest = self._params, body.velocity == body.angular_velocity == ZERO
         if self._count is None:
-            self._count = ceil(now / NS * rate)
-        while (at := round(self._count * NS / rate)) <= now:
+            self._count = ceil(now / NS * params.rate)
+        while (at := round(self._count * NS / params.rate)) <= now:
             self._count += 1
             t = (at - since) / NS
             if abs(t) <= _AHEAD or at_rest:
-                self._arriving.append(self._pose(at, t, body))
-
-    def _pose(self, at: Time, t: float, body: Truth) -> Pose:
-        """Return the pose at `at`, `t` seconds after the state `body`."""
-        p = self._params
-        place = add(body.position, scale(body.velocity, t))
-        attitude = integrate(body.attitude, body.angular_velocity, t)
-        off, turn = self._noise(p.position_noise), self._noise(p.attitude_noise)
-        return Pose(at, add(place, off), integrate(attitude, turn, 1.0))
+                place = add(body.position, scale(body.velocity, t))
+                attitude = integrate(body.attitude, body.angular_velocity, t)
+                off, turn = self._noise(params.position_noise), self._noise(params.attitude_noise)
+                self._arriving.append(Pose(at, add(place, off), integrate(attitude, turn, 1.0)))
 
     def _noise(self, deviation: float) -> Vec3:
         gauss = self._generator.gauss

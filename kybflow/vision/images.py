@@ -30,31 +30,27 @@ def marked(image: NDArray[Any], view: TagView | None, used: Collection[Key]) -> 
     the tags in `used`, red for the others. The outline of a tag that is partly outside the image
     joins its visible corners."""
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    if view is not None:
-        for tag, corners in zip(view.tags, view.corners, strict=True):
-            colour = USED if tag.key in used else REJECTED
-            _mark(picture, corners[numpy.isfinite(corners).all(axis=1)], str(tag.id), colour)
     height, width = image.shape
+    font, thick = cv2.FONT_HERSHEY_SIMPLEX, max(2, width // 250)
+    for tag, seen in zip(view.tags, view.corners, strict=True) if view is not None else ():
+        colour = USED if tag.key in used else REJECTED
+        corners = seen[numpy.isfinite(seen).all(axis=1)]
+        fine = numpy.rint(corners * (1 << _SHIFT)).astype(numpy.int32).reshape(-1, 1, 2)
+        cv2.polylines(picture, [fine], True, colour, thick, cv2.LINE_AA, _SHIFT)
+        side = float(numpy.hypot(*(corners[1:] - corners[:-1]).T).mean())
+        if side < _LEGIBLE * width:
+            continue
+        text, scale = str(tag.id), min(width / 700, side / 70)
+        (wide, high), _ = cv2.getTextSize(text, font, scale, thick)
+        x, y = corners.mean(axis=0).tolist()
+        at = (round(x - wide / 2), round(y + high / 2))
+        cv2.putText(picture, text, at, font, scale, (255, 255, 255), 2 * thick + 1, cv2.LINE_AA)
+        cv2.putText(picture, text, at, font, scale, colour, thick, cv2.LINE_AA)
     if width > WIDEST:
         size = (WIDEST, round(height * WIDEST / width))
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return bytes(data.tobytes())
-
-
-def _mark(picture: NDArray[Any], corners: NDArray[Any], text: str, colour: Any) -> None:
-    fine = numpy.rint(corners * (1 << _SHIFT)).astype(numpy.int32).reshape(-1, 1, 2)
-    thick = max(2, picture.shape[1] // 250)
-    cv2.polylines(picture, [fine], True, colour, thick, cv2.LINE_AA, _SHIFT)
-    side = float(numpy.hypot(*(corners[1:] - corners[:-1]).T).mean())
-    if side < _LEGIBLE * picture.shape[1]:
-        return
-    font, scale = cv2.FONT_HERSHEY_SIMPLEX, min(picture.shape[1] / 700, side / 70)
-    (wide, high), _ = cv2.getTextSize(text, font, scale, thick)
-    x, y = corners.mean(axis=0).tolist()
-    at = (round(x - wide / 2), round(y + high / 2))
-    cv2.putText(picture, text, at, font, scale, (255, 255, 255), 2 * thick + 1, cv2.LINE_AA)
-    cv2.putText(picture, text, at, font, scale, colour, thick, cv2.LINE_AA)
 
 
 def grey(image: NDArray[Any], camera: Camera) -> NDArray[Any]:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from itertools import islice
 from math import cos, isfinite, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -110,9 +109,17 @@ def _ply(file: File) -> NDArray[Any]:
     import numpy as np
 
     header = _header(file.text)
-    names = list(header.properties)
     if not header.order:
-        return np.array([*_rows(file.text, header, names)], dtype=float).reshape(-1, 3)
+        names = list(header.properties)
+        places = [names.index(axis) for axis in _AXES]
+        lines = [line.split() for line in file.text.splitlines()[header.lines :]][: header.many]
+        if len(lines) < header.many:
+            raise FileError(f"it ends after {len(lines)} of its {header.many} points")
+        points = [
+            _numbers(number, [words[i] for i in places if i < len(words)])
+            for number, words in enumerate(lines, start=header.lines + 1)
+        ]
+        return np.array(points, dtype=float).reshape(-1, 3)
     row = np.dtype([(name, header.order + kind) for name, kind in header.properties.items()])
     data = file.data[header.size :]
     if len(data) < header.many * row.itemsize:
@@ -120,16 +127,6 @@ def _ply(file: File) -> NDArray[Any]:
         raise FileError(f"it ends after {whole} of its {header.many} points")
     rows = np.frombuffer(data, row, header.many)
     return np.stack([rows[axis].astype(float) for axis in _AXES], axis=1)
-
-
-def _rows(text: str, header: _Header, names: list[str]) -> Iterator[tuple[float, ...]]:
-    places = [names.index(axis) for axis in _AXES]
-    lines = text.splitlines()[header.lines :]
-    if len(lines) < header.many:
-        raise FileError(f"it ends after {len(lines)} of its {header.many} points")
-    for number, line in enumerate(islice(lines, header.many), start=header.lines + 1):
-        words = line.split()
-        yield _numbers(number, [words[i] for i in places if i < len(words)])
 
 
 def _header(text: str) -> _Header:

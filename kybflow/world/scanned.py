@@ -17,7 +17,7 @@ from functools import cached_property
 from math import cos, hypot, inf, sin, sqrt
 from typing import TYPE_CHECKING, Any
 
-from kybflow.core.geometry import UP, Vec3
+from kybflow.core.geometry import UP, Vec3, sub
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,8 +52,9 @@ class PointCloud:
 
     def outward(self, p: Vec3) -> Vec3:
         """Return the outward direction at `p`: away from the nearest point."""
-        apart, index = self._tree.query(p)
-        return _away(p, self.points[index], float(apart))
+        found, index = self._tree.query(p)
+        apart, (x, y, z) = float(found), sub(p, self.points[index])
+        return (x / apart, y / apart, z / apart) if apart > 0.0 else UP
 
     def around(self, p: Vec3, reach: float) -> list[tuple[float, Vec3]]:
         """Return (distance, outward direction) of the planes within `reach` of `p`, the nearest
@@ -104,13 +105,6 @@ class PointCloud:
         from scipy.spatial import cKDTree
 
         return cKDTree(self.array)
-
-
-def _away(p: Vec3, point: Vec3, apart: float) -> Vec3:
-    if apart <= 0.0:
-        return UP
-    (x, y, z), (px, py, pz) = p, point
-    return ((x - px) / apart, (y - py) / apart, (z - pz) / apart)
 
 
 def planes(ways: Array, apart: Array, radius: float) -> list[tuple[float, Vec3]]:

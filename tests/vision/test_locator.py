@@ -183,6 +183,6 @@ def test_other_families_are_found_as_well(family):
 def test_tags_far_away_are_not_looked_at():
     far = [Tag("36h10", i, 0.195, (50.0 + i % 50, 50.0 + i // 50, 0.0), LEVEL) for i in range(2000)]
     locator = Locator(TagMap([*TAGS, *far]), {"down": CAMERA})
-    near = locator._near(CAMERA, moved(BODY))
+    (*_, near) = next(locator._seen([frame(room(TAGS), BODY)], moved(BODY)))
     assert {tag.family for tag in near} == {"36h11"}
     assert set(whole(TAGS)[0]) <= set(near)

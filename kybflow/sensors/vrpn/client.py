@@ -14,14 +14,13 @@ import socket
 import struct
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.sensors._stream import CHUNK, TrackerPose, Waker
+from kybflow.sensors._stream import CHUNK, PoseSource, TrackerPose, Waker
 from kybflow.sensors.vrpn.codec import (
     COOKIE,
     PING,
@@ -80,7 +79,10 @@ class Connection:
         self._selector.register(waker.receiver, selectors.EVENT_READ)
         self._stream: socket.socket | None = None
         try:
-            self._stream = _dial(address) if address.direct else self._ask(address)
+            if address.direct:
+                self._stream = socket.create_connection((address.host, address.port), TIMEOUT)
+            else:
+                self._stream = self._ask(address)
             self._stream.settimeout(TIMEOUT)
             self._stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._server = self._stream.getpeername()[0]
@@ -164,10 +166,6 @@ class Connection:
         raise TimeoutError("no server answered the request to call back")
 
 
-def _dial(address: ServerAddress) -> socket.socket:
-    return socket.create_connection((address.host, address.port), timeout=TIMEOUT)
-
-
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
 """Seconds between the starts of two attempts to connect: the first value, doubled after each
 failure up to the second."""
@@ -177,8 +175,6 @@ SILENT: Time = 5 * NS
 REORDERED: Time = NS // 5
 """A time stamp that is older than the last by less than this belongs to a reordered message. A
 larger step back means that the server's clock was set."""
-MOST_POSES = 2000
-"""Largest number of unread poses; older ones are dropped."""
 
 
 class Key(NamedTuple):
@@ -186,21 +182,15 @@ class Key(NamedTuple):
     sensor: int
 
 
-class VrpnSubscription:
-    """A subscription to one sensor of a body at a server. It must be closed after use."""
+class VrpnSubscription(PoseSource):
+    """A subscription to one sensor of a body at a server."""
 
     def __init__(self, client: Client, key: Key) -> None:
+        super().__init__()
         self.key = key
-        self.poses: deque[TrackerPose] = deque(maxlen=MOST_POSES)
         self._client = client
 
-    def take(self) -> list[TrackerPose]:
-        """Return the poses that arrived since the last call, oldest first."""
-        poses = self.poses
-        return [poses.popleft() for _ in range(len(poses))]
-
     def trouble(self) -> str | None:
-        """Return why no poses arrive; None if they do."""
         return self._client.trouble(self.key)
 
     def close(self) -> None:
@@ -258,7 +248,9 @@ class Client:
             which = ", ".join(map(str, others))
             return f"`{key.body}` has no sensor {key.sensor}, but {which}"
         bodies = sorted({other.body for other in sensors})
-        return f"{self.address} sends no `{key.body}`, but {_listed(bodies)}"
+        names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
+        more = f" and {len(bodies) - 8} more" if len(bodies) > 8 else ""
+        return f"{self.address} sends no `{key.body}`, but {names}{more}"
 
     def _run(self) -> None:
         pause = FIRST_PAUSE
@@ -364,9 +356,3 @@ def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscriptio
             client = _clients[address] = Client(address)
             client.start()
         return client.add(Key(body, sensor))
-
-
-def _listed(bodies: list[str]) -> str:
-    """Return a list of names as text, such as "`a`, `b` and 3 more"."""
-    names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
-    return f"{names} and {len(bodies) - 8} more" if len(bodies) > 8 else names

@@ -308,8 +308,12 @@ class Peer:
     def _decode(self, messages: list[Message]) -> list[SenderMessage]:
         reports = []
         for message in messages:
-            if message.type < 0:
-                self._apply(message)
+            if message.type < 0:  # a system message; those about logging are ignored
+                if message.type in (SENDER, TYPE):
+                    number, name = described(message)
+                    (self.senders if message.type == SENDER else self._types)[number] = name
+                elif message.type == UDP:
+                    self.datagrams_to = read_target(message)
                 continue
             sender, kind = self.senders.get(message.sender), self._types.get(message.type)
             if sender is None:
@@ -324,11 +328,3 @@ class Peer:
                     SenderMessage(sender, message.stamp, SenderStatus(TEXT, text, severity))
                 )
         return reports
-
-    def _apply(self, message: Message) -> None:
-        """Apply a system message. Messages about logging are ignored."""
-        if message.type in (SENDER, TYPE):
-            number, name = described(message)
-            (self.senders if message.type == SENDER else self._types)[number] = name
-        elif message.type == UDP:
-            self.datagrams_to = read_target(message)

@@ -106,7 +106,12 @@ class _Balls:
         self._publish = publish
         self._streams = {
             ball.body or name: SimulatedBall(
-                ball, partial(_poses, generator=random.Random(f"published {name}"))
+                ball,
+                partial(
+                    SimulatedPoses,
+                    SimulatedMotionCaptureParams(),
+                    generator=random.Random(f"published {name}"),
+                ),
             )
             for name, ball in plan.moving.items()
         }
@@ -117,10 +122,6 @@ class _Balls:
             for pose in stream.read(now):
                 if type(pose) is Pose:
                     self._publish(body, pose)
-
-
-def _poses(link: Link, generator: random.Random) -> SimulatedPoses:
-    return SimulatedPoses(SimulatedMotionCaptureParams(), link, generator)
 
 
 def _tap(link: Link, name: str, publish: Publish, balls: _Balls) -> None:

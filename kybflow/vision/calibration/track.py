@@ -99,38 +99,28 @@ _UNIT = 0.01
 """Largest deviation of a quaternion's squared norm from 1."""
 
 
-class TimedPose(NamedTuple):
-    """The pose of a body at a time. time: seconds. attitude: body to world."""
-
-    time: float
-    position: Vec3
-    attitude: Quat
-
-
-def read_poses(text: str) -> tuple[TimedPose, ...]:
+def read_poses(text: str) -> RecordedTrack:
     """Return the poses of a table: at least two, at increasing times. Raises FileError."""
     table = read_table(text, _COLUMNS, "poses", _LIKE)
     turns = _ANGLES if any(name in table.columns for name in _ANGLES) else _QUATERNION
     need(table, ("time", "x", "y", "z", *turns), header_line(text))
-    found: list[TimedPose] = []
+    times: list[float] = []
+    positions: list[Vec3] = []
+    attitudes: list[Quat] = []
     for line, numbers, _ in table.rows:
-        time, position = numbers["time"], (numbers["x"], numbers["y"], numbers["z"])
-        if found and time <= found[-1].time:
+        if times and numbers["time"] <= times[-1]:
             raise FileError("the times don't grow", line)
-        attitude = _attitude(line, [numbers[name] for name in turns])
-        found.append(TimedPose(time, position, attitude))
-    if len(found) < 2:
-        raise FileError(f"it has {len(found)} poses; two are the least")
-    return tuple(found)
-
-
-def _attitude(line: int, numbers: list[float]) -> Quat:
-    if len(numbers) == len(_ANGLES):
-        roll, pitch, heading = numbers
-        return from_euler(roll, pitch, heading)
-    w, x, y, z = numbers
-    square = w * w + x * x + y * y + z * z
-    if abs(square - 1.0) > _UNIT:
-        raise FileError(f"the quaternion's length is {square**0.5:.2f}, not 1", line)
-    scale = square**-0.5
-    return w * scale, x * scale, y * scale, z * scale
+        times.append(numbers["time"])
+        positions.append((numbers["x"], numbers["y"], numbers["z"]))
+        if turns is _ANGLES:
+            attitudes.append(from_euler(*(numbers[name] for name in _ANGLES)))
+            continue
+        w, x, y, z = (numbers[name] for name in _QUATERNION)
+        square = w * w + x * x + y * y + z * z
+        if abs(square - 1.0) > _UNIT:
+            raise FileError(f"the quaternion's length is {square**0.5:.2f}, not 1", line)
+        scale = square**-0.5
+        attitudes.append((w * scale, x * scale, y * scale, z * scale))
+    if len(times) < 2:
+        raise FileError(f"it has {len(times)} poses; two are the least")
+    return RecordedTrack(*(numpy.array(part) for part in (times, positions, attitudes)))

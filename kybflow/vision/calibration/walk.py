@@ -46,7 +46,7 @@ from kybflow.vision.locating.locator import Detector
 from kybflow.vision.locating.search import Search, Shapes
 from kybflow.vision.projection import rotation
 from kybflow.world.cameras import Camera
-from kybflow.world.tags import Tag, TagMap
+from kybflow.world.tags import Key, Tag, TagMap
 
 _IMAGES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp"})
 _SECONDS = re.compile(r"\d+(\.\d+)?")
@@ -217,41 +217,32 @@ def _observed(
 ) -> tuple[Walk, list[WalkFrame]]:
     """Detect the map's tags. Return the walk, and the frames that show at least two tags."""
     detector = Detector(tags.families)
-    found = [_known(detector, frame.image, tags) for frame in frames]
-    keys = {tag.key for one in found for tag, _ in one}
+    position, mount = mounting(camera, numpy.zeros(TAGS))
+    keys: set[Key] = set()
+    views: list[TagView] = []
+    shown: list[WalkFrame] = []
+    lenses: list[tuple[Array, Array]] = []
+    for frame in frames:
+        found = ((tags.get(one.family, one.id), one.corners) for one in detector.find(frame.image))
+        known = {tag: corners for tag, corners in found if tag is not None}
+        keys.update(tag.key for tag in known)
+        view = TagView(camera, list(known), numpy.array(list(known.values())))
+        fit = acquire([Sight(view, AT_REST)], None) if len(known) > 1 else None
+        if fit is not None:
+            views.append(view)
+            shown.append(frame)
+            lenses.append((fit.at + fit.body @ position, fit.body @ mount))
     if not keys:
         raise CalibrationFailed(f"no tag of the map is found in {len(frames)} frames")
     if len(keys) == 1:
         ((family, number),) = keys
         raise CalibrationFailed(f"only one tag is found, {number} of {family}: it tells no map")
-    views = {i: _view(camera, one) for i, one in enumerate(found) if len(one) > 1}
-    posed = {i: pose for i, view in views.items() if (pose := _lens_pose(view)) is not None}
-    if len(posed) < _FEWEST:
-        message = f"{len(posed)} of {len(frames)} frames show two tags or more"
+    if len(shown) < _FEWEST:
+        message = f"{len(shown)} of {len(frames)} frames show two tags or more"
         raise CalibrationFailed(f"{message}; {_FEWEST} are needed, and 50 are good")
     listed = [tag for tag in tags if tag.key in keys]
-    at, turn = (numpy.array(part) for part in zip(*posed.values(), strict=True))
-    seen = _seen([views[i] for i in posed], listed)
-    return Walk(camera, listed, at, turn, seen), [frames[i] for i in posed]
-
-
-def _known(detector: Detector, image: Array, tags: TagMap) -> list[tuple[Tag, Array]]:
-    found = ((tags.get(one.family, one.id), one.corners) for one in detector.find(image))
-    return list({tag.key: (tag, corners) for tag, corners in found if tag is not None}.values())
-
-
-def _view(camera: Camera, found: Sequence[tuple[Tag, Array]]) -> TagView:
-    return TagView(camera, [tag for tag, _ in found], numpy.array([at for _, at in found]))
-
-
-def _lens_pose(view: TagView) -> tuple[Array, Array] | None:
-    """Return the approximate position of the lens, and the rotation from its optical frame to the
-    world."""
-    fit = acquire([Sight(view, AT_REST)], None)
-    if fit is None:
-        return None
-    position, mount = mounting(view.camera, numpy.zeros(TAGS))
-    return fit.at + fit.body @ position, fit.body @ mount
+    at, turn = (numpy.array(part) for part in zip(*lenses, strict=True))
+    return Walk(camera, listed, at, turn, _seen(views, listed)), shown
 
 
 def _seen(views: Sequence[TagView], tags: Sequence[Tag]) -> Seen:

@@ -110,9 +110,9 @@ class Sight:
         slack: Array = numpy.hypot(1.0, self.focal[0] / _SHARP * self._survey / depth)
         return slack
 
-    def slopes(self, body: Array, b: Array, c: Array) -> Array:
+    def slopes(self, body: Array, b: Array, c: Array, size: int = 6) -> Array:
         """Return the derivatives of the residuals with respect to the pose, (m, 2, 6), or to pose
-        and rates, (m, 2, 9), if the rates are uncertain."""
+        and rates, (m, 2, 9). size: the number of unknowns, 6 or 9."""
         depth = numpy.maximum(c[:, 2], 1e-3)
         g = numpy.zeros((len(c), 2, 3))
         g[:, 0, 0], g[:, 1, 1] = self.focal[0] / depth, self.focal[1] / depth
@@ -120,7 +120,7 @@ class Sight:
         g = g @ self.turn.T
         turned = _cross(g, b[:, None])
         parts = [-(g @ body.T), turned]
-        if self.doubt > 0.0:
+        if size > 6:
             parts.append(self.late[:, None] * turned)
         jacobian = numpy.concatenate(parts, axis=-1)
         jacobian *= self.known[:, None]
@@ -200,7 +200,9 @@ class Fit(NamedTuple):
 def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
     """Return the solution by Gauss-Newton from a start pose. at: position. body: rotation matrix
     from body to world."""
-    prior, counts = _prior(sights), counted(sights)
+    doubt, counts = max(sight.doubt for sight in sights), counted(sights)
+    # (_PRIOR / standard deviation)^2 of the pose and, if they are solved for, of the body rates
+    prior = numpy.array([0.0] * 6 + ([(_PRIOR / doubt) ** 2] * 3 if doubt > 0.0 else []))
     size = len(prior)
     step, more = numpy.full(size, numpy.inf), NONE
     for i in range(_STEPS):
@@ -209,7 +211,7 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
         slack = numpy.concatenate([s.slack(c) for s, (_, _, c) in zip(sights, parts, strict=True)])
         errors = numpy.sqrt(mean_squares(counts, residuals)) / slack
         weights = _weights(errors, convex=i < _CONVEX)
-        slopes = [_slopes(s, body, b, c, size) for s, (_, b, c) in zip(sights, parts, strict=True)]
+        slopes = [s.slopes(body, b, c, size) for s, (_, b, c) in zip(sights, parts, strict=True)]
         jacobian = numpy.concatenate(slopes).reshape(-1, size)
         weighted = jacobian * numpy.repeat(weights / slack**2, 8)[:, None]
         normal = weighted.T @ jacobian + numpy.diag(prior)
@@ -217,28 +219,13 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
             break
         slope = weighted.T @ residuals.ravel()
         slope[6:] += prior[6:] * more[: size - 6]
-        step = _step(normal, slope)
+        # a single damping suits metres and radians
+        damped = normal + numpy.eye(size) * (1e-9 * float(numpy.trace(normal)) + 1e-9)
+        step = numpy.linalg.solve(damped, -slope)
         at = at + step[:3]
         body = body @ cv2.Rodrigues(step[3:6])[0]
         more = more + step[6:] if size > 6 else more
     return Fit(at, body, errors, weights, counts, normal)
-
-
-def _prior(sights: Sequence[Sight]) -> Array:
-    """Return the prior weight of each unknown, (_PRIOR / standard deviation)^2: zero for the pose,
-    then that of the body rates if they are solved for."""
-    doubt = max(sight.doubt for sight in sights)
-    known = [(_PRIOR / doubt) ** 2] * 3 if doubt > 0.0 else []
-    return numpy.array([0.0] * 6 + known)
-
-
-def _slopes(sight: Sight, body: Array, b: Array, c: Array, size: int) -> Array:
-    """Return the residuals' derivatives with respect to all unknowns; those with respect to the
-    rates are zero for a global shutter."""
-    slopes = sight.slopes(body, b, c)
-    if slopes.shape[2] == size:
-        return slopes
-    return numpy.pad(slopes, ((0, 0), (0, 0), (0, size - slopes.shape[2])))
 
 
 def counted(sights: Sequence[Sight]) -> Array:
@@ -251,14 +238,6 @@ def mean_squares(counts: Array, residuals: Array) -> Array:
     """Return the mean square of each tag's residuals."""
     squares: Array = (residuals.reshape(-1, 8) ** 2).sum(axis=1) / numpy.maximum(counts, 1.0)
     return squares
-
-
-def _step(normal: Array, slope: Array) -> Array:
-    """Return the step that solves `normal` step = -`slope`. A single damping suits metres and
-    radians."""
-    damped = normal + numpy.eye(len(normal)) * (1e-9 * float(numpy.trace(normal)) + 1e-9)
-    step: Array = numpy.linalg.solve(damped, -slope)
-    return step
 
 
 def _weights(errors: Array, convex: bool) -> Array:

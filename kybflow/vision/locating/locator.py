@@ -54,7 +54,12 @@ class Detector:
     def find(self, image: NDArray[Any]) -> list[DetectedTag]:
         """Return the tags in a grey image, (height, width) uint8."""
         detectors = self._thorough if self._misses % 2 else self._quick
-        found = [tag for family, detector in detectors for tag in _found(image, family, detector)]
+        found = []
+        for family, detector in detectors:
+            quads, numbers, _ = detector.detectMarkers(image)
+            for quad, number in zip(quads, () if numbers is None else numbers.ravel(), strict=True):
+                corners = quad.reshape(4, 2).astype(float)
+                found.append(DetectedTag(family, int(number), corners))
         self._misses = 0 if found else self._misses + 1
         return found
 
@@ -64,16 +69,6 @@ def _detector(family: str, quick: bool) -> Any:
     parameters.useAruco3Detection = quick
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     return cv2.aruco.ArucoDetector(dictionary(family), parameters)
-
-
-def _found(image: NDArray[Any], family: str, detector: Any) -> list[DetectedTag]:
-    quads, numbers, _ = detector.detectMarkers(image)
-    if numbers is None:
-        return []
-    return [
-        DetectedTag(family, int(number), quad.reshape(4, 2).astype(float))
-        for quad, number in zip(quads, numbers.ravel(), strict=True)
-    ]
 
 
 _TAGS = 9
@@ -182,7 +177,12 @@ class Locator:
         shapes = Shapes()
         self._search, self._wide = Search(shapes), WideSearch(shapes)
         self._detector = Detector(tags.families)
-        self._rims = {name: _rim(camera) for name, camera in cameras.items()}
+        self._rims: dict[str, NDArray[Any]] = {}
+        for name, camera in cameras.items():  # rays of the image's corners, in the optical frame
+            right, low = camera.lens.width - 1.0, camera.lens.height - 1.0
+            pixels = numpy.array(((0.0, 0.0), (right, 0.0), (right, low), (0.0, low)))
+            rays = numpy.column_stack((undistort(camera.lens, pixels), numpy.ones(4)))
+            self._rims[name] = rays / numpy.linalg.norm(rays, axis=1)[:, None]
         self._misses = self._wait = 0
         self.sighting: Sighting | None = None
 
@@ -263,24 +263,21 @@ class Locator:
     def _seen(
         self, frames: Sequence[Frame], pose: Start
     ) -> Iterator[tuple[NDArray[Any], Camera, Start, list[Tag]]]:
-        """Yield the arguments of a search in each frame: image, camera, body's pose, and nearby
-        tags."""
+        """Yield the arguments of a search in each frame: the image, the camera, the body's pose,
+        and the tags that the camera may see. These are within a circle around its view of the
+        lowest tag's plane, up to the distance at which the largest tag is detectable."""
         for frame in frames:
             camera = self._cameras[frame.camera]
-            yield frame.image, camera, pose, self._near(camera, pose)
-
-    def _near(self, camera: Camera, pose: Start) -> list[Tag]:
-        """Return the tags that the camera may see: those within a circle around its view of the
-        lowest tag's plane, up to the distance at which the largest tag is detectable."""
-        at, turn = optical_pose(camera, *pose)
-        rays = self._rims[camera.name] @ rotation(turn).T
-        far = self._largest * camera.lens.fx / LEAST_SIDE
-        down = numpy.maximum(-rays[:, 2], _GRAZING)
-        reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
-        ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]
-        low, high = ends.min(axis=0), ends.max(axis=0)
-        x, y = (0.5 * (low + high)).tolist()
-        return self._tags.near(x, y, 0.5 * float(numpy.hypot(*(high - low))) + self._largest)
+            at, turn = optical_pose(camera, *pose)
+            rays = self._rims[camera.name] @ rotation(turn).T
+            far = self._largest * camera.lens.fx / LEAST_SIDE
+            down = numpy.maximum(-rays[:, 2], _GRAZING)
+            reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
+            ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]
+            low, high = ends.min(axis=0), ends.max(axis=0)
+            x, y = (0.5 * (low + high)).tolist()
+            radius = 0.5 * float(numpy.hypot(*(high - low))) + self._largest
+            yield frame.image, camera, pose, self._tags.near(x, y, radius)
 
     def _pixels(self, frames: Sequence[Frame], pose: Start, metres: float, turn: float) -> float:
         """Return by how many pixels an error of the pose moves tags in the image. metres, turn:
@@ -291,16 +288,6 @@ class Locator:
             height = optical_pose(camera, *pose)[0][2] - self._lowest
             most = max(most, camera.lens.fx * (metres / max(height, 0.05) + turn))
         return most
-
-
-def _rim(camera: Camera) -> NDArray[Any]:
-    """Return the rays of the image's corners in the optical frame, (4, 3)."""
-    right, low = camera.lens.width - 1.0, camera.lens.height - 1.0
-    pixels = numpy.array(((0.0, 0.0), (right, 0.0), (right, low), (0.0, low)))
-    flat = undistort(camera.lens, pixels)
-    rays = numpy.column_stack((flat, numpy.ones(4)))
-    unit: NDArray[Any] = rays / numpy.linalg.norm(rays, axis=1)[:, None]
-    return unit
 
 
 def _apart(a: Start, b: Start) -> tuple[float, float]:

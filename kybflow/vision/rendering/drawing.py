@@ -146,12 +146,15 @@ def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View
     first = numpy.clip(low - _RIM, 0, size).astype(int)
     last = numpy.clip(high + _RIM + 1, 0, size).astype(int)
     boxes = numpy.hstack((first, last)).tolist()
-    views: list[_View | None] = []
+    views: list[_View] = []
     for i in numpy.flatnonzero(~whole | (last > first).all(axis=1)):
         region = Region(*boxes[i]) if whole[i] else _region(sheets[i], shot, met)
-        side = float((high[i] - low[i]).max()) if whole[i] else inf
-        views.append(_view(sheets[i], region, side, shot))
-    return sorted((view for view in views if view), key=lambda view: -view.distance)
+        side = float((high[i] - low[i]).max()) if whole[i] else inf  # of the paper, pixels
+        texels = min(side / (sheets[i].cells + 2 * QUIET) / _TEXEL, _MOST_TEXELS)
+        if region is not None and texels >= _LEAST_TEXELS:
+            away = float(numpy.linalg.norm(shot.place - sheets[i].tag.position))
+            views.append(_View(sheets[i], region, round(texels), away))
+    return sorted(views, key=lambda view: -view.distance)
 
 
 def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
@@ -178,16 +181,6 @@ def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
     at = met @ sheet.to_cells[:, :2].T + sheet.to_cells[:, 2]
     within = ((at > -QUIET) & (at < sheet.cells + QUIET)).all(axis=2)
     return nodes.beside(within) if within.any() else None
-
-
-def _view(sheet: Sheet, region: Region | None, side: float, shot: Shot) -> _View | None:
-    """Return the view of a tag whose paper covers `region`; None if the tag is too small. side: of
-    the paper in the image, pixels."""
-    texels = min(side / (sheet.cells + 2 * QUIET) / _TEXEL, _MOST_TEXELS)
-    if region is None or texels < _LEAST_TEXELS:
-        return None
-    away = float(numpy.linalg.norm(shot.place - sheet.tag.position))
-    return _View(sheet, region, round(texels), away)
 
 
 def _texels(view: _View, shot: Shot, nodes: Grid, places: Array | None = None) -> Array:

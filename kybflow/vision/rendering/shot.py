@@ -122,7 +122,13 @@ class Shot:
     def poses(self, t: Array) -> tuple[Array, Array]:
         """Return the poses of the lens at times `t` (n,), seconds after the middle of the exposure:
         rotations from the optical frame to the world (n, 3, 3), and positions (n, 3)."""
-        body = self._turn @ _turned(self._rate, t)
+        speed = float(numpy.linalg.norm(self._rate))
+        x, y, z = self._rate / speed if speed > 0.0 else self._rate
+        k = numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+        angle = (speed * t)[:, None, None]
+        # exp([rate t]x) by Rodrigues' formula
+        turned = numpy.eye(3) + numpy.sin(angle) * k + (1.0 - numpy.cos(angle)) * (k @ k)
+        body = self._turn @ turned
         at = self._at + t[:, None] * self._velocity + body @ numpy.array(self.camera.position)
         return body @ self._mount, at
 
@@ -175,13 +181,3 @@ class Shot:
         depth[~((depth > 0.0) & (depth < FAR))] = FAR
         met: Array = begin[:, None, :] + depth[..., None] * rays
         return met
-
-
-def _turned(rate: Array, t: Array) -> Array:
-    """Return exp([rate t]x) by Rodrigues' formula, (n, 3, 3)."""
-    speed = float(numpy.linalg.norm(rate))
-    x, y, z = rate / speed if speed > 0.0 else rate
-    k = numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-    angle = (speed * t)[:, None, None]
-    turned: Array = numpy.eye(3) + numpy.sin(angle) * k + (1.0 - numpy.cos(angle)) * (k @ k)
-    return turned
