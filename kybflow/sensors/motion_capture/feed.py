@@ -146,7 +146,7 @@ _lock = threading.Lock()
 
 
 def subscribe(system: str, settings: Mapping[str, str], body: str) -> BodySubscription:
-    """Return a subscription to a body, served by the single process of its system."""
+    """Return a subscription to a body. One process serves all bodies of a motion-capture system."""
     key = system, json.dumps(settings, sort_keys=True)
     with _lock:
         feed = _feeds.get(key)

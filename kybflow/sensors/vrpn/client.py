@@ -349,7 +349,8 @@ _lock = threading.Lock()
 
 
 def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscription:
-    """Return a subscription to a body's sensor, served by the single connection to its server."""
+    """Return a subscription to a sensor of a body. All subscriptions at a server share one
+    connection."""
     with _lock:
         client = _clients.get(address)
         if client is None:

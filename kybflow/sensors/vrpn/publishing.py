@@ -17,8 +17,11 @@ from kybflow.core.geometry import LEVEL, Vec3, add, integrate
 from kybflow.core.signals import Measurement, Pose, Time
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Driver, Link, Seat, Session
-from kybflow.sensors._simulated_ball import SimulatedBall
-from kybflow.sensors.simulated_motion_capture import SimulatedMotionCaptureParams, SimulatedPoses
+from kybflow.sensors.simulated_motion_capture import (
+    SimulatedBall,
+    SimulatedMotionCaptureParams,
+    SimulatedPoses,
+)
 from kybflow.sensors.vrpn.server import Server
 
 Publish = Callable[[str, Pose], None]

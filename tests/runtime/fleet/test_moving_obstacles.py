@@ -14,8 +14,8 @@ from kybflow.core.signals import NS, Event, Measurement, Pose, Time
 from kybflow.parts import Stream
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
-from kybflow.sensors._simulated_ball import SimulatedBall
 from kybflow.sensors.simulated_motion_capture import (
+    SimulatedBall,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
 )
