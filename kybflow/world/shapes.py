@@ -38,13 +38,9 @@ class Box(NamedTuple):
         """Return how far `p` is outside the box along the worst axis; negative inside."""
         low, high = self.low, self.high
         return max(
-            low[0] - p[0],
-            p[0] - high[0],
-            low[1] - p[1],
-            p[1] - high[1],
-            low[2] - p[2],
+            low[0] - p[0], p[0] - high[0], low[1] - p[1], p[1] - high[1], low[2] - p[2],
             p[2] - high[2],
-        )
+        )  # fmt: skip
 
     @property
     def size(self) -> Vec3:

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
-from tag_floors import (  # noqa: E402
-    CAMERA,
-    frame,
-    grid,
-    lively,
-    misplaced,
-    moved,
-    off,
-    room,
-    still,
-    truth_at,
-)
+import numpy
+from tag_floors import CAMERA, frame, grid, lively, misplaced, moved, off, room, still, truth_at
 
-from kybflow.core.geometry import LEVEL, from_euler  # noqa: E402
-from kybflow.vision.locating.locate import BodyMotion  # noqa: E402
-from kybflow.vision.locating.locator import Detector, Locator, Prediction, WideSearch  # noqa: E402
-from kybflow.vision.locating.search import Search, Shapes  # noqa: E402
-from kybflow.vision.projection import project  # noqa: E402
-from kybflow.world.tags import Tag, TagMap  # noqa: E402
+from kybflow.core.geometry import LEVEL, from_euler
+from kybflow.vision.locating.locate import BodyMotion
+from kybflow.vision.locating.locator import Detector, Locator, Prediction, WideSearch
+from kybflow.vision.locating.search import Search, Shapes
+from kybflow.vision.projection import project
+from kybflow.world.tags import Tag, TagMap
 
 TAGS = grid()
 BODY = still((0.9, 1.0, 1.2), from_euler(0.06, -0.08, 0.7))

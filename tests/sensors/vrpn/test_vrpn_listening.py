@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS
 from kybflow.sensors.vrpn.client import Key, VrpnSubscription, _Reader
 from kybflow.sensors.vrpn.codec import (
@@ -15,8 +16,6 @@ from kybflow.sensors.vrpn.codec import (
     SenderStatus,
     encode_pose,
 )
-
-LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
 class Wire:
