@@ -25,12 +25,11 @@ import numpy
 
 from kybflow.core.geometry import LEVEL, conjugate, distance, from_euler, multiply, sub
 from kybflow.core.signals import NS, Frame, Truth
-from kybflow.vision.families import FAMILIES, dictionary
+from kybflow.vision.locating.locate import BodyMotion
 from kybflow.vision.locating.locator import Locator, Prediction
-from kybflow.vision.locating.sight import BodyMotion
-from kybflow.vision.optics import Optics
 from kybflow.vision.rendering.drawing import Room
-from kybflow.world.cameras import Camera, Lens
+from kybflow.vision.tags import FAMILIES, dictionary
+from kybflow.world.cameras import Camera, Lens, Optics
 from kybflow.world.tags import Tag, TagMap
 
 OPTICS = Optics()

@@ -21,9 +21,8 @@ from kybflow.dsl.expanding.vehicles import written_camera
 from kybflow.dsl.plan import Plan
 from kybflow.recording.layout import dtype_spec
 from kybflow.recording.run_folder import EVENTS, LOG, RunFolderError
-from kybflow.vision.calibration.pose_table import read_poses
-from kybflow.vision.calibration.track import RecordedTrack
-from kybflow.vision.tag_table import write_tags
+from kybflow.vision.calibration.track import RecordedTrack, read_poses
+from kybflow.vision.tags import write_tags
 
 if TYPE_CHECKING:
     from kybflow.vision.calibration.walk import WalkCalibration
@@ -56,11 +55,9 @@ def is_of_a_run(frames: Path) -> bool:
 def recorded_track(path: Path, vehicle: str) -> RecordedTrack:
     """Read a vehicle's poses from a pose table or a run folder. Raises FileError."""
     try:
-        if path.is_dir():
-            rows = read_recorded_poses(path, vehicle)
-        else:
-            found = read_poses(path.read_text(encoding="utf-8-sig"))
-            rows = numpy.array([(one.time, *one.position, *one.attitude) for one in found])
+        if not path.is_dir():
+            return read_poses(path.read_text(encoding="utf-8-sig"))
+        rows = read_recorded_poses(path, vehicle)
     except FileError as error:
         where = f"{path}:{error.line}" if error.line else f"{path}"
         raise FileError(f"{where}: {error}" + (f"; {error.hint}" if error.hint else "")) from None

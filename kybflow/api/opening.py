@@ -40,8 +40,8 @@ from kybflow.runtime.options import Options
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.requests import EntryJudge
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.sensors._simulated_ball import SimulatedBall
 from kybflow.sensors.simulated_motion_capture import (
+    SimulatedBall,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
 )

@@ -43,8 +43,7 @@ from kybflow.dsl.world import CameraPlan, World
 from kybflow.parts import Footprint, Leg
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
-from kybflow.world.moving_sphere import MovingSphere
-from kybflow.world.shapes import Box, Shape
+from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import TagMap
 from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
 

@@ -15,26 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.params import NAMED, key, record
-from kybflow.core.units import (
-    NUMBER,
-    Angle,
-    Duration,
-    Frequency,
-    Length,
-    Path,
-    Position,
-    Speed,
-)
+from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Path, Position, Speed
 from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.language.source import Record
-from kybflow.vision.families import FAMILIES
-from kybflow.vision.tag_table import LARGEST, read_tags
+from kybflow.vision.tags import FAMILIES, LARGEST, read_tags
 from kybflow.world.cameras import Camera
-from kybflow.world.moving_sphere import MovingSphere
-from kybflow.world.occupancy_map import read_image, read_info
-from kybflow.world.point_cloud import FARTHEST
-from kybflow.world.point_cloud_file import read_points
-from kybflow.world.shapes import Box, Shape
+from kybflow.world.obstacle_files import read_image, read_info, read_points
+from kybflow.world.scanned import FARTHEST
+from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import Tag
 
 CameraFacing = Literal["down", "up", "forward", "backward", "left", "right"]

@@ -14,8 +14,7 @@ from kybflow.flight.loops.design import FASTEST, DesignedGains, Gains, completed
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 FRESH = 0.03
 """Age (s) of an estimate that counts as without delay, if the driver declares no poses."""

@@ -22,9 +22,8 @@ from kybflow.core.signals import (
     Time,
 )
 from kybflow.parts.base import Objection, P, Part
-from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.flight.loops.response import OuterLoop

@@ -10,8 +10,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import CommandKind, MeasurementKind, Time
 from kybflow.parts.base import Claim, Objection, P, Part
 from kybflow.parts.link import Link
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, Parcel, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel, VehicleContext
 
 if TYPE_CHECKING:
     import random

@@ -12,7 +12,7 @@ from kybflow.core.geometry import ZERO, Vec3, add
 from kybflow.core.params import fields_of
 from kybflow.core.signals import NS, Measurement, MeasurementKind, Time
 from kybflow.parts.base import P, Part
-from kybflow.vision.optics import SOUND, Weakness
+from kybflow.world.cameras import SOUND, Weakness
 
 if TYPE_CHECKING:
     import random

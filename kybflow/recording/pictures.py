@@ -96,7 +96,7 @@ def _name(time: Time, camera: str, located: Located | None) -> str:
 
 
 def _picture(frame: Frame, located: Located | None) -> bytes:
-    from kybflow.vision.marking import marked
+    from kybflow.vision.images import marked
 
     if located is None:
         return marked(frame.image, None, ())

@@ -42,10 +42,8 @@ from kybflow.recording.run_folder import (
     whole_lines,
 )
 from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimators
-from kybflow.world.columns import Columns
-from kybflow.world.occupancy_map import occupied_places, read_image, read_info
-from kybflow.world.point_cloud import METRES, PointCloud, placed, thinned
-from kybflow.world.point_cloud_file import read_points
+from kybflow.world.obstacle_files import occupied_places, read_image, read_info, read_points
+from kybflow.world.scanned import METRES, Columns, PointCloud, placed, thinned
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 

@@ -1,4 +1,5 @@
-"""Conversion of a tracker's poses from its units and axes to the world's.
+"""The poses of motion-capture systems, converted from their units and axes to the world's; and a
+socket that wakes the thread that receives them.
 
 With `z_up`, x, y and z are the world's axes. With `y_up`, x points right, y up and z towards the
 viewer (Motive's default). With R the quarter turn about x that takes y to z, p_world = R p and
@@ -8,10 +9,15 @@ along x is then level and heads east.
 
 from __future__ import annotations
 
+import contextlib
+import socket
+import threading
 import time
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Sequence
 from math import isfinite, sqrt
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.geometry import Quat, Vec3
@@ -21,6 +27,8 @@ from kybflow.parts.sensor import Stream
 Units = Literal["m", "mm"]
 Axes = Literal["z_up", "y_up"]
 _METRES = {"m": 1.0, "mm": 1e-3}
+MOST_POSES = 2000
+"""Largest number of unread poses of a source; older ones are dropped."""
 
 
 def to_world(position: Vec3, attitude: Quat, units: Units, axes: Axes) -> tuple[Vec3, Quat] | None:
@@ -46,11 +54,22 @@ class TrackerPose(NamedTuple):
     attitude: Quat
 
 
-class PoseSource(Protocol):
-    """A source of poses, filled by another thread."""
+class PoseSource(ABC):
+    """A source of poses, filled by another thread. It must be closed after use."""
 
-    def take(self) -> Sequence[TrackerPose]: ...
-    def trouble(self) -> str | None: ...
+    def __init__(self) -> None:
+        self.poses: deque[TrackerPose] = deque(maxlen=MOST_POSES)
+
+    def take(self) -> list[TrackerPose]:
+        """Return the poses that arrived since the last call, oldest first."""
+        poses = self.poses
+        return [poses.popleft() for _ in range(len(poses))]
+
+    @abstractmethod
+    def trouble(self) -> str | None:
+        """Return why no poses arrive; None if they do."""
+
+    @abstractmethod
     def close(self) -> None: ...
 
 
@@ -84,3 +103,34 @@ class PoseStream(Stream):
 
     def close(self) -> None:
         self._source.close()
+
+
+CHUNK = 1 << 16
+"""Largest number of bytes to read at once."""
+
+
+class Waker:
+    """Ends another thread's wait on `receiver`. ended: set when the thread must stop."""
+
+    def __init__(self) -> None:
+        self.ended = threading.Event()
+        self.receiver, self._sender = socket.socketpair()
+        self.receiver.setblocking(False)
+        self._sender.setblocking(False)
+
+    def wake(self) -> None:
+        with contextlib.suppress(OSError):  # full or closed: the thread is awake already
+            self._sender.send(b"\0")
+
+    def end(self) -> None:
+        self.ended.set()
+        self.wake()
+
+    def drain(self) -> None:
+        """Discard all wake-ups so far."""
+        with contextlib.suppress(OSError):
+            self.receiver.recv(CHUNK)
+
+    def close(self) -> None:
+        self.receiver.close()
+        self._sender.close()

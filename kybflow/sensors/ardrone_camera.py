@@ -10,18 +10,16 @@ from __future__ import annotations
 import os
 import socket
 from collections import deque
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import DriverError
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Frame
+from kybflow.core.signals import NS
 from kybflow.core.units import Duration
-from kybflow.parts import Link, Objection, Sensor
-from kybflow.sensors.camera import CameraSensor, Device, Grabber, WhichCamera
+from kybflow.parts import Link
+from kybflow.sensors.camera import Device, Grabber, SingleCamera, WhichCamera
 from kybflow.vision.video import PYAV, WAY_OUT
 from kybflow.vision.video.pave import FrameCutter
-from kybflow.world.cameras import Camera
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -44,25 +42,8 @@ class ArdroneCameraParams(WhichCamera):
     )  # fmt: skip
 
 
-class ArdroneCamera(Sensor[ArdroneCameraParams]):
-    provides = frozenset({Frame})
+class ArdroneCamera(SingleCamera[ArdroneCameraParams]):
     packages = PYAV
-
-    @classmethod
-    def seen_by(
-        cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]
-    ) -> Mapping[str, Camera]:
-        return CameraSensor.seen_by(params, cameras)
-
-    @classmethod
-    def objection(
-        cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]
-    ) -> Objection | None:
-        return CameraSensor.objection(params, cameras)
-
-    @classmethod
-    def claims(cls, params: ArdroneCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
-        return CameraSensor.claims(params, cameras)
 
     @classmethod
     def real_time(cls, params: ArdroneCameraParams) -> bool:
@@ -80,7 +61,7 @@ class ArdroneCamera(Sensor[ArdroneCameraParams]):
             from kybflow.vision.video.codec import FrameDecoder
         except ImportError as error:
             raise DriverError(f"an AR.Drone's video needs PyAV ({error}); {WAY_OUT}") from None
-        camera = CameraSensor.camera_of(params, context)
+        camera = cls.camera_of(params, context)
         host, latency = params.host, round(params.latency * NS)
         return Device(Grabber(lambda: VideoCapture(host, FrameDecoder())), camera, latency)
 

@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
@@ -80,7 +80,12 @@ class Grabber:
     def _run(self, capture: Capture | None) -> None:
         while not self._stop.is_set():
             if capture is None:
-                capture = self._reopened()
+                if self._stop.wait(self._again):
+                    return
+                try:
+                    capture = self._opened()
+                except DriverError as error:
+                    self.error = str(error)
                 continue
             try:
                 found, image = capture.read()
@@ -95,15 +100,6 @@ class Grabber:
                 capture = None
         if capture is not None:
             capture.release()
-
-    def _reopened(self) -> Capture | None:
-        if self._stop.wait(self._again):
-            return None
-        try:
-            return self._opened()
-        except DriverError as error:
-            self.error = str(error)
-            return None
 
 
 SILENT = 1.0
@@ -131,19 +127,23 @@ class CameraSensorParams(WhichCamera):
     )  # fmt: skip
 
 
-class CameraSensor(Sensor[CameraSensorParams]):
+WhichParams = TypeVar("WhichParams", bound=WhichCamera)
+
+
+class SingleCamera(Sensor[WhichParams]):
+    """A sensor that delivers the frames of one of the vehicle's cameras."""
+
     provides = frozenset({Frame})
-    packages = OPENCV
 
     @classmethod
-    def seen_by(cls, params: WhichCamera, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
+    def seen_by(cls, params: WhichParams, cameras: Mapping[str, Camera]) -> Mapping[str, Camera]:
         if params.calibration is None:
             return cameras
         lens, name = read_calibration(params.calibration), _name_of(params, cameras)
         return {n: c._replace(lens=lens) if n == name else c for n, c in cameras.items()}
 
     @classmethod
-    def objection(cls, params: WhichCamera, cameras: Mapping[str, Camera]) -> Objection | None:
+    def objection(cls, params: WhichParams, cameras: Mapping[str, Camera]) -> Objection | None:
         known = ", ".join(f"`{name}`" for name in cameras)
         if not cameras or _name_of(params, cameras) in cameras:
             return None
@@ -154,11 +154,11 @@ class CameraSensor(Sensor[CameraSensorParams]):
         return Objection("camera", reason, f"write `camera: {next(iter(cameras))}`")
 
     @classmethod
-    def claims(cls, params: WhichCamera, cameras: Mapping[str, Camera]) -> Sequence[str]:
+    def claims(cls, params: WhichParams, cameras: Mapping[str, Camera]) -> Sequence[str]:
         return frames_of([_name_of(params, cameras)])
 
     @classmethod
-    def camera_of(cls, params: WhichCamera, context: VehicleContext) -> Camera:
+    def camera_of(cls, params: WhichParams, context: VehicleContext) -> Camera:
         """Return the camera whose frames this sensor delivers. Raises DriverError if it is unknown
         or ambiguous."""
         objection = cls.objection(params, context.cameras)
@@ -167,6 +167,10 @@ class CameraSensor(Sensor[CameraSensorParams]):
         if not context.cameras:
             raise DriverError(f"the vehicle `{context.vehicle}` has no camera")
         return context.cameras[_name_of(params, context.cameras)]
+
+
+class CameraSensor(SingleCamera[CameraSensorParams]):
+    packages = OPENCV
 
     @classmethod
     def claim(cls, params: CameraSensorParams, vehicle: str) -> Claim | None:
@@ -264,14 +268,8 @@ class Video(Stream):
 class Device(Stream):
     """The frames of a device, delivered as they arrive."""
 
-    def __init__(
-        self,
-        grabber: Grabber,
-        camera: Camera,
-        latency: Time,
-        frame: Callable[[Any, Time, Camera], Frame] = frame_of,
-    ) -> None:
-        self._grabber, self._camera, self._latency, self._frame = grabber, camera, latency, frame
+    def __init__(self, grabber: Grabber, camera: Camera, latency: Time) -> None:
+        self._grabber, self._camera, self._latency = grabber, camera, latency
         self._last_data: Time | None = None
 
     def read(self, now: Time) -> Sequence[Measurement]:
@@ -284,7 +282,7 @@ class Device(Stream):
         elif now - self._last_data > SILENT * NS:
             raise DriverError(f"no frame for {(now - self._last_data) / NS:.1f} s")
         return [
-            self._frame(one.image, now - one.age - self._latency, self._camera) for one in captured
+            frame_of(one.image, now - one.age - self._latency, self._camera) for one in captured
         ]
 
     def close(self) -> None:

@@ -16,7 +16,7 @@ from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.errors import DriverError
-from kybflow.core.geometry import ZERO, add, distance, integrate, rotate, scale
+from kybflow.core.geometry import add, distance, integrate, rotate, scale
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time, Truth
 from kybflow.core.units import Duration
@@ -24,9 +24,7 @@ from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import is_calm, view_source
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
-from kybflow.vision.optics import SOUND, Optics, Weakness
-from kybflow.world.calibration_errors import CalibrationErrors
-from kybflow.world.cameras import Camera
+from kybflow.world.cameras import SOUND, CalibrationErrors, Camera, Optics, Weakness
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 if TYPE_CHECKING:
@@ -133,7 +131,11 @@ class Frames(Stream):
         while self._taken and self._taken[0].arrival <= now:
             taken = self._taken.popleft()
             newest[taken.camera.name] = taken
-        arrived: list[Measurement] = [self._drawn(taken) for taken in newest.values()]
+        arrived: list[Measurement] = []
+        for _, time, camera, body, weakness in newest.values():
+            seen_at = add(body.position, weakness.offset)
+            image = self._room.draw(camera, body._replace(position=seen_at), weakness)
+            arrived.append(Frame(max(0, time + self._times.late), camera.name, image))
         faults = self._link.faults
         return arrived if faults is None else faults.filtered(arrived)
 
@@ -152,28 +154,17 @@ class Frames(Stream):
         taken: list[_Exposure] = []
         for i, camera in enumerate(self._cameras):
             while (at := round(self._counts[i] * NS / camera.rate)) <= now:
-                nearer = (now, truth) if now - at <= at - before else (before, known)
-                body = _moved(_with_visible_payload(nearer[1], self._parcel), (at - nearer[0]) / NS)
+                since, body = (now, truth) if now - at <= at - before else (before, known)
+                t = (at - since) / NS
+                body = _with_visible_payload(body, self._parcel)._replace(
+                    position=add(body.position, scale(body.velocity, t)),
+                    attitude=integrate(body.attitude, body.angular_velocity, t),
+                )
                 faults = self._link.faults
                 weakness = SOUND if faults is None else faults.camera
                 taken.append(_Exposure(at + self._times.latency, at, camera, body, weakness))
                 self._counts[i] += 1
         self._taken.extend(sorted(taken, key=lambda frame: frame.arrival))
-
-    def _drawn(self, taken: _Exposure) -> Frame:
-        body, weakness = taken.body, taken.weakness
-        if weakness.offset != ZERO:
-            body = body._replace(position=add(body.position, weakness.offset))
-        stamp = max(0, taken.time + self._times.late)
-        return Frame(stamp, taken.camera.name, self._room.draw(taken.camera, body, weakness))
-
-
-def _moved(body: Truth, t: float) -> Truth:
-    """Return the body `t` seconds later, at constant velocity and body rates."""
-    return body._replace(
-        position=add(body.position, scale(body.velocity, t)),
-        attitude=integrate(body.attitude, body.angular_velocity, t),
-    )
 
 
 def _with_visible_payload(body: Truth, side: float) -> Truth:

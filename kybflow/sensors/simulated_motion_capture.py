@@ -10,16 +10,17 @@ axis.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import TYPE_CHECKING
 
-from kybflow.core.geometry import ZERO, Vec3, add, integrate, scale
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, integrate, scale, sub
 from kybflow.core.params import param, params
-from kybflow.core.signals import NS, Measurement, Pose, Time, Truth
+from kybflow.core.signals import NS, Command, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.parts.link import truth_source
+from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -101,23 +102,55 @@ class SimulatedPoses(Stream):
 
     def _take(self, now: Time, since: Time, body: Truth) -> None:
         """Queue every pose that is due by `now`, extrapolated from the body's state at `since`."""
-        rate, at_rest = self._params.rate, body.velocity == body.angular_velocity == ZERO
+        params, at_rest = self._params, body.velocity == body.angular_velocity == ZERO
         if self._count is None:
-            self._count = ceil(now / NS * rate)
-        while (at := round(self._count * NS / rate)) <= now:
+            self._count = ceil(now / NS * params.rate)
+        while (at := round(self._count * NS / params.rate)) <= now:
             self._count += 1
             t = (at - since) / NS
             if abs(t) <= _AHEAD or at_rest:
-                self._arriving.append(self._pose(at, t, body))
-
-    def _pose(self, at: Time, t: float, body: Truth) -> Pose:
-        """Return the pose at `at`, `t` seconds after the state `body`."""
-        p = self._params
-        place = add(body.position, scale(body.velocity, t))
-        attitude = integrate(body.attitude, body.angular_velocity, t)
-        off, turn = self._noise(p.position_noise), self._noise(p.attitude_noise)
-        return Pose(at, add(place, off), integrate(attitude, turn, 1.0))
+                place = add(body.position, scale(body.velocity, t))
+                attitude = integrate(body.attitude, body.angular_velocity, t)
+                off, turn = self._noise(params.position_noise), self._noise(params.attitude_noise)
+                self._arriving.append(Pose(at, add(place, off), integrate(attitude, turn, 1.0)))
 
     def _noise(self, deviation: float) -> Vec3:
         gauss = self._generator.gauss
         return (gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation))
+
+
+_STEP = 1e-3
+
+
+class SimulatedBall(Stream):
+    """Measurements of a moving obstacle by a simulated sensor, computed from the obstacle's true
+    position. open: opens the sensor on the obstacle's link."""
+
+    def __init__(self, ball: MovingSphere, open: Callable[[Link], Stream]) -> None:
+        self._ball = _Ball(ball)
+        self._stream = open(self._ball)
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        self._ball.now = now
+        return self._stream.read(now)
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+class _Ball(Link):
+    def __init__(self, path: MovingSphere) -> None:
+        self._path = path
+        self.now: Time = 0
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        return ()
+
+    def send(self, command: Command, now: Time) -> None:
+        """A ball takes no commands."""
+
+    def truth(self) -> Truth | None:
+        seconds = self.now / NS
+        place = self._path.at(seconds)
+        gone = sub(place, self._path.at(max(seconds - _STEP, 0.0)))
+        return Truth(place, scale(gone, 1.0 / _STEP), LEVEL, ZERO)

@@ -21,9 +21,9 @@ import numpy
 from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import FILL_NON_ZERO, Canvas
 
-from kybflow.vision.families import cells, pattern
 from kybflow.vision.projection import Array
 from kybflow.vision.rendering.floor import QUIET
+from kybflow.vision.tags import cells, pattern
 
 PAPERS = {"a4": (210.0, 297.0), "a3": (297.0, 420.0)}
 _MARGIN, _GAP, _LABEL, _FOOT = 8.0, 3.0, 5.0, 12.0
@@ -96,9 +96,13 @@ def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Pa
             f" {paper.upper()} has {width - 2.0 * _MARGIN:g} mm to print on"
         )
     tall = min(_LETTERS, whole / 15.0)
+    ticks = (Rectangle(x, _MARGIN, 0.3, 4.0, 0.0) for x in (_MARGIN, _MARGIN + _BAR - 0.3))
+    bar = (Rectangle(_MARGIN, _MARGIN + 1.85, _BAR, 0.3, 0.0), *ticks)
+    print_at = f"{_BAR:g} mm; print on {paper.upper()} at 100 %, not fitted"
+    caption = Words(_MARGIN + _BAR + 2.0, _MARGIN + 0.5, _LETTERS, print_at)
     pages = []
     for first in range(0, len(ids), columns * rows):
-        boxes, words, arrows = list(_bar()), [_caption(paper)], []
+        boxes, words, arrows = list(bar), [caption], []
         for place, number in enumerate(ids[first : first + columns * rows]):
             x = _MARGIN + (place % columns) * (whole + _GAP)
             y = height - _MARGIN - whole - (place // columns) * (whole + _LABEL + _GAP)
@@ -148,17 +152,6 @@ def _tag(
             for first, last in zip(ends[::2], ends[1::2], strict=True)
         ]
     return boxes
-
-
-def _bar() -> tuple[Rectangle, ...]:
-    ends = (_MARGIN, _MARGIN + _BAR - 0.3)
-    ticks = tuple(Rectangle(x, _MARGIN, 0.3, 4.0, 0.0) for x in ends)
-    return (Rectangle(_MARGIN, _MARGIN + 1.85, _BAR, 0.3, 0.0), *ticks)
-
-
-def _caption(paper: str) -> Words:
-    text = f"{_BAR:g} mm; print on {paper.upper()} at 100 %, not fitted"
-    return Words(_MARGIN + _BAR + 2.0, _MARGIN + 0.5, _LETTERS, text)
 
 
 def pdf(pages: Iterable[Page], paper: str) -> bytes:

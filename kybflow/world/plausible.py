@@ -79,12 +79,7 @@ def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
                 usual = f"{low:.2g} to {high:.2g} kg m^2 for its mass and diameter"
                 yield Implausible(("inertia",), found, usual, not _GYRATION.has(share, True))
                 break
-    yield from _rotors(airframe)
-    yield from _limits(airframe)
-
-
-def _rotors(airframe: Airframe) -> Iterator[Implausible]:
-    ratio, radius = airframe.torque_ratio, airframe.rotor_radius
+    ratio = airframe.torque_ratio
     if not _TORQUE.has(ratio / radius, False):
         low, high = (share * radius for share in _TORQUE[1:3])
         found = f"a torque of {format_quantity(ratio, LENGTH)} per newton"
@@ -93,15 +88,10 @@ def _rotors(airframe: Airframe) -> Iterator[Implausible]:
         yield Implausible(("torque_ratio",), found, usual, is_certain)
     yield from _unusual("drag", airframe.drag, _DRAG, DAMPING)
     yield from _unusual("rotor_time", airframe.rotor_time, _ROTOR_TIME, DURATION)
-
-
-def _limits(airframe: Airframe) -> Iterator[Implausible]:
     lifts = airframe.max_thrust / airframe.hover_thrust
     if lifts > _POWERFUL:
-        usual = f"{_POWERFUL:g} times at most"
-        yield Implausible(
-            ("mass", "thrust"), f"a thrust of {lifts:.3g} times its weight", usual, False
-        )
+        found, usual = f"a thrust of {lifts:.3g} times its weight", f"{_POWERFUL:g} times at most"
+        yield Implausible(("mass", "thrust"), found, usual, False)
     elif lifts * cos(airframe.tilt) < 1.0:
         found = f"a tilt at which a thrust of {lifts:.3g} times its weight doesn't hold it"
         yield Implausible(("tilt", "thrust"), found, "less, or stronger rotors", False)

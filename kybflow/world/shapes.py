@@ -1,4 +1,5 @@
-"""Solid shapes of the world: the fence's box and the obstacles. Metres, world frame (ENU).
+"""Solid shapes of the world: the fence's box and the obstacles, of which a ball may move. Metres,
+world frame (ENU).
 
 Each shape has a distance from a point, negative inside, and an outward direction: the unit vector
 along which this distance grows fastest, upwards if all directions are equal.
@@ -7,12 +8,14 @@ along which this distance grows fastest, upwards if all directions are equal.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import UP, Vec3, add, distance, sub
-from kybflow.world.columns import Columns
-from kybflow.world.point_cloud import PointCloud
+from kybflow.core.geometry import UP, Vec3, add, distance, scale, sub
+from kybflow.world.scanned import Columns, PointCloud
 
 
 def _unit(x: float, y: float, z: float) -> Vec3:
@@ -35,13 +38,9 @@ class Box(NamedTuple):
         """Return how far `p` is outside the box along the worst axis; negative inside."""
         low, high = self.low, self.high
         return max(
-            low[0] - p[0],
-            p[0] - high[0],
-            low[1] - p[1],
-            p[1] - high[1],
-            low[2] - p[2],
+            low[0] - p[0], p[0] - high[0], low[1] - p[1], p[1] - high[1], low[2] - p[2],
             p[2] - high[2],
-        )
+        )  # fmt: skip
 
     @property
     def size(self) -> Vec3:
@@ -75,8 +74,8 @@ class Box(NamedTuple):
         return min(faces, key=lambda face: face[0])[1]
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which the box carries something at (x, y) that extends `reach` to
-        each side; -inf beside the box."""
+        """Return the height at which an object at (x, y) rests on the box, if the object extends
+        `reach` to each side; -inf beside the box."""
         (x0, y0, _), (x1, y1, z1) = self.low, self.high
         beside = max(x0 - x, x - x1, y0 - y, y - y1)
         return z1 if beside <= reach else -inf
@@ -109,7 +108,7 @@ class Cylinder(NamedTuple):
         return _unit(level * x / aside, level * y / aside, up * max(above, 0.0))
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which the cylinder carries something at (x, y), as in `Box.top`."""
+        """Return the height at which an object at (x, y) rests on the cylinder, as in `Box.top`."""
         aside = hypot(x - self.at[0], y - self.at[1]) - self.radius
         return self.at[2] + self.height if aside <= reach else -inf
 
@@ -129,7 +128,8 @@ class Sphere(NamedTuple):
         return _unit(*sub(p, self.at))
 
     def top(self, x: float, y: float, reach: float) -> float:
-        """Return the height at which the ball carries something at (x, y), as in `Box.top`."""
+        """Return the height of the ball's upper surface at (x, y), on which an object can rest, as
+        in `Box.top`."""
         aside = max(hypot(x - self.at[0], y - self.at[1]) - reach, 0.0)
         if aside > self.radius:
             return -inf
@@ -184,3 +184,66 @@ def parts_of(shape: Shape) -> Iterator[Convex]:
             yield from (Cylinder((x, y, low), radius, high - low) for x, y in places)
         case _:
             yield shape
+
+
+_ACCELERATION = 1.5
+"""Acceleration after and before each stop, m/s^2."""
+
+
+@dataclass(frozen=True)
+class MovingSphere:
+    """A ball that moves back and forth along straight lines through the points `along` at up to
+    `speed` (m/s), stopping at each. body: its name in motion capture, None for its own name."""
+
+    along: tuple[Vec3, ...]
+    radius: float
+    speed: float
+    body: str | None = None
+
+    def at(self, seconds: float) -> Vec3:
+        """Return the position of the centre this long after the start."""
+        whole = sum(leg.duration for leg in self._legs)
+        left = seconds % whole if whole > 0.0 else 0.0
+        for leg in self._legs:
+            if left < leg.duration:
+                return leg.at(left)
+            left -= leg.duration
+        return self.along[0]
+
+    @cached_property
+    def _legs(self) -> tuple[_Leg, ...]:
+        there = [_Leg.between(a, b, self.speed) for a, b in pairwise(self.along)]
+        return (*there, *(leg.turned() for leg in reversed(there)))
+
+
+class _Leg(NamedTuple):
+    """A straight line from rest to rest. The speed rises to `speed` within `ramp` seconds, and
+    falls again within as many."""
+
+    start: Vec3
+    end: Vec3
+    speed: float
+    ramp: float
+    duration: float
+
+    @classmethod
+    def between(cls, start: Vec3, end: Vec3, speed: float) -> _Leg:
+        length = distance(start, end)
+        speed = min(speed, sqrt(_ACCELERATION * length))
+        ramp = speed / _ACCELERATION
+        return cls(start, end, speed, ramp, length / speed + ramp if speed > 0.0 else 0.0)
+
+    def turned(self) -> _Leg:
+        return self._replace(start=self.end, end=self.start)
+
+    def at(self, time: float) -> Vec3:
+        left = self.duration - time
+        if time < self.ramp:
+            gone = 0.5 * _ACCELERATION * time * time
+        elif left < self.ramp:
+            gone = self.speed * (self.duration - self.ramp) - 0.5 * _ACCELERATION * left * left
+        else:
+            gone = self.speed * (time - 0.5 * self.ramp)
+        return add(
+            self.start, scale(sub(self.end, self.start), gone / distance(self.start, self.end))
+        )

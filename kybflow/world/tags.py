@@ -21,7 +21,7 @@ Key = tuple[str, int]
 
 
 class Tag(NamedTuple):
-    """A printed tag. family: its family, such as `36h11` (`kybflow.vision.families`). size: the
+    """A printed tag. family: its family, such as `36h11` (`kybflow.vision.tags`). size: the
     side of the black square, metres. position, attitude: the pose of its frame in the world."""
 
     family: str

@@ -6,7 +6,8 @@ import pytest
 
 from kybflow.core.errors import PartError
 from kybflow.core.params import RESERVED, fields_of, param, params, type_of
-from kybflow.core.units import DAMPING, LENGTH, Damping, Length, Matrix, Path, Position
+from kybflow.core.units import DAMPING, LENGTH, Damping, Length, Path, Position
+from kybflow.flight.fusion.covariance import Matrix
 from kybflow.parts.catalog import Catalog, load_catalog
 
 

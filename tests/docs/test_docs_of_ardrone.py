@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
-from toolchain import ROOT, compiled
+from pages import blocks, page
+from toolchain import compiled
 
 from kybflow.drivers.ardrone.control.acts import ACTS
 
-PAGE = (ROOT / "docs" / "ardrone.md").read_text(encoding="utf-8")
-MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(
-    r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE
-)
+PAGE = page("docs/ardrone.md")
+MINE, TARGETS, BY_HAND, RADIO, ON = blocks(PAGE)
 HEAD = """kybflow: 1
 mission: by_hand
 import: {std: kybflow/airframes}

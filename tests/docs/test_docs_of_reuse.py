@@ -6,9 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
-from toolchain import ROOT, compiled
+from pages import page
+from toolchain import compiled
 
-PAGE = (ROOT / "docs" / "mission-language.md").read_text(encoding="utf-8")
+PAGE = page("docs/mission-language.md")
 LAB = "library: lab\nimport: {std: kybflow/airframes}\nvehicles: {bee: {like: std.nano_plus}}\n"
 VEHICLES = """vehicles:
   a:
@@ -64,9 +65,7 @@ def test_what_is_seen_and_by_what_is_valid_together(target: str, tmp_path: Path)
 
 @pytest.mark.parametrize("title", IMPORTS)
 def test_the_example_is_valid(title: str, tmp_path: Path) -> None:
-    found = re.search(rf"^## {title}\n.*?^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    text = found[1]
+    text = example(title)
     if title == "Libraries":
         flies = ", behaviors: {up: {do: take_off, height: 1 m}}}\n"
         text = text.replace("safety}]}\n", f"safety}}]{flies}").replace("0]}}\n", f"0]}}{flies}")

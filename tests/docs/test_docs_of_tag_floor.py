@@ -10,17 +10,19 @@ from typing import Any
 
 import pytest
 
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 
-from toolchain import ROOT, compiled, invoke  # noqa: E402
+import cv2
+from pages import blocks, page
+from toolchain import compiled, invoke
 
-from kybflow.core.geometry import LEVEL, ZERO, add  # noqa: E402
-from kybflow.core.signals import Truth  # noqa: E402
-from kybflow.vision.optics import Optics  # noqa: E402
-from kybflow.vision.rendering.drawing import Room  # noqa: E402
+from kybflow.core.geometry import LEVEL, ZERO, add
+from kybflow.core.signals import Truth
+from kybflow.vision.rendering.drawing import Room
+from kybflow.world.cameras import Optics
 
-PAGE = (ROOT / "docs" / "tag-floor.md").read_text(encoding="utf-8")
-MISSION, CAMERA, TARGETS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+PAGE = page("docs/tag-floor.md")
+MISSION, CAMERA, TARGETS = blocks(PAGE)
 COMMANDS = re.findall(r"^    kybflow (.+)$", PAGE, re.MULTILINE)
 CALIBRATION = """image_width: 640
 image_height: 480

@@ -108,29 +108,39 @@ def server() -> Iterator[Server]:
     found.close()
 
 
+SCHEMA = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
+
+
+def draft(server: Server, name: str, rest: str) -> str:
+    """The address of a mission that is being written beside the others."""
+    text = f"{SCHEMA}kybflow: 1\nmission: draft\n{rest}"
+    return server.open(ROOT / "missions" / f"{name}.yaml", text)
+
+
 def opened(server: Server, name: str, behaviors: str) -> tuple[str, list[str]]:
-    """A mission that is being written beside the others; its address and lines."""
-    text = (
-        "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
-        "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    behaviors:\n" + behaviors
-    )
-    return server.open(ROOT / "missions" / f"{name}.yaml", text), text.split("\n")
+    """A draft with behaviors; its address and lines."""
+    rest = "vehicles:\n  a:\n    behaviors:\n" + behaviors
+    return draft(server, name, rest), f"\n\n\n{rest}".split("\n")
 
 
-def labels(answer: Any) -> set[str]:
-    items = answer["items"] if isinstance(answer, dict) else answer
-    return {item["label"] for item in items}
+def completions(server: Server, uri: str, line: int, character: int) -> list[dict[str, str]]:
+    answer = server.at("textDocument/completion", uri, line, character)
+    return answer["items"] if isinstance(answer, dict) else answer
+
+
+def labels(server: Server, uri: str, line: int, character: int) -> set[str]:
+    return {item["label"] for item in completions(server, uri, line, character)}
 
 
 def test_it_completes_the_names_of_parts(server: Server) -> None:
     uri, lines = opened(server, "parts", "      up:\n        do: \n")
-    found = labels(server.at("textDocument/completion", uri, len(lines) - 2, 12))
+    found = labels(server, uri, len(lines) - 2, 12)
     assert {"take_off", "fly_to", "land", "follow_path"} <= found
 
 
 def test_it_completes_the_parameters_of_a_part(server: Server) -> None:
     uri, lines = opened(server, "keys", "      up:\n        do: take_off\n        \n")
-    found = labels(server.at("textDocument/completion", uri, len(lines) - 2, 8))
+    found = labels(server, uri, len(lines) - 2, 8)
     assert {"height", "then", "within"} <= found
 
 
@@ -145,14 +155,11 @@ def completed(server: Server, kind: str, name: str) -> dict[str, str]:
     place = "tracker" if kind == "trackers" else kind
     lead = "- " if kind in LISTS else ""
     inner = "      p:\n        do:" if kind == "behaviors" else f"    {place}:\n      {lead}use:"
-    text = "kybflow: 1\nmission: draft\nvehicles:\n  a:\n"
-    text += "    behaviors:\n" * (kind == "behaviors") + f"{inner} {name}\n        \n"
-    schema = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
     indent = 8 if kind == "behaviors" or lead else 6
-    text = schema + text.rstrip(" \n") + "\n" + " " * indent + "\n"
-    uri = server.open(ROOT / "missions" / f"{kind}_{name}.yaml", text)
-    answer = server.at("textDocument/completion", uri, text.count("\n") - 1, indent)
-    items = answer["items"] if isinstance(answer, dict) else answer
+    rest = "vehicles:\n  a:\n" + "    behaviors:\n" * (kind == "behaviors")
+    rest += f"{inner} {name}\n" + " " * indent + "\n"
+    uri = draft(server, f"{kind}_{name}", rest)
+    items = completions(server, uri, rest.count("\n") + 2, indent)
     plain = {i["label"]: re.sub(r"\$\{\d+:([^}]*)\}|\$\d+", r"\1", i["insertText"]) for i in items}
     return {label: text.partition(":")[2].strip() for label, text in plain.items()}
 
@@ -194,7 +201,7 @@ def test_every_dimension_of_a_part_is_completed() -> None:
 def test_it_offers_no_null(server: Server, keys: str) -> None:
     name = "null_" + re.sub(r"\W", "", keys)
     uri, lines = opened(server, name, "      up:\n        do: take_off\n" + keys)
-    found = labels(server.at("textDocument/completion", uri, len(lines) - 2, len(lines[-2])))
+    found = labels(server, uri, len(lines) - 2, len(lines[-2]))
     assert found
     assert "null" not in found
 
@@ -206,21 +213,15 @@ def test_it_offers_no_null(server: Server, keys: str) -> None:
 def test_completing_a_key_of_an_airframe_inserts_its_unit(
     server: Server, key: str, unit: str
 ) -> None:
-    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
-    text += "kybflow: 1\nmission: draft\nairframes:\n  x:\n    \n"
-    uri = server.open(ROOT / "missions" / "airframes.yaml", text)
-    answer = server.at("textDocument/completion", uri, 5, 4)
-    items = answer["items"] if isinstance(answer, dict) else answer
+    items = completions(server, draft(server, "airframes", "airframes:\n  x:\n    \n"), 5, 4)
     (inserted,) = (item["insertText"] for item in items if item["label"] == key)
     assert re.fullmatch(rf"{key}: [\d.]+ {unit}", inserted)
 
 
 @pytest.mark.parametrize(("key", "expected"), [("like", set()), ("tracker", {"cascade"})])
 def test_it_offers_no_null_for_a_vehicle(server: Server, key: str, expected: set[str]) -> None:
-    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
-    text += f"kybflow: 1\nmission: draft\nvehicles:\n  a:\n    {key}: \n"
-    uri = server.open(ROOT / "missions" / f"null_{key}.yaml", text)
-    found = labels(server.at("textDocument/completion", uri, 5, len(key) + 6))
+    uri = draft(server, f"null_{key}", f"vehicles:\n  a:\n    {key}: \n")
+    found = labels(server, uri, 5, len(key) + 6)
     assert "null" not in found
     assert expected <= found
 
@@ -262,22 +263,18 @@ def test_what_is_wrong_is_told_in_words(server: Server, state: str, said: str) -
     ],
 )
 def test_what_is_wrong_with_a_matrix_is_told_in_words(server: Server, gain: str, said: str) -> None:
-    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
-    text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    tracker:\n"
-    text += f"      use: cascade\n      position_gain: {gain}\n"
-    uri = server.open(ROOT / "missions" / f"matrix_{len(gain)}.yaml", text)
+    tracker = f"    tracker:\n      use: cascade\n      position_gain: {gain}\n"
+    uri = draft(server, f"matrix_{len(gain)}", f"vehicles:\n  a:\n{tracker}")
     found = [finding["message"] for finding in server.report(uri)]
     assert len(found) == bool(said)
     assert all(message.startswith(said) for message in found)
 
 
 def test_a_reaction_is_completed_and_a_wrong_one_told(server: Server) -> None:
-    text = "# yaml-language-server: $schema=../schemas/mission.schema.json\n"
-    text += "kybflow: 1\nmission: draft\nvehicles:\n  a:\n    supervisors:\n"
-    text += "      - use: battery\n        reaction: "
-    uri = server.open(ROOT / "missions" / "reaction.yaml", text + "\n")
-    assert {"brake", "land"} <= labels(server.at("textDocument/completion", uri, 7, 18))
-    uri = server.open(ROOT / "missions" / "reactions.yaml", text + "lnad\n")
+    text = "vehicles:\n  a:\n    supervisors:\n      - use: battery\n        reaction: "
+    uri = draft(server, "reaction", text + "\n")
+    assert {"brake", "land"} <= labels(server, uri, 7, 18)
+    uri = draft(server, "reactions", text + "lnad\n")
     (finding,) = server.report(uri)
     assert finding["message"].startswith("One of `warn`, `brake`, ")
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import pytest
-from toolchain import ROOT
+from toolchain import ROOT, program
 
 pytestmark = pytest.mark.thorough
 
@@ -33,47 +31,38 @@ def source(where: Path, backend: str) -> Path:
     return copy
 
 
-def pip(*words: str) -> None:
-    command = [sys.executable, "-m", "pip", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+def said(done: subprocess.CompletedProcess[str]) -> str:
     assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 @pytest.mark.parametrize("backend", ["setuptools", "hatchling"])
 def test_the_wheel_has_the_missions_and_libraries(backend: str, tmp_path: Path) -> None:
     build = ("wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir")
-    pip(*build, str(tmp_path), str(source(tmp_path, backend)))
+    said(program(*build, tmp_path, source(tmp_path, backend), module="pip"))
     [wheel] = tmp_path.glob("*.whl")
     assert set(zipfile.ZipFile(wheel).namelist()) >= SHIPPED
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The environment of a Python that has the example installed, as setuptools installs it."""
+def lib(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the example is installed, as setuptools installs it."""
     where = tmp_path_factory.mktemp("site")
     install = ("install", "--quiet", "--no-deps", "--no-build-isolation", "--target")
-    pip(*install, str(where / "lib"), str(source(where, "setuptools")))
-    path = os.pathsep.join(filter(None, [str(where / "lib"), os.environ.get("PYTHONPATH", "")]))
-    return {**os.environ, "PYTHONPATH": path}
+    said(program(*install, where / "lib", source(where, "setuptools"), module="pip"))
+    return where / "lib"
 
 
-def kybflow(environment: dict[str, str], folder: Path, *words: str) -> str:
-    command = [sys.executable, "-m", "kybflow", *words]
-    done = subprocess.run(
-        command, env=environment, cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
-def test_the_library_command_finds_them(installed: dict[str, str], tmp_path: Path) -> None:
-    listed = kybflow(installed, tmp_path, "library")
+def test_the_library_command_finds_them(lib: Path, tmp_path: Path) -> None:
+    listed = said(program("library", cwd=tmp_path, path=[lib]))
     assert "lab_missions/lab  The lab's room and its vehicle." in listed
     assert re.search(r"lab_missions/square +Around the lab's room once\.", listed)
     assert "speed = 50 cm/s" in listed
-    assert "bee:" in kybflow(installed, tmp_path, "library", "lab_missions/lab")
+    assert "bee:" in said(program("library", "lab_missions/lab", cwd=tmp_path, path=[lib]))
 
 
-def test_a_mission_begins_with_one_of_them(installed: dict[str, str], tmp_path: Path) -> None:
-    kybflow(installed, tmp_path, "new", "my_square", "--from", "lab_missions/square")
-    assert "my_square.yaml: ok" in kybflow(installed, tmp_path, "validate", "my_square.yaml")
+def test_a_mission_begins_with_one_of_them(lib: Path, tmp_path: Path) -> None:
+    new = ("new", "my_square", "--from", "lab_missions/square")
+    said(program(*new, cwd=tmp_path, path=[lib]))
+    judged = said(program("validate", "my_square.yaml", cwd=tmp_path, path=[lib]))
+    assert "my_square.yaml: ok" in judged

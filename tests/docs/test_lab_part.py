@@ -1,58 +1,52 @@
 """A lab's own package: installed as its README says, found by its entry point, flown."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
-from toolchain import ROOT
+from installed_package import installed
+from toolchain import ROOT, program
 
 pytestmark = pytest.mark.thorough
+EXAMPLE = ROOT / "examples" / "lab-parts"
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The environment of a Python that has `examples/lab-parts` installed beside what is here."""
+def lib(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which `examples/lab-parts` is installed beside what is here."""
     where = tmp_path_factory.mktemp("site")
-    source = shutil.copytree(ROOT / "examples" / "lab-parts", where / "source")
-    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps"]
-    install += ["--no-build-isolation", "--target", str(where / "lib"), str(source)]
-    subprocess.run(install, check=True, capture_output=True, text=True)
-    return {**os.environ, "PYTHONPATH": str(where / "lib")}
+    source = shutil.copytree(EXAMPLE, where / "source")
+    install = ("install", "--quiet", "--no-deps", "--no-build-isolation", "--target")
+    done = program(*install, where / "lib", source, module="pip")
+    assert done.returncode == 0, done.stderr
+    return where / "lib"
 
 
-def kybflow(environment: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "kybflow", *words]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+def flown(lib: Path, mission: str, out: Path) -> list[dict[str, Any]]:
+    """The events of one of the example's missions."""
+    done = program("run", EXAMPLE / mission, "--out", out, "--no-report", path=[lib])
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = (out / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines]
 
 
-def test_the_part_is_listed_with_its_parameters(installed: dict[str, str]):
-    shown = kybflow(installed, "parts", "bob")
+def test_the_part_is_listed_with_its_parameters(lib: Path):
+    shown = program("parts", "bob", path=[lib])
     assert shown.returncode == 0
     assert "How far up it goes." in shown.stdout
-    assert kybflow({**os.environ}, "parts", "bob").returncode == 2
+    assert program("parts", "bob").returncode == 2
 
 
-def test_the_page_of_parts_is_without_it(installed: dict[str, str]):
-    checked = kybflow(installed, "parts", "--check", str(ROOT / "docs" / "parts.md"))
+def test_the_page_of_parts_is_without_it(lib: Path):
+    checked = program("parts", "--check", ROOT / "docs" / "parts.md", path=[lib])
     assert checked.returncode == 0, checked.stderr
 
 
-def test_its_mission_flies(installed: dict[str, str], tmp_path: Path):
-    mission = str(ROOT / "examples" / "lab-parts" / "bob.yaml")
-    flown = kybflow(installed, "run", mission, "--out", str(tmp_path), "--no-report")
-    assert flown.returncode == 0, flown.stdout + flown.stderr
-
-
-def test_its_processor_retunes_the_tracker_in_flight(installed: dict[str, str], tmp_path: Path):
-    mission = str(ROOT / "examples" / "lab-parts" / "scheduled.yaml")
-    flown = kybflow(installed, "run", mission, "--out", str(tmp_path), "--no-report")
-    assert flown.returncode == 0, flown.stdout + flown.stderr
-    told = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
-    changed = [e["fields"] for e in map(json.loads, told) if e["event"] == "option_changed"]
+def test_its_processor_retunes_the_tracker_in_flight(lib: Path, tmp_path: Path):
+    told = flown(lib, "scheduled.yaml", tmp_path)
+    changed = [e["fields"] for e in told if e["event"] == "option_changed"]
     assert {(e["option"], e["by"]) for e in changed} == {
         ("nano.tracker.derivative", "processor gains_by_speed")
     }
@@ -60,67 +54,42 @@ def test_its_processor_retunes_the_tracker_in_flight(installed: dict[str, str], 
     assert values == [7.5, 7.125, 6.75, 6.375, 6.0, 6.375, 6.75, 7.125, 7.5]
 
 
-def test_its_parts_keep_the_contract_of_all_parts(installed: dict[str, str]):
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    command += [
-        str(ROOT / "tests" / "parts" / "test_part_contract.py"),
-        "-k",
-        "bob or tally or gains",
-    ]
-    judged = subprocess.run(command, env=installed, capture_output=True, text=True, check=False)
+def test_its_parts_keep_the_contract_of_all_parts(lib: Path):
+    contract = ROOT / "tests" / "parts" / "test_part_contract.py"
+    words = ("-q", "-p", "no:cacheprovider", contract, "-k", "bob or tally or gains")
+    judged = program(*words, module="pytest", path=[lib])
     assert judged.returncode == 0, judged.stdout
     assert "skipped" not in judged.stdout.splitlines()[-1]
 
 
-def test_a_mistake_in_its_parameters_is_reported_like_any_other(
-    installed: dict[str, str], tmp_path: Path
-):
-    text = (ROOT / "examples" / "lab-parts" / "bob.yaml").read_text(encoding="utf-8")
+def test_a_mistake_in_its_parameters_is_reported_like_any_other(lib: Path, tmp_path: Path):
+    text = (EXAMPLE / "bob.yaml").read_text(encoding="utf-8")
     bad = tmp_path / "bad.yaml"
     bad.write_text(text.replace("height: 40 cm", "height: 40 s"), encoding="utf-8")
-    shown = kybflow(installed, "validate", str(bad))
+    shown = program("validate", bad, path=[lib])
     assert shown.returncode == 2
     assert "a duration, but a length is needed" in shown.stdout
 
 
-def test_its_action_counts_and_emits(installed: dict[str, str], tmp_path: Path):
-    mission = str(ROOT / "examples" / "lab-parts" / "bob.yaml")
-    kybflow(installed, "run", mission, "--out", str(tmp_path), "--no-report")
-    told = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
-    names = [json.loads(line)["event"] for line in told]
+def test_its_mission_flies_and_its_action_counts_and_emits(lib: Path, tmp_path: Path):
+    names = [event["event"] for event in flown(lib, "bob.yaml", tmp_path)]
     assert names.count("logged") == 3
     assert names.count("tally_reached") == 1
     assert "action_failed" not in names
 
 
 def test_a_package_may_not_take_the_name_of_an_action_of_the_language(tmp_path: Path):
-    home = tmp_path / "lab_words" / "actions"
-    home.mkdir(parents=True)
-    for file in (home.parent / "__init__.py", home / "__init__.py", home / "log.py"):
-        file.touch()
-    meta = tmp_path / "lab_words-1.dist-info"
-    meta.mkdir()
-    (meta / "METADATA").write_text("Metadata-Version: 2.1\nName: lab-words\nVersion: 1\n")
-    (meta / "entry_points.txt").write_text("[kybflow.parts]\nlab = lab_words\n")
-    shown = kybflow({**os.environ, "PYTHONPATH": str(tmp_path)}, "parts")
+    files = ("__init__.py", "actions/__init__.py", "actions/log.py")
+    installed(tmp_path, "lab_words", "parts lab_words", {f"lab_words/{f}": "" for f in files})
+    shown = program("parts", path=[tmp_path])
     assert shown.returncode == 2
     assert "lab_words.actions.log: the language itself has the action `log`" in shown.stderr
 
 
-def test_two_packages_with_one_name_are_refused_with_both_places(
-    installed: dict[str, str], tmp_path: Path
-):
-    twin = tmp_path / "twin"
-    (twin / "twin_parts" / "behaviors").mkdir(parents=True)
-    (twin / "twin_parts" / "__init__.py").touch()
-    (twin / "twin_parts" / "behaviors" / "__init__.py").touch()
-    (twin / "twin_parts" / "behaviors" / "bob.py").touch()
-    meta = twin / "twin_parts-1.dist-info"
-    meta.mkdir()
-    (meta / "METADATA").write_text("Metadata-Version: 2.1\nName: twin-parts\nVersion: 1\n")
-    (meta / "entry_points.txt").write_text("[kybflow.parts]\ntwin = twin_parts\n")
-    path = os.pathsep.join([installed["PYTHONPATH"], str(twin)])
-    shown = kybflow({**installed, "PYTHONPATH": path}, "parts")
+def test_two_packages_with_one_name_are_refused_with_both_places(lib: Path, tmp_path: Path):
+    files = ("__init__.py", "behaviors/__init__.py", "behaviors/bob.py")
+    installed(tmp_path, "twin", "parts twin", {f"twin/{f}": "" for f in files})
+    shown = program("parts", path=[lib, tmp_path])
     assert shown.returncode == 2
     assert "two packages offer `bob`" in shown.stderr
     assert "Traceback" not in shown.stderr

@@ -2,21 +2,18 @@
 package the checks, the schema, the reference and a flight know it."""
 
 import json
-import os
-import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from toolchain import ROOT
+from pages import blocks, page
+from toolchain import ROOT, program
 
 import kybflow
 
-TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Add an event")[2]
-CLASS, EMISSION = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)[:2]
+TEXT = page("CONTRIBUTING.md").partition("## Add an event")[2]
+CLASS, EMISSION = blocks(TEXT, "python")[:2]
 MISSION = """\
 kybflow: 1
 mission: gusty
@@ -43,9 +40,11 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(Path(kybflow.__file__).parent, copy / "kybflow", ignore=ignored)
     shutil.copytree(ROOT / "missions" / "library", copy / "missions" / "library")
     (copy / "missions" / "gusty.yaml").write_text(MISSION, encoding="utf-8")
-    page = copy / "kybflow" / "parts" / "events.py"
-    text = page.read_text(encoding="utf-8")
-    page.write_text(text.replace("ENGINE_EVENTS:", f"{CLASS}\n\nENGINE_EVENTS:"), encoding="utf-8")
+    events = copy / "kybflow" / "parts" / "events.py"
+    text = events.read_text(encoding="utf-8").replace(
+        "ENGINE_EVENTS:", f"{CLASS}\n\nENGINE_EVENTS:"
+    )
+    events.write_text(text, encoding="utf-8")
     emitter = copy / "kybflow" / "runtime" / "vehicle" / "behavior_runner.py"
     text = emitter.read_text(encoding="utf-8")
     after = "self._events.emit(began, self._name, state.at)\n"
@@ -61,11 +60,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def says(copy: Path, *arguments: str) -> tuple[int, str]:
     """The exit code and the output of `kybflow` from the copy."""
-    done = subprocess.run(
-        [sys.executable, "-m", "kybflow", *arguments],
-        env={**os.environ, "PYTHONPATH": str(copy), "COLUMNS": "100"},
-        cwd=copy, text=True, capture_output=True, check=False,
-    )  # fmt: skip
+    done = program(*arguments, cwd=copy, path=[copy], COLUMNS="100")
     return done.returncode, done.stdout + done.stderr
 
 

@@ -2,22 +2,19 @@
 measured by a sensor, read by an estimator; nothing of kybflow changes."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from installed_package import installed
 from mcap.reader import make_reader
-from toolchain import ROOT
+from pages import blocks, page
+from toolchain import program
 
 pytestmark = pytest.mark.thorough
 
-TEXT = (
-    (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Add a kind of measurement")
-)
-KIND = TEXT[2].partition("```python\n")[2].partition("```")[0]
+TEXT = page("CONTRIBUTING.md").partition("## Add a kind of measurement")[2]
+KIND = blocks(TEXT, "python")[0]
 
 SENSOR = '''"""A range finder that looks down, simulated."""
 
@@ -121,28 +118,14 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "lab_range/sensors/range_finder.py": SENSOR,
         "lab_range/estimators/__init__.py": "",
         "lab_range/estimators/range_height.py": ESTIMATOR,
-        "lab_range-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: lab-range\nVersion: 1\n",
-        "lab_range-1.dist-info/entry_points.txt": "[kybflow.parts]\nlab = lab_range\n",
         "without.yaml": MISSION,
         "mission.yaml": MISSION + TARGET,
     }
-    for name, text in files.items():
-        (home / name).parent.mkdir(parents=True, exist_ok=True)
-        (home / name).write_text(text, encoding="utf-8")
-    flown = kybflow(
-        home, "run", "mission.yaml", "--seed", "0", "--out", "run", "--plain", "--no-report"
-    )
+    installed(home, "lab_range", "parts lab_range", files)
+    words = ("--seed", "0", "--out", "run", "--plain", "--no-report")
+    flown = program("run", "mission.yaml", *words, cwd=home, path=[home])
     assert flown.returncode == 0, flown.stdout + flown.stderr
     return home
-
-
-def kybflow(home: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join([str(home), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "kybflow", *words]
-    environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run(
-        command, cwd=home, env=environment, capture_output=True, text=True, check=False
-    )
 
 
 def messages(lab: Path, topic: str) -> list:
@@ -151,10 +134,10 @@ def messages(lab: Path, topic: str) -> list:
 
 
 def test_the_compiler_says_who_lacks_it(lab: Path) -> None:
-    judged = kybflow(lab, "validate", "without.yaml")
+    judged = program("validate", "without.yaml", cwd=lab, path=[lab])
     assert "`range_height` needs floor_range measurements" in judged.stderr + judged.stdout
     assert "range_finder" in judged.stderr + judged.stdout, "a sensor that would do"
-    assert kybflow(lab, "validate", "mission.yaml").returncode == 0
+    assert program("validate", "mission.yaml", cwd=lab, path=[lab]).returncode == 0
 
 
 def test_it_is_recorded_by_its_name_with_its_units(lab: Path) -> None:

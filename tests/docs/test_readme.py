@@ -6,25 +6,24 @@ from pathlib import Path
 
 import pytest
 from command_lines import command as command_of
-from toolchain import ROOT
+from pages import page
+from toolchain import ROOT, with_library
 
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics.render import render
 from kybflow.parts.catalog import load_catalog
 from kybflow.parts.observables import OBSERVABLES
 
-TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TEXT = page("README.md")
+DOCS = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))
+PAGES = ["README.md", "CONTRIBUTING.md", *DOCS]
 
 
 def test_the_report_is_what_kybflow_says(tmp_path: Path, monkeypatch):
-    missions = tmp_path / "missions"
-    (missions / "library").mkdir(parents=True)
-    for file in (ROOT / "missions" / "library").iterdir():
-        (missions / "library" / file.name).write_bytes(file.read_bytes())
-    mission = (ROOT / "missions" / "figure_eight.yaml").read_text(encoding="utf-8")
-    wrong = mission.replace("width: 1.46 m", "width: 1.46 s")
-    (missions / "figure_eight.yaml").write_text(wrong, encoding="utf-8")
+    (tmp_path / "missions").mkdir()
+    wrong = with_library(tmp_path / "missions") / "figure_eight.yaml"
+    text = page("missions/figure_eight.yaml").replace("width: 1.46 m", "width: 1.46 s")
+    wrong.write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     result = compile_mission("missions/figure_eight.yaml", catalog=load_catalog())
     [finding] = result.diagnostics
@@ -33,18 +32,17 @@ def test_the_report_is_what_kybflow_says(tmp_path: Path, monkeypatch):
 
 def test_the_mission_is_as_long_as_it_says():
     [(lines, path)] = re.findall(r"\[(\d+) lines\]\((.*?)\)", TEXT)
-    assert int(lines) == len((ROOT / path).read_text(encoding="utf-8").splitlines())
+    assert int(lines) == len(page(path).splitlines())
 
 
 def test_the_language_page_has_every_observable():
-    page = (ROOT / "docs" / "mission-language.md").read_text(encoding="utf-8")
-    missing = [name for name in OBSERVABLES if f"`{name}`" not in page]
-    assert missing == []
+    text = page("docs/mission-language.md")
+    assert [name for name in OBSERVABLES if f"`{name}`" not in text] == []
 
 
 def commands() -> set[str]:
     """Every command that a page shows, in the line or in a block, without its comment."""
-    shown = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    shown = "\n".join(map(page, PAGES))
     found = re.findall(
         r"(?:`|^ {4}|^\$ |^- run: |^```sh\n|&& )kybflow ([^`\n#>|]+)", shown, re.MULTILINE
     )
@@ -61,9 +59,9 @@ def test_a_command_that_is_shown_is_one(command: str):
 
 def test_every_link_leads_somewhere():
     broken = [
-        (page.name, link)
-        for page in PAGES
-        for link in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8"))
-        if not (page.parent / link).exists()
+        (name, link)
+        for name in PAGES
+        for link in re.findall(r"\]\((?!http)([^)#]+)", page(name))
+        if not (ROOT / name).parent.joinpath(link).exists()
     ]
     assert broken == []

@@ -1,4 +1,5 @@
-"""The page about rehearsals: no check finds its mission wrong, and its report is as shown."""
+"""The pages about rehearsals and formations: no check finds their missions wrong, and rehearsing
+them says what is shown."""
 
 from __future__ import annotations
 
@@ -6,13 +7,15 @@ import contextlib
 import re
 from pathlib import Path
 
-from toolchain import ROOT, invoke
+from pages import blocks, page
+from toolchain import invoke
 
 from kybflow.api.codes import codes
 
-PAGE = (ROOT / "docs" / "rehearsal.md").read_text(encoding="utf-8")
-[MISSION] = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+PAGE = page("docs/rehearsal.md")
+[MISSION] = blocks(PAGE)
 [REPORT] = re.findall(r"```text\n\$ kybflow rehearse swap.yaml\n(.*?)```", PAGE, re.DOTALL)
+[LINE] = [text for text in blocks(page("docs/formations.md")) if text.startswith("kybflow: 1\n")]
 
 
 def test_its_mission_gets_its_report(tmp_path: Path) -> None:
@@ -23,6 +26,15 @@ def test_its_mission_gets_its_report(tmp_path: Path) -> None:
 
     assert valid.output.startswith("swap.yaml: ok (")
     assert (done.exit_code, done.output) == (1, REPORT)
+
+
+def test_the_formation_is_rehearsed_without_a_finding(tmp_path: Path) -> None:
+    (tmp_path / "line.yaml").write_text(LINE)
+    with contextlib.chdir(tmp_path):
+        done = invoke("rehearse", "line.yaml")
+
+    assert done.exit_code == 0, done.output
+    assert re.fullmatch(r"line rehearsed: [^\n]*%\n", done.output)
 
 
 def test_it_names_every_finding() -> None:

@@ -4,15 +4,13 @@ A fence ```yaml NAME holds a whole file; ```console holds commands (`$ ...`) and
 which `...` stands for any text, and on a line of its own for any lines; `$ ...  # ends with 2` says
 how the command ends when that is not 0."""
 
-import os
 import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from toolchain import ROOT
+from toolchain import ROOT, program
 
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 FENCE = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -64,13 +62,6 @@ def test_the_tutorial_has_commands():
 
 
 def ran(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    program, *arguments = command.split()
-    assert program == "kybflow"
-    return subprocess.run(
-        [sys.executable, "-m", "kybflow", *arguments],
-        cwd=folder,
-        env={**os.environ, "COLUMNS": "120"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    name, *arguments = command.split()
+    assert name == "kybflow"
+    return program(*arguments, cwd=folder, COLUMNS="120")

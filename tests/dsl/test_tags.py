@@ -16,8 +16,7 @@ from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.expanding.world import tag_of, tags_of
 from kybflow.dsl.world import GridParams, TagParams
 from kybflow.parts.catalog import load_catalog
-from kybflow.vision.families import FAMILIES
-from kybflow.vision.tag_table import read_tags
+from kybflow.vision.tags import FAMILIES, read_tags
 from kybflow.world.tags import Tag, TagMap
 
 HEAD = "family, id, size, x, y, z, heading [deg]\n"

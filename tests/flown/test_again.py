@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from commanders import Asked, People
-from plans import part, state, vehicle
+from plans import after, on, part, state, then, vehicle
 from short_flights import down, path, up
 
 from kybflow.core.signals import Event
@@ -21,7 +21,6 @@ from kybflow.dsl.plan import (
     LogText,
     PhasePlan,
     Request,
-    StatePlan,
     TransitionPlan,
     VehiclePlan,
 )
@@ -43,46 +42,29 @@ COMMANDS = (
 
 
 def flier(name: str, side: float) -> VehiclePlan:
-    still = part("behaviors", "hover")
     aside = part("behaviors", "fly_to", position=(side, 0.8, 0.8))
-    states: list[StatePlan] = [
-        state("still", still, TransitionPlan(target="down", after=60.0)),
-        up("still"),
-        state("side", aside, TransitionPlan(target="still", cause="then")),
-        down(),
-    ]
+    still = state("still", part("behaviors", "hover"), after(60.0, "down"))
+    states = [still, up("still"), state("side", aside, then("still")), down()]
     return vehicle(name, states, start=(side, 0.0, 0.0), begin="landed")
+
+
+def phase(name: str, asked: str | None, way: TransitionPlan) -> PhasePlan:
+    run = {} if asked is None else {"a": Request(asked), "b": Request(asked)}
+    return PhasePlan(name=name, run=run, transitions=(way,))
 
 
 def mission() -> dict[str, Any]:
     both_up = GroupInState("all", "both", ("a", "b"), "still")
-    launch = TransitionPlan(target="wait", when=both_up)
-    go = TransitionPlan(target="dance", event="operator.go")
-    back = TransitionPlan(target="wait", event="ready")
-    ready = CallbackPlan(
-        event="operator.go", vehicles=("",), actions=(Emit("ready"), LogText("go"))
+    phases = (
+        phase("launch", "up", TransitionPlan(target="wait", when=both_up)),
+        phase("wait", None, on("operator.go", "dance")),
+        phase("dance", "side", on("ready", "wait")),
     )
     team = FlowPlan(
-        name="team",
-        begin="launch",
-        vehicles=("a", "b"),
-        phases={
-            "launch": PhasePlan(
-                name="launch",
-                run={"a": Request("up"), "b": Request("up")},
-                give={},
-                options=(),
-                transitions=(launch,),
-            ),
-            "wait": PhasePlan(name="wait", run={}, give={}, options=(), transitions=(go,)),
-            "dance": PhasePlan(
-                name="dance",
-                run={"a": Request("side"), "b": Request("side")},
-                give={},
-                options=(),
-                transitions=(back,),
-            ),
-        },
+        name="team", begin="launch", vehicles=("a", "b"), phases={p.name: p for p in phases}
+    )
+    ready = CallbackPlan(
+        event="operator.go", vehicles=("",), actions=(Emit("ready"), LogText("go"))
     )
     return {"flows": (team,), "callbacks": (ready,)}
 

@@ -1,5 +1,6 @@
 """Whatever part of a vehicle fails, in whatever stage: it comes down by the gentlest way that is
-left, its rotors never stop in the air, and nobody else is disturbed."""
+left, its rotors never stop in the air, and nobody else is disturbed. Ways by which a vehicle could
+have come to harm are closed."""
 
 from __future__ import annotations
 
@@ -7,15 +8,28 @@ from dataclasses import replace
 from math import nan
 
 import pytest
-from plans import part, state, then, vehicle, wrapped
-from short_flights import NoParams, Still, down, hold, named, path, up
+from failsafe_parts import orders
+from plans import Through, after, failed, part, state, then, vehicle, wrapped
+from short_flights import NoParams, Still, down, hold, hovers, named, path, up
 
 from kybflow.core.errors import DriverError, Refused
-from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
-from kybflow.dsl.plan import EstimatorPlan, PartPlan, TransitionPlan
+from kybflow.core.signals import NS, Alarm, Battery, Reaction, Setpoint, SetpointKind, Tick
+from kybflow.dsl.expressions import InState
+from kybflow.dsl.plan import (
+    EstimatorPlan,
+    FaultPlan,
+    FlowPlan,
+    PartPlan,
+    PhasePlan,
+    Request,
+    TransitionPlan,
+)
 from kybflow.flight.motion import IDLE
-from kybflow.parts import AIR, GROUND, Behavior, Entry, Link, Supervisor
+from kybflow.parts import AIR, GROUND, Behavior, Effect, Entry, Link, Supervisor
+from kybflow.runtime.events import Events
+from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.trackers.cascade import Cascade
+from kybflow.runtime.vehicle.requests import Requester
 
 AT = 6.0
 """When parts fail here, seconds: in the air, at rest."""
@@ -35,10 +49,6 @@ def broken(kind: str, name: str, method: str) -> PartPlan:
     return replace(whole, cls=cls)
 
 
-def flight(**more):
-    return vehicle("a", [up("hold"), hold(20.0, "down"), down()], **more)
-
-
 def rests_at_the_end(flown, told) -> bool:
     """On the ground, in `fault`."""
     return path(told, "a")[-1] == "fault" and flown.summary["vehicles"]["a"]["final"] == "ground"
@@ -50,7 +60,7 @@ def sinks_for(flown) -> float:
 
 
 def test_a_supervisor_that_raises_in_every_tick_lands_its_vehicle(run):
-    flown, told = run(flight(supervisors=(broken("supervisors", "battery", "check"),)))
+    flown, told = run(hovers(20.0, supervisors=(broken("supervisors", "battery", "check"),)))
     assert path(told, "a") == ["up", "hold", "auto_land", "fault"]
     assert [e.fields["part"] for e in named(told, "part_failed")] == ["supervisors.battery"]
     assert rests_at_the_end(flown, told)
@@ -58,7 +68,7 @@ def test_a_supervisor_that_raises_in_every_tick_lands_its_vehicle(run):
 
 def test_without_any_supervisor_left_a_lost_estimate_still_lands_blind(run):
     estimator = EstimatorPlan(broken("estimators", "mocap", "update"), recover_after=1.0)
-    flown, told = run(flight(estimators=(estimator,), supervisors=()))
+    flown, told = run(hovers(20.0, estimators=(estimator,), supervisors=()))
     assert path(told, "a") == ["up", "hold", "land_blind", "fault"]
     assert [e.fields["part"] for e in named(told, "part_failed")] == ["estimators.mocap"]
     assert rests_at_the_end(flown, told)
@@ -66,7 +76,7 @@ def test_without_any_supervisor_left_a_lost_estimate_still_lands_blind(run):
 
 
 def test_a_tracker_that_raises_in_every_tick_lands_blind(run):
-    flown, told = run(flight(tracker=broken("trackers", "cascade", "update")))
+    flown, told = run(hovers(20.0, tracker=broken("trackers", "cascade", "update")))
     assert path(told, "a") == ["up", "hold", "auto_land", "land_blind", "fault"]
     assert {e.fields["part"] for e in named(told, "part_failed")} == {"trackers.cascade"}
     assert rests_at_the_end(flown, told)
@@ -75,7 +85,7 @@ def test_a_tracker_that_raises_in_every_tick_lands_blind(run):
 
 def test_a_warning_before_the_rotors_turn_does_not_make_a_flight_a_stand(run):
     low = part("drivers", "sim", battery=0.25)
-    flown, told = run(flight(driver=low, tracker=broken("trackers", "cascade", "update")))
+    flown, told = run(hovers(20.0, driver=low, tracker=broken("trackers", "cascade", "update")))
     assert named(told, "battery_low")[0].time < NS
     assert path(told, "a") == ["up", "hold", "auto_land", "land_blind", "fault"]
     assert sinks_for(flown) > 1.0
@@ -95,7 +105,7 @@ def test_land_blind_starts_whatever_the_tracker_believes(run, believed):
                 return super().update(setpoint, tick)._replace(thrust=nan)
             return super().update(setpoint, tick)
 
-    flown, told = run(flight(tracker=replace(part("trackers", "cascade"), cls=Mad)))
+    flown, told = run(hovers(20.0, tracker=replace(part("trackers", "cascade"), cls=Mad)))
     assert path(told, "a")[-2:] == ["land_blind", "fault"]
     assert 1.0 < sinks_for(flown) < 14.0
     assert rests_at_the_end(flown, told)
@@ -104,7 +114,7 @@ def test_land_blind_starts_whatever_the_tracker_believes(run, believed):
 @pytest.mark.parametrize("name", ["limit_speed", "position_error"])
 def test_a_processor_that_raises_is_left_out_and_the_vehicle_lands(run, name):
     processors = (broken("processors", name, "__call__"), part("processors", "fence"))
-    flown, told = run(flight(processors=processors))
+    flown, told = run(hovers(20.0, processors=processors))
     assert path(told, "a") == ["up", "hold", "auto_land", "fault"]
     assert [e.fields["part"] for e in named(told, "part_failed")] == [f"processors.{name}"]
     assert rests_at_the_end(flown, told)
@@ -158,7 +168,7 @@ def test_a_tracker_that_fails_before_the_rotors_turn_never_turns_them(run):
         def update(self, setpoint, tick):
             raise ValueError("not today")
 
-    flown, told = run(flight(tracker=replace(part("trackers", "cascade"), cls=Never)))
+    flown, told = run(hovers(20.0, tracker=replace(part("trackers", "cascade"), cls=Never)))
     assert path(told, "a") == ["up", "fault"]
     assert flown.summary["sim_time_s"] < 1.0
 
@@ -172,7 +182,7 @@ def test_a_part_that_can_not_be_made_is_the_reason_why_nothing_flew(run):
             return None
 
     plan = PartPlan("unbuilt", Unbuilt, NoParams(), "supervisors.unbuilt")
-    flown, told = run(flight(supervisors=(plan,)))
+    flown, told = run(hovers(20.0, supervisors=(plan,)))
     assert flown.exit_code == 1
     assert "`supervisors.unbuilt` can't be made: ValueError: no such sensor" in str(
         flown.summary["reason"]
@@ -188,28 +198,26 @@ def test_two_behaviors_that_refuse_and_name_each_other_end_in_brake(run):
         def update(self, tick: Tick) -> Setpoint:
             raise AssertionError
 
-    one = state("one", Shut, then("down"), TransitionPlan(target="two", cause="failed"))
-    two = state("two", Shut, then("down"), TransitionPlan(target="one", cause="failed"))
+    one = state("one", Shut, then("down"), failed("two"))
+    two = state("two", Shut, then("down"), failed("one"))
     _, told = run(vehicle("a", [up("one"), one, two, down()], hover_limit=1.0))
     assert path(told, "a") == ["up", "one", "two", "brake", "hover", "auto_land", "landed"]
 
 
-class Cut(Link):
+class Cut(Through):
     """A link to a simulated vehicle whose `method` raises from `AT` on."""
 
     def __init__(self, link: Link, method: str) -> None:
-        self.link, self.method = link, method
+        super().__init__(link)
+        self.method = method
 
     def read(self, now):
         self.fail("read", now)
-        return self.link.read(now)
+        return super().read(now)
 
     def send(self, command, now):
         self.fail("send", now)
-        self.link.send(command, now)
-
-    def truth(self):
-        return self.link.truth()
+        super().send(command, now)
 
     def fail(self, method, now):
         if method == self.method and now >= AT * NS:
@@ -222,9 +230,8 @@ class Cut(Link):
 )
 def test_a_link_that_fails_ends_its_own_vehicle_and_no_other(run, method, way):
     driver = wrapped(lambda name, link: Cut(link, method) if name == "a" else link)
-    states = [up("hold"), hold(2.0, "down"), down()]
-    other = vehicle("b", states, start=(1.0, 0.0, 0.0), driver=driver)
-    flown, told = run(flight(driver=driver), other, time_limit=20.0)
+    other = hovers(2.0, "b", start=(1.0, 0.0, 0.0), driver=driver)
+    flown, told = run(hovers(20.0, driver=driver), other, time_limit=20.0)
     assert flown.exit_code == 3
     assert "the cable is out" in flown.summary["reason"]
     assert path(told, "a")[: 2 + len(way)] == ["up", "hold", *way]
@@ -236,16 +243,15 @@ def test_a_link_whose_state_raises_ends_its_own_vehicle_and_no_other(run, state)
     class Broken(Cut):
         def read(self, now):
             self.now = now
-            return self.link.read(now)
+            return super().read(now)
 
     def raising(link):
         link.fail("state", getattr(link, "now", 0))
 
     setattr(Broken, state, property(raising))
     driver = wrapped(lambda name, link: Broken(link, "state") if name == "a" else link)
-    states = [up("hold"), hold(2.0, "down"), down()]
-    other = vehicle("b", states, start=(1.0, 0.0, 0.0), driver=driver)
-    flown, told = run(vehicle("a", states, driver=driver), other, time_limit=20.0)
+    other = hovers(2.0, "b", start=(1.0, 0.0, 0.0), driver=driver)
+    flown, told = run(hovers(2.0, driver=driver), other, time_limit=20.0)
     assert flown.exit_code == 3
     assert "the cable is out" in flown.summary["reason"]
     assert path(told, "b") == ["up", "hold", "down", "landed"]
@@ -260,3 +266,147 @@ def test_a_listener_and_an_observer_that_raise_do_not_stop_a_flight(run):
     assert path(told, "a") == ["up", "down", "landed"]
     reasons = [e.fields["reason"] for e in named(told, "observer_failed")]
     assert reasons == ["BrokenPipeError: the terminal is gone"] * 2
+
+
+CASCADE = part("trackers", "cascade")
+GUST = part("faults", "gust", velocity=(1.0, 0.0, 0.0))
+
+
+class Off(CASCADE.cls):
+    """Stops the rotors after five seconds."""
+
+    def update(self, setpoint, tick):
+        command = super().update(setpoint, tick)
+        return command._replace(armed=False) if tick.now > 5 * NS else command
+
+
+def relay():
+    """When `a` is down again, `b` takes off."""
+    over = [TransitionPlan(target="two", when=InState("a", s)) for s in ("landed", "fault")]
+    phases = {
+        "one": PhasePlan(name="one", run={"a": Request("up")}, transitions=tuple(over)),
+        "two": PhasePlan(name="two", run={"b": Request("up")}),
+    }
+    return FlowPlan(name="team", begin="one", vehicles=("a", "b"), phases=phases)
+
+
+def two():
+    waits = state("wait", part("behaviors", "wait_on_ground"))
+    return [
+        vehicle(name, [waits, up("hold"), hold(4.0, "down"), down()], start=(x, 0.0, 0.0))
+        for name, x in (("a", 0.0), ("b", 1.0))
+    ]
+
+
+def test_after_an_interrupt_nobody_takes_off(run):
+    def interrupts(engine) -> None:
+        if engine.seconds() >= 5.0:
+            engine.interrupts = max(engine.interrupts, 1)
+
+    flown, told = run(*two(), flows=(relay(),), observers=(interrupts,))
+    assert "up" not in path(told, "b")
+    assert flown.summary["sim_time_s"] < 15.0
+
+
+def test_after_the_time_limit_nobody_takes_off(run):
+    _, told = run(*two(), flows=(relay(),), time_limit=5.0)
+    assert "up" not in path(told, "b")
+
+
+def test_after_a_person_landed_it_no_flow_starts_it(run):
+    ask = orders((9.0, lambda v: v.requests.switch("up", Requester.CALLBACK)))
+    _, told = run(hovers(9.0), emitted=((5.0, "operator.land"),), observers=(ask,))
+    assert path(told, "a") == ["up", "hold", "auto_land", "landed"]
+
+
+def test_a_tracker_can_not_stop_the_rotors_in_the_air(run):
+    flown, told = run(hovers(tracker=replace(CASCADE, cls=Off)))
+    assert path(told, "a")[-2:] == ["land_blind", "fault"]
+    assert flown.summary["outcome"] == "failed"
+
+
+@pytest.mark.parametrize("rubbish", ["land", Alarm("a", "land", "b", 0.0, 0.0)])  # type: ignore[arg-type]
+def test_a_supervisor_that_talks_nonsense_lands_its_vehicle(run, rubbish):
+    tilt = part("supervisors", "tilt")
+
+    class Mad(tilt.cls):
+        def check(self, tick, airborne):
+            return rubbish if tick.now > 5 * NS else None
+
+    mad = replace(tilt, cls=Mad)
+    _, told = run(hovers(supervisors=(mad,)))
+    assert path(told, "a") == ["up", "hold", "auto_land", "fault"]
+
+
+def test_an_empty_battery_keeps_it_from_a_second_take_off(run):
+    battery = part("supervisors", "battery")
+
+    class Empties(battery.cls):
+        def check(self, tick, airborne):
+            if airborne and tick.now > 9 * NS:
+                tick = tick._replace(battery=Battery(tick.now, 0.09, 12.0))
+            return super().check(tick, airborne)
+
+    again = state("again", part("behaviors", "take_off", height=0.6), then("down"))
+    rest = state("rest", part("behaviors", "wait_on_ground"), after(2.0, "again"))
+    landing = state("down", part("behaviors", "land"), then("rest"))
+    states = [up("hold"), hold(1.0, "down"), landing, rest, again]
+    _, told = run(vehicle("a", states, supervisors=(replace(battery, cls=Empties),)))
+    assert path(told, "a")[-2:] == ["again", "landed"]
+    [failed] = named(told, "behavior_failed")
+    assert "9% left" in failed.fields["reason"]
+
+
+def test_going_home_it_lands_where_another_is_in_the_way():
+    failsafe = Failsafe("a", {}, {}, Events())
+    failsafe.latched = Reaction.GO_HOME
+    tick = Tick(0, 0.004, 0.0, object(), None, None, {})  # type: ignore[arg-type]
+    near = RaisedAlarm(Alarm("too_close", Reaction.BRAKE, "near", 0.1, 0.2), "")
+    assert failsafe.decide(near, tick, True, "auto_home") is Reaction.LAND
+
+
+def test_a_fault_that_no_world_can_have_is_told_and_the_flight_goes_on(run):
+    class Wrong(GUST.cls):
+        def effects(self, vehicle):
+            return {vehicle: Effect(body="nobody")}
+
+    wrong = FaultPlan(part=replace(GUST, cls=Wrong), vehicle="a", time=5.0)
+    flown, told = run(hovers(), faults=(wrong,))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert len(named(told, "fault_failed")) == 1
+    assert flown.summary["outcome"] == "failed"
+
+
+@pytest.mark.parametrize("what", ["filter", "wind"])
+def test_a_fault_that_raises_at_work_is_left_out_and_the_flight_goes_on(run, what):
+    class Bad(GUST.cls):
+        def effects(self, vehicle):
+            return {vehicle: Effect(**{what: self.bad})}
+
+        def bad(self, _):
+            raise ZeroDivisionError("a lab's own bug")
+
+    bad = FaultPlan(part=replace(GUST, cls=Bad), vehicle="a", time=5.0, duration=1.0)
+    flown, told = run(hovers(), faults=(bad,))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert [e.name for e in told if e.name.startswith("fault_")] == [
+        "fault_injected", "fault_failed",
+    ]  # fmt: skip
+    assert flown.exit_code == 1
+    assert "the fault `gust` failed at work: ZeroDivisionError" in flown.summary["reason"]
+
+
+def test_a_battery_that_reports_no_more_is_told_and_the_flight_goes_on(run):
+    class Unread(GUST.cls):
+        def effects(self, vehicle):
+            return {vehicle: Effect(filter=lambda m: None if isinstance(m, Battery) else m)}
+
+    unread = FaultPlan(part=replace(GUST, cls=Unread), vehicle="a", time=4.0)
+    flown, told = run(hovers(8.0), faults=(unread,))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert flown.exit_code == 0
+    [lost] = named(told, "battery_lost")
+    assert lost.time / NS == pytest.approx(9.0, abs=0.15)
+    assert (lost.fields["reaction"], lost.fields["bound"]) == ("warn", 5.0)
+    assert lost.fields["value"] == pytest.approx(5.0, abs=0.05)
+    assert "last report" in str(lost.fields["reason"])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import pytest
+import short_flights
 from plans import part, plan, state, then, vehicle
-from short_flights import down, hold, named, path, up
+from short_flights import hold, hovers, named, path, up
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.plan import EstimatorPlan, FaultPlan
+from kybflow.dsl.plan import EstimatorPlan
 from kybflow.parts import Driver, Link
 from kybflow.parts.events import Collided
 from kybflow.parts.link import ReportsTouches
@@ -29,26 +30,15 @@ FAULTS = {
 QUICK = ("mocap_noise", "gust", "rotor_weak", "clock_late")
 
 
-def flier(name="a", **more):
-    return vehicle(name, [up("hold"), hold(4.0, "down"), down()], **more)
-
-
 def fault(name, on="a", time=3.0, lasts=1.0, **params):
-    return FaultPlan(
-        part=part("faults", name, **params),
-        vehicle=on,
-        time=time,
-        when=None,
-        duration=lasts,
-        at="m.yaml:9",
-    )
+    return short_flights.fault(name, time, lasts, on, **params)
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     """The position error while it hovers with nothing broken."""
     folder = tmp_path_factory.mktemp("runs") / "run"
-    return hover_error(fly(plan(flier()), RunRequest(out=folder)))
+    return hover_error(fly(plan(hovers()), RunRequest(out=folder)))
 
 
 def hover_error(flown):
@@ -59,7 +49,7 @@ def hover_error(flown):
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.thorough) for n in FAULTS]
 )
 def test_a_vehicle_feels_it_flies_through_it_and_it_is_told(run, undisturbed, name):
-    flown, told = run(flier(), faults=(fault(name, **FAULTS[name]),))
+    flown, told = run(hovers(), faults=(fault(name, **FAULTS[name]),))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert flown.summary["outcome"] == "succeeded"
     [began], [ended] = named(told, "fault_injected"), named(told, "fault_ended")
@@ -71,14 +61,14 @@ def test_a_vehicle_feels_it_flies_through_it_and_it_is_told(run, undisturbed, na
 @pytest.mark.parametrize(("lasts", "ends"), [(0.2, "landed"), (1.0, "fault")])
 def test_a_short_cut_of_the_link_is_nothing_and_a_long_one_brings_it_down(run, lasts, ends):
     """The vehicle's own watchdog waits for 250 ms."""
-    flown, told = run(flier(), faults=(fault("link_cut", lasts=lasts),))
+    flown, told = run(hovers(), faults=(fault("link_cut", lasts=lasts),))
     assert path(told, "a")[-1] == ends
     assert (flown.summary["outcome"] == "succeeded") is (ends == "landed")
     assert len(named(told, "link_lost")) == (ends == "fault")
 
 
 def test_a_swap_of_two_in_flight_ends_on_the_ground(run):
-    two = (flier("a"), flier("b", start=(0.6, 0.0, 0.0)))
+    two = (hovers(), hovers(name="b", start=(0.6, 0.0, 0.0)))
     _, told = run(*two, faults=(fault("mocap_swap", other="b", lasts=None),))
     assert {e.vehicle for e in named(told, "landed")} == {"a", "b"}
 
@@ -89,7 +79,7 @@ def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(r
         for one in (part("estimators", "mocap"), part("estimators", "fusion", source="mocap"))
     )
     killed = fault("estimator_killed", estimator="mocap")
-    _, told = run(flier(estimators=estimators), faults=(killed,))
+    _, told = run(hovers(estimators=estimators), faults=(killed,))
     [failed] = named(told, "part_failed")
     assert failed.fields == {
         "part": "estimators.mocap",
@@ -100,7 +90,7 @@ def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(r
 
 
 def test_a_fault_that_cannot_be_injected_fails_the_run(run):
-    flown, told = run(flier(), faults=(fault("mocap_swap", other="nobody"),))
+    flown, told = run(hovers(), faults=(fault("mocap_swap", other="nobody"),))
     assert path(told, "a")[-1] == "landed"
     assert flown.summary["outcome"] != "succeeded"
     assert "mocap_swap" in flown.summary["reason"]
@@ -108,14 +98,14 @@ def test_a_fault_that_cannot_be_injected_fails_the_run(run):
 
 def test_the_seed_of_the_run_is_that_of_its_faults(run):
     def error():
-        return hover_error(run(flier(), faults=(fault("mocap_dropout", share=0.5),))[0])
+        return hover_error(run(hovers(), faults=(fault("mocap_dropout", share=0.5),))[0])
 
     assert error() == error()
 
 
 def test_a_vehicle_that_runs_into_an_obstacle_has_not_flown_its_mission(run):
     beam = Box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
-    flown, told = run(flier(), obstacles={"beam": beam}, time_limit=10.0)
+    flown, told = run(hovers(), obstacles={"beam": beam}, time_limit=10.0)
     [collided, *_] = named(told, "collided")
     assert (collided.vehicle, collided.fields) == ("a", {"into": "beam"})
     assert flown.summary["outcome"] != "succeeded"
@@ -123,8 +113,9 @@ def test_a_vehicle_that_runs_into_an_obstacle_has_not_flown_its_mission(run):
 
 def test_a_vehicle_that_hits_the_floor_in_flight_has_not_flown_its_mission(run):
     """It is too heavy for a moment, drops onto the floor, and flies on to its end."""
-    low = vehicle("a", [up("hold", height=0.3), hold(4.0, "down"), down()])
-    flown, told = run(low, faults=(fault("mass_change", time=4.0, lasts=0.4, factor=3.0),))
+    flown, told = run(
+        hovers(height=0.3), faults=(fault("mass_change", time=4.0, lasts=0.4, factor=3.0),)
+    )
     [collided] = named(told, "collided")
     assert collided.fields == {"into": "the floor"}
     assert path(told, "a") == ["up", "hold", "down", "landed"]
@@ -141,7 +132,7 @@ def test_on_the_way_to_where_it_lands_the_floor_is_no_place_to_touch_down(run):
 
 
 def test_a_landing_that_is_too_hard_is_told_with_its_speed_and_is_no_success(run):
-    flown, told = run(flier(), faults=(fault("mass_change", time=8.0, lasts=2.0, factor=4.0),))
+    flown, told = run(hovers(), faults=(fault("mass_change", time=8.0, lasts=2.0, factor=4.0),))
     [hard] = named(told, "landed_hard")
     assert hard.fields["onto"] == "the floor"
     assert 1.5 < hard.fields["speed"] < 3.0

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
-import shutil
 from pathlib import Path
 
 import pytest
-from plans import part, vehicle
-from short_flights import down, hold, named, path, up
-from toolchain import ROOT, compiled, flight_of
+from pages import blocks, page
+from plans import part
+from short_flights import hovers, named, path
+from toolchain import compiled, succeeds, with_library
 
 from kybflow.dsl.plan import EstimatorPlan
 
@@ -17,13 +16,8 @@ from kybflow.dsl.plan import EstimatorPlan
 def test_it_hovers_within_what_the_positions_are_good_for(run):
     source = part("estimators", "fusion", source="position")
     driver = part("drivers", "sim", position_noise=0.05, position_noise_up=0.08)
-    flier = vehicle(
-        "a",
-        [up("hold", 1.0), hold(4.0, "down"), down()],
-        estimators=(EstimatorPlan(source, recover_after=1.0),),
-        driver=driver,
-    )
-    flown, told = run(flier)
+    estimators = (EstimatorPlan(source, recover_after=1.0),)
+    flown, told = run(hovers(height=1.0, estimators=estimators, driver=driver))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert flown.summary["outcome"] == "succeeded"
     [stream] = [
@@ -45,12 +39,9 @@ def test_it_hovers_within_what_the_positions_are_good_for(run):
 )
 def test_the_mission_of_the_page_flies_as_well_as_it_says(seed: int, tmp_path: Path) -> None:
     """docs/estimators.md, with the simulator's own noise: 30 cm, 50 cm in height."""
-    page = (ROOT / "docs" / "estimators.md").read_text(encoding="utf-8")
-    [text] = [t for t in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "mission:" in t]
-    shutil.copytree(ROOT / "missions" / "library", tmp_path / "library")
-    plan = compiled(tmp_path / "outdoors.yaml", text)
-    flown, told = flight_of(plan, tmp_path / "run", seed=seed)
-    assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
+    [text] = [text for text in blocks(page("docs/estimators.md")) if "mission:" in text]
+    plan = compiled(with_library(tmp_path) / "outdoors.yaml", text)
+    flown, told = succeeds(plan, tmp_path / "run", seed=seed)
     assert path(told, "nano") == ["up", "away", "hold", "down", "landed"]
     assert not named(told, "failsafe_started")
     [start] = [e for e in named(told, "preflight_passed") if e.fields["check"] == "start pose"]

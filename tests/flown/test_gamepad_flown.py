@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from plans import part, state, vehicle
+from plans import failed, on, part, plan, state, vehicle
 from short_flights import down, named, path, up
 
 pytest.importorskip("pygame")
@@ -20,7 +20,7 @@ from virtual_pad import VirtualPad
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Event, Setpoint, SetpointKind, Tick
-from kybflow.dsl.plan import InputPlan, PartPlan, TransitionPlan
+from kybflow.dsl.plan import InputPlan, PartPlan, Plan
 from kybflow.parts import Processor
 
 RIGHT_Y, A, B = 3, 0, 1
@@ -44,23 +44,15 @@ class Watch(Processor[Any]):
         return setpoint
 
 
-def plan() -> Any:
-    from plans import plan as whole
-
+def steered_flight() -> Plan:
     pad = replace(part("inputs", "gamepad", dead_zone=0.0, expo=0.0), label="inputs.stick")
     steered = part("behaviors", "steer", input="stick", acceleration=2.0, patience=0.5)
-    land = TransitionPlan(target="down", event="stick.b")
-    states = [
-        up("hand", 0.6),
-        state("hand", steered, land, TransitionPlan(target="down", cause="failed")),
-        down(),
-    ]
+    hand = state("hand", steered, on("stick.b", "down"), failed("down"))
+    states = [up("hand", 0.6), hand, down()]
     watch = PartPlan("watch", Watch, None, "processors.watch")
     flier = vehicle("a", states, processors=(part("processors", "fence"), watch))
-    inputs = (
-        InputPlan(name="stick", part=pad, button_names={"a": "a", "b": "b"}, silent_after=0.3),
-    )
-    return whole(flier, inputs=inputs)
+    stick = InputPlan(name="stick", part=pad, button_names={"a": "a", "b": "b"}, silent_after=0.3)
+    return plan(flier, inputs=(stick,))
 
 
 class Person(threading.Thread):
@@ -119,7 +111,7 @@ def flight_of_a_person(acts: Any, out: Any) -> Person:
     person = Person(acts)
     person.start()
     Watch.turned = []
-    flight = fly(plan(), RunRequest(out=out / "run", speed=1.0), (person.hear,))
+    flight = fly(steered_flight(), RunRequest(out=out / "run", speed=1.0), (person.hear,))
     assert flight.summary["vehicles"]["a"]["final"] == "ground", flight.summary
     person.join(5.0)
     return person

@@ -7,12 +7,12 @@ from math import sqrt
 from typing import ClassVar, NamedTuple
 
 import pytest
-from plans import part, vehicle
-from short_flights import down, hold, named, path, up
+from plans import part
+from short_flights import fault, hovers, named, path
 
 from kybflow.core.signals import NS, Imu, Truth
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.plan import EstimatorPlan, FaultPlan
+from kybflow.dsl.plan import EstimatorPlan
 from kybflow.flight.descent import Descent
 from kybflow.parts import Effect
 
@@ -69,13 +69,11 @@ def _every_tick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def landed(run, kind: str, height: float, seed: int, **sim: float) -> Landing:
-    faults = [FaultPlan(part=part("faults", "mocap_dropout"), vehicle="a", time=LOST)]
-    for name, params in KINDS[kind]:
-        faults.append(FaultPlan(part=part("faults", name, **params), vehicle="a", time=LOST + 0.2))
-    watch = Watch()
-    states = [up("hold", height), hold(30.0, "down"), down()]
-    one = vehicle("a", states, driver=part("drivers", "sim", **sim))
-    _, told = run(one, seed=seed, faults=tuple(faults), observers=(watch,))
+    faults = [fault("mocap_dropout", LOST)]
+    faults += [fault(name, LOST + 0.2, **params) for name, params in KINDS[kind]]
+    watch, driver = Watch(), part("drivers", "sim", **sim)
+    flier = hovers(30.0, height=height, driver=driver)
+    _, told = run(flier, seed=seed, faults=tuple(faults), observers=(watch,))
     assert path(told, "a")[-2:] == ["land_blind", "fault"]
     assert len(named(told, "landed")) == 1
     return watch.landing()
@@ -103,29 +101,25 @@ def test_it_lands_gently_from_everywhere_with_every_seed(run, kind: str, height:
     assert all(map(held, landings)), landings
 
 
-def in_the_noise_of_px4s_simulator(run, seed: int) -> None:
+@pytest.mark.parametrize(
+    "seed",
+    [
+        300,
+        pytest.param(301, marks=pytest.mark.thorough),
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(400, 420)),
+    ],
+)
+def test_in_the_noise_of_px4s_simulator_it_does_not_rise_again(run, seed: int) -> None:
     """Samples of 1.4 m/s^2 along z at 100 Hz make the speed wander as these at 500 Hz do."""
     landing = landed(run, "nothing", 1.0, seed, accelerometer_noise=1.4 * sqrt(5.0))
     assert landing.rose <= 0.1, landing
     assert landing.speed <= 1.5, landing
 
 
-@pytest.mark.parametrize("seed", [300, pytest.param(301, marks=pytest.mark.thorough)])
-def test_in_the_noise_of_px4s_simulator_it_does_not_rise_again(run, seed: int) -> None:
-    in_the_noise_of_px4s_simulator(run, seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(400, 420))
-def test_in_the_noise_of_px4s_simulator_it_does_not_rise_again_with_any_seed(run, seed) -> None:
-    in_the_noise_of_px4s_simulator(run, seed)
-
-
 def test_lost_while_it_climbs_it_lands(run) -> None:
     watch = Watch()
-    fault = FaultPlan(part=part("faults", "mocap_dropout"), vehicle="a", time=2.5)
-    states = [up("hold", 1.8), hold(30.0, "down"), down()]
-    run(vehicle("a", states), faults=(fault,), observers=(watch,))
+    lost = fault("mocap_dropout", 2.5)
+    run(hovers(30.0, height=1.8), faults=(lost,), observers=(watch,))
     landing = watch.landing()
     assert landing.speed <= 1.5
     assert landing.climbed <= 0.3
@@ -154,8 +148,7 @@ def test_it_begins_at_the_speed_at_which_the_estimate_was_lost(run, monkeypatch,
     monkeypatch.setattr(Loses, "at", lost, raising=False)
     sees = EstimatorPlan(replace(MOCAP, cls=Loses), recover_after=1.0)
     watch = Watch()
-    states = [up("hold", 1.8), hold(1.0, "down"), down()]
-    run(vehicle("a", states, estimators=(sees,)), observers=(watch,))
+    run(hovers(1.0, height=1.8, estimators=(sees,)), observers=(watch,))
     true = watch.seen[0][1].velocity[2]
     assert least < true < least + 0.5
     assert begun == [pytest.approx(true, abs=0.1)]
@@ -163,12 +156,9 @@ def test_it_begins_at_the_speed_at_which_the_estimate_was_lost(run, monkeypatch,
 
 def test_one_that_is_not_heard_and_loses_its_load_comes_down_by_its_own_watchdog(run) -> None:
     watch = Watch()
-    cut = FaultPlan(part=part("faults", "link_cut", way="from_vehicle"), vehicle="a", time=LOST)
-    lighter = FaultPlan(
-        part=part("faults", "mass_change", factor=0.6), vehicle="a", time=LOST + 0.3
-    )
-    states = [up("hold", 1.0), hold(30.0, "down"), down()]
-    flier = vehicle("a", states, driver=part("drivers", "sim", calm=True))
+    cut = fault("link_cut", LOST, way="from_vehicle")
+    lighter = fault("mass_change", LOST + 0.3, factor=0.6)
+    flier = hovers(30.0, height=1.0, driver=part("drivers", "sim", calm=True))
     _, told = run(flier, faults=(cut, lighter), observers=(watch,))
     [waits] = named(told, "behavior_waits")
     assert waits.fields["reason"] == "its own watchdog, as nothing is heard of it"
@@ -198,14 +188,11 @@ class Biased(Sim):
 def biased(run, error: float, factor: float, estimator=Feels) -> Landing:
     """From a metre, the thrust wrong by `factor`, the accelerometer by `error`."""
     sim = type("Biased", (Biased,), {"error": error})
-    faults = (
-        FaultPlan(part=part("faults", "mass_change", factor=factor), vehicle="a", time=LOST + 0.2),
-        FaultPlan(part=part("faults", "mocap_dropout"), vehicle="a", time=LOST),
-    )
+    faults = fault("mass_change", LOST + 0.2, factor=factor), fault("mocap_dropout", LOST)
     watch = Watch()
-    one = vehicle(
-        "a",
-        [up("hold", 1.0), hold(30.0, "down"), down()],
+    one = hovers(
+        30.0,
+        height=1.0,
         driver=replace(part("drivers", "sim"), cls=sim),
         estimators=(EstimatorPlan(replace(MOCAP, cls=estimator), recover_after=1.0),),
     )

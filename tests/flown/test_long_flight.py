@@ -13,6 +13,7 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 from plans import part, plan, state, then, vehicle
+from short_flights import down, up
 
 from kybflow.api.flight import RunRequest, fly
 
@@ -24,15 +25,9 @@ def circling(minutes: float):
     vehicles = []
     for index, start in enumerate(STARTS):
         center = (start[0], start[1], 1.0)
-        states = [
-            state("up", part("behaviors", "take_off", height=1.0), then("round")),
-            state(
-                "round",
-                part("behaviors", "circle", center=center, radius=0.4, laps=minutes * 60 / 5.03),
-                then("down"),
-            ),
-            state("down", part("behaviors", "land"), then("landed")),
-        ]
+        laps = minutes * 60 / 5.03
+        circle = part("behaviors", "circle", center=center, radius=0.4, laps=laps)
+        states = [up("round", 1.0), state("round", circle, then("down")), down()]
         vehicles.append(vehicle(f"v{index}", states, start=start))
     return plan(*vehicles, time_limit=minutes * 60 + 60)
 

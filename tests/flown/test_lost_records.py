@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from short_flights import named
 from toolchain import MISSIONS, compiled, flight_of
 
 from kybflow.api import flight
@@ -22,13 +23,8 @@ def plan() -> Plan:
     return compiled(FIRST)
 
 
-def removed(path: Path) -> None:
-    path.unlink()
-
-
 def shortened(path: Path) -> None:
-    with path.open("wb"):
-        pass
+    path.write_bytes(b"")
 
 
 def moved(path: Path) -> None:
@@ -38,10 +34,10 @@ def moved(path: Path) -> None:
 @pytest.mark.parametrize(
     ("lose", "file"),
     [
-        (removed, "log.mcap"),
+        (Path.unlink, "log.mcap"),
         (shortened, "events.jsonl"),
         (moved, "log.mcap"),
-        pytest.param(removed, "events.jsonl", marks=pytest.mark.thorough),
+        pytest.param(Path.unlink, "events.jsonl", marks=pytest.mark.thorough),
         pytest.param(shortened, "log.mcap", marks=pytest.mark.thorough),
         pytest.param(moved, "events.jsonl", marks=pytest.mark.thorough),
     ],
@@ -56,7 +52,7 @@ def test_a_run_whose_record_is_lost_in_flight_has_not_succeeded(
             lose(waiting.pop())
 
     flown, told = flight_of(plan, tmp_path / "run", loses)
-    [stopped] = [event for event in told if event.name == "recording_stopped"]
+    [stopped] = named(told, "recording_stopped")
     assert stopped.time / 1e9 == pytest.approx(2.5, abs=0.6)
     assert flown.summary["outcome"] == "failed"
     assert flown.summary["recording"] == flown.summary["reason"] == stopped.fields["reason"]

@@ -1,13 +1,18 @@
-"""Shipped missions, unchanged, on emulated autopilots: every behavior is reached in order, the
-vehicles land and are disarmed. How well they track is each mission's own expectation, written for
-kybflow's simulator, and not asked of another's controller; where the parcel falls is."""
+"""Shipped missions on emulated autopilots and drones.
+
+On autopilots they fly unchanged: every behavior is reached in order, the vehicles land and are
+disarmed. How well they track is each mission's own expectation, written for kybflow's simulator,
+and not asked of another's controller; where the parcel falls is. The mission of three AR.Drones
+meets its expectations on emulated ones, which the driver for real drones flies.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from toolchain import MISSIONS, compiled, flight_of
+from short_flights import named, path
+from toolchain import MISSIONS, compiled, flight_of, succeeds, with_library
 
 TARGETS = ("emulated_px4", "emulated_ardupilot")
 WAYS = {
@@ -26,11 +31,6 @@ MARKS = {
 """The tier of each flight; those that aren't named are slow."""
 
 
-def mission_flight(name: str, target: str, out: Path):
-    plan = compiled(MISSIONS / f"{name}.yaml", target=target, warns=True)
-    return flight_of(plan, out)
-
-
 def flights():
     for name in WAYS:
         for target in TARGETS:
@@ -40,16 +40,40 @@ def flights():
 
 @pytest.mark.parametrize(("name", "target"), list(flights()))
 def test_an_unchanged_mission_flies_on_an_autopilot(name: str, target: str, tmp_path: Path):
-    flight, told = mission_flight(name, target, tmp_path)
+    plan = compiled(MISSIONS / f"{name}.yaml", target=target, warns=True)
+    flight, told = flight_of(plan, tmp_path)
     for vehicle, record in flight.summary["vehicles"].items():
-        way = [
-            event.fields["behavior"]
-            for event in told
-            if event.name == "behavior_started" and event.vehicle == vehicle
-        ]
-        assert way == WAYS[name]
+        assert path(told, vehicle) == WAYS[name]
         assert record["final"] == "ground"
-    assert not [event for event in told if event.name in {"failsafe_started", "control_taken"}]
+    assert not named(told, "failsafe_started", "control_taken")
     if name == "courier":
         assert [e for e in flight.summary["expectations"] if not e["held"]] == []
         assert flight.summary["outcome"] == "succeeded"
+
+
+ARDRONES = MISSIONS / "three_ardrones.yaml"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [0, 1])
+def test_three_ardrones_meet_their_expectations(seed: int, tmp_path: Path) -> None:
+    succeeds(compiled(ARDRONES, target="emulated_ardrone"), tmp_path, seed=seed)
+
+
+CUT = "\nfaults:\n  - {{at: 25 s, on: a, inject: link_cut, for: {lasts}}}\n"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("lasts", "last_of_a"), [("1 s", ["turn", "hover", "down", "landed"]), ("100 s", ["fault"])]
+)
+def test_who_loses_its_wifi_hovers_or_lands_and_the_others_finish(
+    lasts: str, last_of_a: list[str], tmp_path: Path
+) -> None:
+    mission = with_library(tmp_path) / "cut.yaml"
+    text = ARDRONES.read_text(encoding="utf-8") + CUT.format(lasts=lasts)
+    plan = compiled(mission, text, target="emulated_ardrone", warns=True)
+    _, told = flight_of(plan, tmp_path / "run")
+    assert path(told, "a")[-len(last_of_a) :] == last_of_a
+    others = ["landed", "up", "hover", "turn", "hover", "down", "landed"]
+    assert path(told, "b") == path(told, "c") == others

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import inf
 from pathlib import Path
 
 import pytest
-from toolchain import compiled, flight_of
+from short_flights import named
+from toolchain import compiled, flight_of, succeeds
 
-from kybflow.api.flight import Flown
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import NS
+from kybflow.dsl.plan import Plan
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 from kybflow.runtime.engine import Engine
 
@@ -45,31 +45,24 @@ vehicles:
       down: {{do: land}}
 expect: ["always distance(a to [1 0 1]) > 42 cm"]
 """
-Flies = Callable[..., tuple[Flown, list[Event]]]
 
 
-@pytest.fixture
-def guarded(tmp_path: Path) -> Flies:
-    def guarded(contact: str = "forbidden") -> tuple[Flown, list[Event]]:
-        plan = compiled(tmp_path / "mission.yaml", MISSION.format(contact=contact), warns=True)
-        return flight_of(plan, tmp_path / "run")
-
-    return guarded
+def guarded(tmp_path: Path, contact: str) -> Plan:
+    return compiled(tmp_path / "mission.yaml", MISSION.format(contact=contact), warns=True)
 
 
-def test_run_until_into_a_pillar_stops_before_it_and_says_so(guarded: Flies) -> None:
-    run, told = guarded()
-    assert run.summary["outcome"] == "succeeded", run.summary["reason"]
-    [clamp] = [event for event in told if event.name == "clamp_started"]
+def test_run_until_into_a_pillar_stops_before_it_and_says_so(tmp_path: Path) -> None:
+    _, told = succeeds(guarded(tmp_path, "forbidden"), tmp_path / "run")
+    [clamp] = named(told, "clamp_started")
     assert clamp.fields["processor"] == "obstacle_guard"
-    assert "behavior_failed" in [event.name for event in told]
+    assert named(told, "behavior_failed")
 
 
-def test_what_is_there_to_be_touched_is_touched_and_no_collision(guarded: Flies) -> None:
-    run, told = guarded(contact="allowed")
+def test_what_is_there_to_be_touched_is_touched_and_no_collision(tmp_path: Path) -> None:
+    run, told = flight_of(guarded(tmp_path, "allowed"), tmp_path / "run")
     assert "42 cm" in run.summary["reason"]
     assert "ran into" not in run.summary["reason"]
-    assert [event for event in told if event.name in ("clamp_started", "collided")] == []
+    assert named(told, "clamp_started", "collided") == []
 
 
 IN_A_LAB = """
@@ -134,19 +127,16 @@ def test_whatever_flies_it_stays_clear_and_says_why(
     off = 0.2 + arm + 0.01
     go = PRESSED[behavior].format(beside=1.0 - off, across=2.0 * (1.0 - off), off=off)
     then = "" if behavior in ("steer", "trajectory_input") else "then: down, "
-    path = tmp_path / "mission.yaml"
-    path.write_text(IN_A_LAB.format(frame=frame, go=go, then=then), encoding="utf-8")
     (tmp_path / "stick.csv").write_text(STICK, encoding="utf-8")
-    plan = compiled(path, target="lab", warns=True)
+    text = IN_A_LAB.format(frame=frame, go=go, then=then)
+    plan = compiled(tmp_path / "mission.yaml", text, target="lab", warns=True)
     through = tuple(
         RecordedCommand((8 + i) * NS, f"track v time={11 + i} position=[{x}, 0.03, 1]", "p", False)
         for i, x in enumerate((0.4, 0.8, 1.2, 1.6, 1.2, 0.8))
         if behavior == "trajectory_input"
     )
     nearest = Nearest()
-    flown, told = flight_of(plan, tmp_path / "run", nearest, seed=1, again=through)
-    assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
+    _, told = succeeds(plan, tmp_path / "run", nearest, seed=1, again=through)
     assert 0.05 < nearest.room < 0.11
-    names = [event.name for event in told]
-    assert "clamp_started" in names
-    assert "collided" not in names
+    assert named(told, "clamp_started")
+    assert not named(told, "collided")

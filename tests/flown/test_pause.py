@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from failsafe_parts import followed, largest_steps, orders
-from plans import part, state, then, vehicle
-from short_flights import down, hold, named, path, up
+from plans import after, part, state, then, vehicle
+from short_flights import down, hold, hovers, named, path, up
 
 from kybflow.core.signals import NS
 from kybflow.dsl.plan import TransitionPlan
@@ -52,7 +52,7 @@ def test_every_flying_behavior_goes_on_where_it_was(run, name):
     samples.clear()
     flown, told = run(plan, observers=(pausing(5.5, 8.0),))
     assert path(told, "a") == ["up", "fly", "down", "landed"]
-    assert [e.fields for e in told if e.name in ("paused", "resumed")] == [{"by": "operator"}] * 2
+    assert [e.fields for e in named(told, "paused", "resumed")] == [{"by": "operator"}] * 2
     assert duration(flown, "fly") >= duration(calm, "fly") + between(told, "paused", "resumed")
     highest = [max(s.position[2] for _, s in one) for one in (still, samples)]
     assert highest[1] == pytest.approx(highest[0], abs=0.01)
@@ -76,12 +76,8 @@ def test_a_take_off_and_a_landing_are_paused_too(run, name, when):
 
 
 def test_timers_stand_still(run):
-    timed = state(
-        "timed",
-        part("behaviors", "hover"),
-        TransitionPlan(target="down", after=3.0),
-        TransitionPlan(target="hold", cause="within", after=3.5),
-    )
+    late = TransitionPlan(target="hold", cause="within", after=3.5)
+    timed = state("timed", part("behaviors", "hover"), after(3.0, "down"), late)
     states = [up("timed"), timed, hold(9.0, "down"), down()]
     flown, told = run(vehicle("a", states), observers=(pausing(4.5, 12.0),))
     assert path(told, "a") == ["up", "timed", "down", "landed"]
@@ -90,11 +86,8 @@ def test_timers_stand_still(run):
 
 
 def test_a_pause_that_lasts_lands(run):
-    states = [up("hold"), hold(4.0, "down"), down()]
-    flown, told = run(
-        vehicle("a", states, hover_limit=5.0),
-        observers=(orders((5.0, lambda v: v.requests.pause("x"))),),
-    )
+    pauses = orders((5.0, lambda v: v.requests.pause("x")))
+    flown, told = run(hovers(hover_limit=5.0), observers=(pauses,))
     assert path(told, "a") == ["up", "hold", "auto_land", "landed"]
     [paused] = named(told, "paused")
     [last] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "auto_land"]
@@ -105,13 +98,8 @@ def test_a_pause_that_lasts_lands(run):
 def test_a_tight_loop_of_pauses_changes_nothing_but_the_time(run):
     tracker, samples = followed()
     circle = part("behaviors", "circle", **FLYING["circle"])
-    times = [5.0 + 0.05 * i for i in range(40)]
-    loop = orders(
-        *(
-            (t, (lambda v: v.requests.resume("x")) if i % 2 else (lambda v: v.requests.pause("x")))
-            for i, t in enumerate(times)
-        )
-    )
+    pair = (lambda v: v.requests.pause("x"), lambda v: v.requests.resume("x"))
+    loop = orders(*((5.0 + 0.05 * i, pair[i % 2]) for i in range(40)))
     states = [up("circle"), state("circle", circle, then("down")), down()]
     flown, told = run(vehicle("a", states, tracker=tracker), observers=(loop,))
     assert path(told, "a") == ["up", "circle", "down", "landed"]
@@ -124,9 +112,8 @@ def test_a_tight_loop_of_pauses_changes_nothing_but_the_time(run):
 
 def test_pause_and_resume_in_one_tick_is_no_pause(run):
     both = orders((5.0, lambda v: (v.requests.pause("x"), v.requests.resume("x"))))
-    states = [up("hold"), hold(4.0, "down"), down()]
-    flown, told = run(vehicle("a", states), observers=(both,))
-    assert [e.name for e in told if e.name in ("paused", "resumed")] == ["paused", "resumed"]
+    flown, told = run(hovers(), observers=(both,))
+    assert [e.name for e in named(told, "paused", "resumed")] == ["paused", "resumed"]
     assert duration(flown, "hold") == pytest.approx(4.0, abs=0.05)
 
 
@@ -136,14 +123,12 @@ def test_a_second_pause_and_a_resume_without_one_say_nothing(run):
         (5.0, lambda v: (v.requests.pause("x"), v.requests.pause("x"))),
         (6.0, lambda v: (v.requests.resume("x"), v.requests.resume("x"))),
     )
-    _, told = run(vehicle("a", [up("hold"), hold(4.0, "down"), down()]), observers=(twice,))
-    assert [e.name for e in told if e.name in ("paused", "resumed")] == ["paused", "resumed"]
+    _, told = run(hovers(), observers=(twice,))
+    assert [e.name for e in named(told, "paused", "resumed")] == ["paused", "resumed"]
 
 
 def test_on_the_ground_a_pause_stops_the_clock_only(run):
-    wait = state(
-        "wait", part("behaviors", "wait_on_ground"), TransitionPlan(target="up", after=1.0)
-    )
+    wait = state("wait", part("behaviors", "wait_on_ground"), after(1.0, "up"))
     flier = vehicle("a", [wait, up("down"), down()], hover_limit=5.0)
     flown, told = run(flier, observers=(pausing(0.5, 10.0),))
     assert path(told, "a") == ["wait", "up", "down", "landed"]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from plans import part, state, then, vehicle, wrapped
+from plans import Through, after, failed, part, state, then, vehicle, wrapped
 from short_flights import down, hold, named, path, up
 from toolchain import compiled, flight_of
 
@@ -42,32 +42,23 @@ expect:
 """
 
 
-class Awkward(Link):
+class Awkward(Through):
     """The link of a simulated vehicle whose servo is awkward in some `way`: it is `deaf`,
     `refuses`, `breaks`, or is `slow` and acknowledges a second late. `asked` counts how often."""
 
     def __init__(self, link: Link, way: str) -> None:
-        self.link, self.way, self.faults = link, way, link.faults
-        self.asked = 0
+        super().__init__(link)
+        self.way, self.asked = way, 0
         self._late: list[tuple[int, Payload]] = []
 
     def read(self, now):
-        measured = list(self.link.read(now))
+        measured = list(super().read(now))
         if self.way == "slow":
             self._late += [(now + NS, m) for m in measured if isinstance(m, Payload) and m.time]
             measured = [m for m in measured if not isinstance(m, Payload) or not m.time]
             measured += [m for due, m in self._late if due <= now]
             self._late = [(due, m) for due, m in self._late if due > now]
         return measured
-
-    def send(self, command, now):
-        self.link.send(command, now)
-
-    def subscribe(self, kinds):
-        self.link.subscribe(kinds)
-
-    def truth(self):
-        return self.link.truth()
 
     def grip(self, is_open, now):
         self.asked += 1
@@ -117,31 +108,27 @@ def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
 )
 def test_a_release_that_does_not_come_about_fails_with_its_reason(run, way, reason) -> None:
     own, opened = driver(way)
-    failed = TransitionPlan(target="down", cause="failed")
-    states = [up("drop"), drop("drop", failed), down()]
+    states = [up("drop"), drop("drop", failed("down")), down()]
     _, told = run(vehicle("a", states, driver=own, payload=PARCEL))
     assert path(told, "a") == ["up", "drop", "down", "landed"]
-    [failed] = named(told, "behavior_failed")
-    assert failed.fields["reason"] == reason
+    assert [e.fields["reason"] for e in named(told, "behavior_failed")] == [reason]
     assert named(told, "payload_released") == []
     assert opened[0].asked > (100 if way == "deaf" else 0)
 
 
 def test_a_link_that_breaks_at_the_release_lands_the_vehicle(run) -> None:
     own, _ = driver("breaks")
-    flown, told = run(vehicle("a", [up("drop"), drop("drop", then("down")), down()], driver=own,
-                              payload=PARCEL))  # fmt: skip
+    states = [up("drop"), drop("drop", then("down")), down()]
+    flown, told = run(vehicle("a", states, driver=own, payload=PARCEL))
     assert path(told, "a") == ["up", "drop", "auto_land", "fault"]
     assert flown.exit_code == 3
 
 
 def test_interrupted_before_the_acknowledgement_it_is_released_once(run) -> None:
     own, opened = driver("slow")
-    cut = TransitionPlan(target="hold", after=0.5)
-    flown, told = run(
-        vehicle("a", [up("drop"), drop("drop", cut, then("down")), hold(1.0, "again"),
-                      drop("again", then("down")), down()], driver=own, payload=PARCEL)
-    )  # fmt: skip
+    first, again = drop("drop", after(0.5, "hold"), then("down")), drop("again", then("down"))
+    states = [up("drop"), first, hold(1.0, "again"), again, down()]
+    flown, told = run(vehicle("a", states, driver=own, payload=PARCEL))
     assert path(told, "a") == ["up", "drop", "hold", "again", "down", "landed"]
     assert flown.summary["outcome"] == "succeeded"
     [released] = named(told, "payload_released")

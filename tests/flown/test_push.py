@@ -1,51 +1,40 @@
-"""A vehicle that hovers in the lab, and is pushed with a steady force, comes back to its place."""
+"""A vehicle that hovers is pushed with a steady force. With an observer it comes back to its place;
+without an integral it gives way in each direction as its gain says."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from statistics import mean
 
 import pytest
-from plans import NANO, part, vehicle
-from short_flights import down, hold, up
+from plans import NANO, in_still_air, part, plan
+from short_flights import fault, hovers, named
 from sim_worlds import FRAME
+from toolchain import compiled, succeeds
 
 from kybflow.core.geometry import Vec3, sub
 from kybflow.core.signals import NS
-from kybflow.dsl.plan import FaultPlan
+from kybflow.dsl.plan import VehiclePlan
 
-PUSHED = 18.0
-"""Seconds until the push: the mass is known by then."""
 SIDEWAYS, UP, DOWN = (0.5, 0.0, 0.0), (0.0, 0.0, 0.5), (0.0, 0.0, -0.5)
 BACK = 1.0
 """Seconds after which it is back."""
+Offs = list[tuple[float, Vec3]]
+Rows = tuple[Vec3, Vec3, Vec3]
 
 
-def flown_off(run, frame, push: Vec3, seed: int) -> list[tuple[float, Vec3]]:
+def flown_off(run, hovering: VehiclePlan, push: Vec3, pushed: float, seed: int = 0) -> Offs:
     """(seconds since the push, metres from its place) while it hovers."""
     seen = []
 
     def look(engine):
-        hovering = engine.vehicles[0]
-        if engine.flying and hovering.state == "hold":
-            off = sub(hovering.truth.position, hovering.followed.position)
-            seen.append((engine.clock.now / NS - PUSHED, off))
+        flying = engine.vehicles[0]
+        if engine.flying and flying.state == "hold":
+            off = sub(flying.truth.position, flying.followed.position)
+            seen.append((engine.clock.now / NS - pushed, off))
 
-    hovers = vehicle(
-        "a",
-        [up("hold", height=1.0), hold(24.0, "down"), down()],
-        airframe=frame,
-        tracker=part("trackers", "geometric", observer=2.0),
-        driver=part("drivers", "sim", calm=False),
-    )
-    pushed = FaultPlan(
-        part=part("faults", "push", acceleration=push),
-        vehicle="a",
-        time=PUSHED,
-        when=None,
-        duration=None,
-        at="m:9",
-    )
-    flown, _ = run(hovers, faults=(pushed,), observers=(look,), seed=seed)
+    pushes = fault("push", pushed, acceleration=push)
+    flown, _ = run(hovering, faults=(pushes,), observers=(look,), seed=seed)
     assert flown.summary["outcome"] == "succeeded", flown.summary
     return seen
 
@@ -57,11 +46,83 @@ def flown_off(run, frame, push: Vec3, seed: int) -> list[tuple[float, Vec3]]:
 @pytest.mark.parametrize("frame", [FRAME, NANO], ids=["mk", "nano"])
 def test_half_a_metre_per_second_squared_is_gone_after_a_second(run, frame, push, seed) -> None:
     """Sideways 13 mm off at most, on average over five seeds, and 2 mm one second after the push,
-    with mk_quadro and nano_plus."""
+    with mk_quadro and nano_plus. The mass is known after 18 s."""
+    tracker, driver = (
+        part("trackers", "geometric", observer=2.0),
+        part("drivers", "sim", calm=False),
+    )
+    hovering = hovers(24.0, height=1.0, airframe=frame, tracker=tracker, driver=driver)
     axis = 2 if push[2] else 0
-    seen = flown_off(run, frame, push, seed)
+    seen = flown_off(run, hovering, push, 18.0, seed)
     along = [(t, off[axis] * push[axis] / 0.5) for t, off in seen]
     before = mean(off for t, off in along if -5.0 < t < 0.0)
     assert max(max(map(abs, off)) for t, off in seen if t > 0.0) < 0.06
     assert max(off for t, off in along if t > 0.0) > before + 0.003, "it feels the push"
     assert abs(mean(off for t, off in along if BACK < t < BACK + 1.5)) < 0.01
+
+
+def diagonal(x: float, y: float, z: float) -> Rows:
+    return ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))
+
+
+def given_way(run, **gains) -> Offs:
+    """How far from its place a vehicle without integral is pushed along x and y."""
+    tracker = part("trackers", "cascade", integral=0.0, **gains)
+    [hovering] = in_still_air(plan(hovers(22.0, height=1.0, tracker=tracker))).vehicles
+    return flown_off(run, hovering, (0.4, 0.4, 0.0), 8.0)
+
+
+@pytest.mark.parametrize(
+    ("gain", "x_over_y"),
+    [
+        (diagonal(4.0, 9.0, 9.0), 9.0 / 4.0),
+        (((6.0, 3.0, 0.0), (3.0, 9.0, 0.0), (0.0, 0.0, 9.0)), 6.0 / 3.0),
+        (diagonal(9.0, 9.0, 4.0), 1.0),
+    ],
+    ids=["apart", "coupled", "alike"],
+)
+def test_it_gives_way_until_the_gains_pull_against_the_push(run, gain: Rows, x_over_y) -> None:
+    """The push is along the diagonal of x and y: where the gain times the way is, too."""
+    late = [off for t, off in given_way(run, position_gain=gain) if t > 12.0]
+    x, y = mean(x for x, _, _ in late), mean(y for _, y, _ in late)
+    assert x / y == pytest.approx(x_over_y, rel=0.05)
+    assert y > 0.02
+
+
+def test_the_scalars_own_diagonal_flies_the_same(run) -> None:
+    assert given_way(run, position_gain=diagonal(9.0, 9.0, 9.0)) == given_way(run)
+
+
+SOFTENED = """
+kybflow: 1
+mission: softened
+import: {std: kybflow/airframes}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  a:
+    like: std.nano_plus
+    tracker: {use: cascade, integral: 0}
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: hold}
+      hold: {do: hover, for_time: 4 s, then: down}
+      down: {do: land}
+on:
+  - event: a.behavior_started
+    behavior: hold
+    do: [{set: {a.tracker.position_gain: [[4, 1, 0], [1, 9, 0], [0, 0, 9]]}}]
+"""
+
+
+def test_a_callback_sets_it_in_flight(tmp_path: Path) -> None:
+    mission, gains = tmp_path / "softened.yaml", set()
+    softened = compiled(mission, SOFTENED)
+
+    def look(engine):
+        [flying] = engine.vehicles
+        gains.add(flying.parameters()["tracker"].position_gain)
+
+    _, told = succeeds(softened, tmp_path / "run", look)
+    assert gains == {None, ((4.0, 1.0, 0.0), (1.0, 9.0, 0.0), (0.0, 0.0, 9.0))}
+    [changed] = named(told, "option_changed")
+    assert changed.fields["option"] == "a.tracker.position_gain"
+    assert named(told, "option_refused") == []

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from fault_study import plan_of
 from flight_judge import TICK, Finding, Track, found, judge, lift_of
-from plans import NANO, vehicle
-from short_flights import down, hold, up
+from plans import FENCE, NANO
+from short_flights import hovers
 from studies.random_faults import SCENARIOS, draw
 from toolchain import with_library
 
@@ -23,11 +23,9 @@ from kybflow.core.signals import NS
 from kybflow.parts import ActiveFaults, Effect
 from kybflow.parts.catalog import load_catalog
 from kybflow.recording.layout import HAS_POSITION
-from kybflow.world.shapes import Box
 
 RATE = 250
-NANO_PLAN = vehicle("a", [up("hold"), hold(1.0, "down"), down()])
-FENCE = Box((-2.0, -2.0, 0.0), (2.0, 2.0, 2.5))
+NANO_PLAN = hovers(1.0)
 
 
 def flight(

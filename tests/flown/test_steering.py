@@ -10,12 +10,12 @@ from math import cos, isnan, pi, sin
 from typing import Any
 
 import pytest
-from plans import FENCE, part, state, vehicle
+from plans import FENCE, failed, on, part, state, vehicle
 from short_flights import down, named, path, up
 
-from kybflow.core.geometry import ZERO, Vec3, distance, norm, scale, sub
+from kybflow.core.geometry import ZERO, distance, norm, scale, sub
 from kybflow.core.signals import NS, InputReading, Setpoint, SetpointKind, Tick, Time
-from kybflow.dsl.plan import InputPlan, PartPlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import InputPlan, PartPlan, VehiclePlan
 from kybflow.parts import AXES, Input, InputLink, Processor
 from kybflow.parts.input import SticksOf
 from kybflow.recording.earlier_run import read_earlier_run
@@ -86,24 +86,20 @@ def kept() -> list[tuple[Time, Setpoint]]:
 def hand(say: Say, stuck: float | None = STUCK) -> dict[str, Any]:
     own = PartPlan("hand", Hand, HandParams(say), "inputs.stick")
     names = {name: name for name in ("take", "give", "end")}
-    return {
-        "inputs": (
-            InputPlan(
-                name="stick", part=own, button_names=names, silent_after=SILENT, stuck_after=stuck
-            ),
-        )
-    }
+    stick = InputPlan(
+        name="stick", part=own, button_names=names, silent_after=SILENT, stuck_after=stuck
+    )
+    return {"inputs": (stick,)}
 
 
 def flier(**own: Any) -> VehiclePlan:
     steered = part("behaviors", "steer", input="stick", **own)
     round_ = part("behaviors", "circle", center=(0.0, 0.0, 1.0), radius=0.5, speed=0.4)
-    give = TransitionPlan(target="auto", event="stick.give")
-    end = TransitionPlan(target="down", event="stick.end")
+    end = on("stick.end", "down")
     states = [
         up("hand", 1.0),
-        state("hand", steered, give, end, TransitionPlan(target="down", cause="failed")),
-        state("auto", round_, TransitionPlan(target="hand", event="stick.take"), end),
+        state("hand", steered, on("stick.give", "auto"), end, failed("down")),
+        state("auto", round_, on("stick.take", "hand"), end),
         down(),
     ]
     tap = PartPlan("tap", Tap, None, "processors.tap")
@@ -147,8 +143,8 @@ def test_a_lost_input_brakes_in_time_and_takes_the_way_that_the_mission_says(
     after = fast[min(now for now in fast if now >= at + round((bound + 0.2) * NS))]
     assert before > 0.4
     assert after < before - 0.1  # it has braked by then, at 1 m/s^2
-    [failed] = named(told, "behavior_failed")
-    assert pytest.approx(lost.time + 1.5 * NS, abs=0.01 * NS) == failed.time
+    [gave_up] = named(told, "behavior_failed")
+    assert pytest.approx(lost.time + 1.5 * NS, abs=0.01 * NS) == gave_up.time
     assert path(told, "a") == ["up", "hand", "down", "landed"]
 
 
@@ -237,12 +233,12 @@ def test_pushed_into_fence_and_obstacles_it_stays_inside_and_touches_nothing(
     run, seed: int
 ) -> None:
     closest = dict.fromkeys(SOLIDS, 9.0)
-    outside = [-9.0]
+    walls_and_ceiling, outside = FENCE._replace(low=(*FENCE.low[:2], -9.0)), [-9.0]
 
     def look(engine: Engine) -> None:
         truth = engine.vehicles[0].truth
         if truth is not None and engine.vehicles[0].state == "hand":
-            outside.append(_beyond(FENCE, truth.position))
+            outside.append(walls_and_ceiling.outside_by(truth.position))
             for name, shape in SOLIDS.items():
                 closest[name] = min(closest[name], shape.distance(truth.position))
 
@@ -256,11 +252,6 @@ def test_pushed_into_fence_and_obstacles_it_stays_inside_and_touches_nothing(
     assert named(told, "collided") + named(told, "failsafe_started") == []
     assert max(outside) < -0.2
     assert min(closest.values()) > 0.095 + 0.2, closest
-
-
-def _beyond(fence: Box, place: Vec3) -> float:
-    """How far a place is beyond the walls and the ceiling."""
-    return fence._replace(low=(*fence.low[:2], -9.0)).outside_by(place)
 
 
 @pytest.mark.thorough

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 from fault_study import plan_of
-from plans import part, state, then, vehicle
-from short_flights import NoParams, down, named, path, up
+from plans import failed, part, state, then, vehicle
+from short_flights import NoParams, down, fault, named, path, up
 from toolchain import flight_of
 
 from kybflow.core.geometry import LEVEL, ZERO
@@ -58,13 +58,9 @@ def touch_down(mission: str, seed: int, tmp_path, *faults: FaultPlan):
 def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
     late = Compare(">", Read("nano", "elapsed"), Quantity(2.63, DURATION))
     when = And((InState("nano", "down"), late))
-    cut = part("faults", "link_cut", way="to_vehicle")
-    sag = part("faults", "battery_sag", by=0.97)
-    summary, told, watch = touch_down(
-        "figure_eight", 93537, tmp_path,
-        FaultPlan(part=cut, vehicle="nano", when=when, duration=2.4),
-        FaultPlan(part=sag, vehicle="nano", when=when, duration=1.3),
-    )  # fmt: skip
+    cut = fault("link_cut", when=when, lasts=2.4, on="nano", way="to_vehicle")
+    sag = fault("battery_sag", when=when, lasts=1.3, on="nano", by=0.97)
+    summary, told, watch = touch_down("figure_eight", 93537, tmp_path, cut, sag)
     assert watch.top < 1.1
     assert all(height < LOW for height in watch.stopped)
     assert len(named(told, "landed")) == 2
@@ -73,28 +69,20 @@ def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
 
 def test_a_vehicle_that_has_lost_half_its_mass_lands_on_the_floor(tmp_path):
     low = Compare("<", Read("nano", "state.altitude"), Quantity(0.04, LENGTH))
-    light = part("faults", "mass_change", factor=0.57)
-    summary, told, watch = touch_down(
-        "first_flight", 35303, tmp_path,
-        FaultPlan(
-            part=light, vehicle="nano", when=And((InState("nano", "down"), low)), duration=1.43
-        ),
-    )  # fmt: skip
+    when = And((InState("nano", "down"), low))
+    light = fault("mass_change", when=when, lasts=1.43, on="nano", factor=0.57)
+    summary, told, watch = touch_down("first_flight", 35303, tmp_path, light)
     [height] = watch.stopped
     assert height < LOW
     assert "above the ground" in named(told, "landing_refused")[0].fields["reason"]
     assert summary["outcome"] == "succeeded"
 
 
-class Boasting(
-    Behavior[NoParams],
-    flight=(AIR >> GROUND, MOVING >> GROUND),
-    emits=SetpointKind.POSITION,
-):
-    """A lab's own landing, which says at once that it has landed."""
+WAYS = (AIR >> GROUND, MOVING >> GROUND)
 
-    def __init__(self, params: NoParams, entry: Entry) -> None:
-        super().__init__(params, entry)
+
+class Boasting(Behavior[NoParams], flight=WAYS, emits=SetpointKind.POSITION):
+    """A lab's own landing, which says at once that it has landed."""
 
     def update(self, tick: Tick) -> Setpoint | Done:
         return Done(IDLE)
@@ -102,9 +90,7 @@ class Boasting(
 
 def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
     watch = Watch("a")
-    boast = state(
-        "boast", Boasting, then("landed"), TransitionPlan(target="auto_land", cause="failed")
-    )
+    boast = state("boast", Boasting, then("landed"), failed("auto_land"))
     _, told = run(vehicle("a", [up("boast"), boast, down()]), observers=(watch,))
     [refused] = named(told, "landing_refused")
     assert refused.fields["behavior"] == "boast"
@@ -128,12 +114,10 @@ class Lifting(Behavior[NoParams], flight=AIR >> AIR, emits=CommandKind.ATTITUDE_
 def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
     """Neither the thrust of the state before, nor the time for which another landing waited."""
     monkeypatch.setattr("kybflow.runtime.vehicle.behavior_runner.LONGEST_REFUSAL", 2 * NS)
-    watch, failed = Watch("a"), "failed"
+    watch = Watch("a")
     lift = state("lift", Lifting, TransitionPlan(target="boast", cause="within", after=0.1))
-    boast = state("boast", Boasting, then("landed"), TransitionPlan(target="again", cause=failed))
-    again = state(
-        "again", Boasting, then("landed"), TransitionPlan(target="auto_land", cause=failed)
-    )
+    boast = state("boast", Boasting, then("landed"), failed("again"))
+    again = state("again", Boasting, then("landed"), failed("auto_land"))
     _, told = run(vehicle("a", [up("lift"), lift, boast, again, down()]), observers=(watch,))
     assert [e.fields["behavior"] for e in named(told, "landing_refused")] == ["boast", "again"]
     boasted, claimed = (e.time for e in named(told, "behavior_failed"))
@@ -143,12 +127,9 @@ def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
 
 def test_whom_its_own_watchdog_lands_it_has_not_landed_by_our_word(tmp_path):
     """The link is cut and back, and no estimate is left: what its IMU feels is not our thrust."""
-    cut = part("faults", "link_cut", way="to_vehicle")
-    _, told, watch = touch_down(
-        "first_flight", 1016, tmp_path,
-        FaultPlan(part=cut, vehicle="nano", time=5.28, duration=1.24),
-        FaultPlan(part=part("faults", "mocap_dropout"), vehicle="nano", time=5.68, duration=2.75),
-    )  # fmt: skip
+    cut = fault("link_cut", 5.28, 1.24, on="nano", way="to_vehicle")
+    lost = fault("mocap_dropout", 5.68, 2.75, on="nano")
+    _, told, watch = touch_down("first_flight", 1016, tmp_path, cut, lost)
     assert named(told, "control_lost")[0].fields["reason"] == "its own watchdog lands it"
     assert len(named(told, "landed")) == 1
     assert watch.stopped

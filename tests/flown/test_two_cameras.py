@@ -5,17 +5,18 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy
 import pytest
-from toolchain import compiled
+from short_flights import named
+from toolchain import compiled, flight_of
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.api.opening import open_devices
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.errors import DriverError
-from kybflow.core.signals import NS, Event, Frame
+from kybflow.core.signals import NS, Frame
+from kybflow.dsl.plan import Plan
 
 cv2 = pytest.importorskip("cv2")
-numpy = pytest.importorskip("numpy")
 
 MISSION = """\
 kybflow: 1
@@ -64,8 +65,13 @@ def mission(tmp_path: Path) -> Path:
     return path
 
 
-def test_each_camera_has_the_frames_of_its_own_video(mission: Path) -> None:
-    devices = open_devices(compiled(mission, target="replay", warns=True), 0)
+@pytest.fixture
+def plan(mission: Path) -> Plan:
+    return compiled(mission, target="replay", warns=True)
+
+
+def test_each_camera_has_the_frames_of_its_own_video(plan: Plan) -> None:
+    devices = open_devices(plan, 0)
     try:
         came = [sensor.stream.read(NS // 10) for sensor in devices.sensors["a"]]
     finally:
@@ -76,34 +82,26 @@ def test_each_camera_has_the_frames_of_its_own_video(mission: Path) -> None:
     assert (dark, bright) == pytest.approx((20.0, 200.0), abs=5.0)
 
 
-def test_the_one_that_is_over_is_told_by_its_name(mission: Path, tmp_path: Path) -> None:
-    heard: list[Event] = []
-    fly(
-        compiled(mission, target="replay", warns=True),
-        RunRequest(0, tmp_path / "run"),
-        (heard.append,),
-    )
-    failed = [event.fields for event in heard if event.name == "sensor_failed"]
-    assert failed == [
+def test_the_one_that_is_over_is_told_by_its_name(plan: Plan, tmp_path: Path) -> None:
+    _, told = flight_of(plan, tmp_path / "run", seed=0)
+    assert [event.fields for event in named(told, "sensor_failed")] == [
         {"sensor": "fusion.1", "reason": "the video is over"},
         {"sensor": "fusion", "reason": "the video is over"},
     ]
 
 
-def test_they_are_shown_by_their_names(mission: Path) -> None:
-    plan = compiled(mission, target="replay", warns=True)
-    text = show_mission(plan, {})
-    assert "senses by  camera (fusion), camera (fusion.1)\n" in text
+def test_they_are_shown_by_their_names(plan: Plan) -> None:
+    assert "senses by  camera (fusion), camera (fusion.1)\n" in show_mission(plan, {})
 
 
 def test_what_can_not_be_opened_is_told_with_its_line(mission: Path, tmp_path: Path) -> None:
     (tmp_path / "films" / "back.avi").write_text("no film")
-    with pytest.raises(DriverError, match=rf"^`camera` \(.*two\.yaml:{SECOND + 1}\): the video"):
-        open_devices(compiled(mission, target="replay", warns=True), 0)
-
-
-def test_without_opencv_the_line_is_told(mission: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = compiled(mission, target="replay", warns=True)
+    with pytest.raises(DriverError, match=rf"^`camera` \(.*two\.yaml:{SECOND + 1}\): the video"):
+        open_devices(plan, 0)
+
+
+def test_without_opencv_the_line_is_told(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(DriverError, match=rf"two\.yaml:{SECOND}\): a camera needs OpenCV"):
         open_devices(plan, 0)

@@ -8,9 +8,8 @@ from statistics import mean
 
 import pytest
 from telekyb import as_in_the_paper
-from toolchain import MISSIONS, compiled
+from toolchain import MISSIONS, compiled, succeeds
 
-from kybflow.api.flight import RunRequest, fly
 from kybflow.dsl.plan import Plan
 
 EIGHT = MISSIONS / "figure_eight.yaml"
@@ -36,8 +35,7 @@ def test_the_papers_own_control_errs_in_the_lab_as_on_its_vehicles(tmp_path: Pat
     plan = plan_of_the_eight(tmp_path)
     errors: dict[str, list[dict[str, float]]] = {name: [] for name in PAPER}
     for seed in range(3):
-        summary = fly(plan, RunRequest(seed=seed, out=tmp_path / str(seed))).summary
-        assert summary["outcome"] == "succeeded", summary
+        summary = succeeds(plan, tmp_path / str(seed), seed=seed)[0].summary
         for name, found in errors.items():
             [eight] = [b for b in summary["vehicles"][name]["behaviors"] if b["name"] == "eight"]
             found.append(eight["position_error_m"])

@@ -16,15 +16,8 @@ VELOCITIES = ((0.9, 0.0, 0.0), (-0.6, 0.6, 0.0), (0.0, 0.0, 0.7))
 
 def flight(run, tracker: str, processors: list, velocity=(0.9, 0.0, 0.0), **more):
     """Fly with a velocity for as long as the vehicle is let; what was observed on the way."""
-    states = [
-        up("search", 1.0),
-        state(
-            "search",
-            part("behaviors", "run_until", velocity=velocity, at_most=9.0, **more),
-            then("hold"),
-        ),
-        hold(1.0, "auto_land"),
-    ]
+    search = part("behaviors", "run_until", velocity=velocity, at_most=9.0, **more)
+    states = [up("search", 1.0), state("search", search, then("hold")), hold(1.0, "auto_land")]
     seen: list = []
 
     def watch(engine) -> None:
@@ -32,11 +25,8 @@ def flight(run, tracker: str, processors: list, velocity=(0.9, 0.0, 0.0), **more
         if engine.seconds() > 1.0 and own.state == "search":
             seen.append((own.truth.position, own.truth.velocity, own.followed))
 
-    flown, told = run(
-        vehicle("a", states, processors=tuple(processors), tracker=part("trackers", tracker)),
-        observers=(watch,),
-    )
-    return flown, told, seen
+    own = {"processors": tuple(processors), "tracker": part("trackers", tracker)}
+    return *run(vehicle("a", states, **own), observers=(watch,)), seen
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,8 @@ from kybflow.core.signals import NS, Frame  # noqa: E402
 from kybflow.recording.pictures import AT_CHANGES, EVENLY, Pictures  # noqa: E402
 from kybflow.recording.run_folder import RunFolderError, create_run_folder  # noqa: E402
 from kybflow.report.data import read_pictures  # noqa: E402
-from kybflow.vision.locating.locate import Located  # noqa: E402
+from kybflow.vision.locating.locate import Located, TagView  # noqa: E402
 from kybflow.vision.locating.locator import Sighting  # noqa: E402
-from kybflow.vision.locating.sight import TagView  # noqa: E402
 
 IMAGE = numpy.full((48, 64), 100, numpy.uint8)
 

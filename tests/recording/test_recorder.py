@@ -39,11 +39,11 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.resolving.library_files import installed
 from kybflow.recording.layout import definition, dtype_spec, event_record, struct_format
+from kybflow.recording.messages import read_recording
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
-from kybflow.recording.messages import read_recording
 from kybflow.report.data import read_moving
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 
 ESTIMATE = Estimate(
     7,

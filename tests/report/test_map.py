@@ -11,7 +11,7 @@ from recorded_run import write_run
 
 from kybflow.report.data import MovingTrack, RecordedWorld, read_run, read_world
 from kybflow.report.map import Extent, outline, path_map
-from kybflow.world.point_cloud import PointCloud
+from kybflow.world.scanned import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 
 WORLD = RecordedWorld(

@@ -13,7 +13,8 @@ from short_flights import down, hold, named, up
 from kybflow.core.errors import OptionRefused
 from kybflow.core.params import param, params
 from kybflow.core.signals import Event
-from kybflow.core.units import Damping, Matrix
+from kybflow.core.units import Damping
+from kybflow.flight.fusion.covariance import Matrix
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.events import Events
 from kybflow.runtime.options import Options

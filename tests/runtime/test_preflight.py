@@ -25,8 +25,7 @@ from kybflow.parts import Estimator, Link, Sensor, Stream
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.cameras import Camera, Lens
-from kybflow.world.moving_sphere import MovingSphere
-from kybflow.world.shapes import Box
+from kybflow.world.shapes import Box, MovingSphere
 
 
 def checks(*vehicles, **facts) -> dict[tuple[str, str], PreflightResult]:

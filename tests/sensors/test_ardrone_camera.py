@@ -21,6 +21,7 @@ from waiting import until
 
 from kybflow.core.errors import DriverError
 from kybflow.sensors.ardrone_camera import PORT, ArdroneCamera, ArdroneCameraParams
+from kybflow.vision.tags import dictionary
 from kybflow.vision.video.codec import FrameDecoder, FrameEncoder
 from kybflow.vision.video.pave import FrameCutter, write_frame
 from kybflow.world.cameras import Camera, Lens
@@ -37,9 +38,7 @@ def stream_of(images):
 
 def pictures(count):
     """A tag that moves to the right over grey."""
-    marker = cv2.aruco.generateImageMarker(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), TAG, 120
-    )
+    marker = cv2.aruco.generateImageMarker(dictionary("36h11"), TAG, 120)
     for number in range(count):
         image = numpy.full((360, 640), 200, numpy.uint8)
         image[100:220, 100 + 10 * number : 220 + 10 * number] = marker
@@ -117,9 +116,7 @@ def test_a_tag_is_seen_in_what_arrives(played):
         until(lambda: frames.extend(stream.read(10**9)) or len(frames) > 3, "frames")
     finally:
         stream.close()
-    detector = cv2.aruco.ArucoDetector(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    )
+    detector = cv2.aruco.ArucoDetector(dictionary("36h11"))
     for frame in frames:
         assert (frame.camera, frame.image.shape) == ("front", (360, 640))
         _, found, _ = detector.detectMarkers(frame.image)

@@ -14,8 +14,7 @@ from waiting import until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.files import File, FilePath
-from kybflow.core.signals import NS, Frame, Measurement, Time
-from kybflow.parts import Link
+from kybflow.core.signals import NS, Frame, Time
 from kybflow.parts.base import Objection
 from kybflow.sensors.camera import CameraSensor, CameraSensorParams, Captured, Device, Grabber
 from kybflow.world.cameras import Camera, Lens
@@ -25,14 +24,8 @@ numpy = pytest.importorskip("numpy")
 
 WIDTH, HEIGHT, RATE, FRAMES = 64, 48, 20.0, 10
 DOWN = Camera("down", Lens(WIDTH, HEIGHT, 60.0, 60.0, 31.5, 23.5), (0.0, 0.0, 0.0))
+TWO = {"down": DOWN, "front": DOWN._replace(name="front")}
 TICK = NS // 250
-
-
-class NoLink(Link):
-    def read(self, now: Time) -> tuple[Measurement, ...]:
-        return ()
-
-    def send(self, command: Any, now: Time) -> None: ...
 
 
 @pytest.fixture
@@ -48,7 +41,8 @@ def video(tmp_path: Path) -> str:
 
 def opened(camera: Camera = DOWN, **params: Any) -> Any:
     context = SITE._replace(cameras={"down": camera})
-    return CameraSensor.open(CameraSensorParams(**params), context, NoLink(), random.Random(0))
+    link: Any = None
+    return CameraSensor.open(CameraSensorParams(**params), context, link, random.Random(0))
 
 
 def played(video: str, latency: float) -> list[tuple[Time, Frame]]:
@@ -101,23 +95,18 @@ def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
 
 
 def test_it_says_which_camera_it_can_not_be() -> None:
-    two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    assert CameraSensor.objection(CameraSensorParams(camera="front"), two) is None
-    assert CameraSensor.objection(CameraSensorParams(), two) == Objection(
-        "camera",
-        "`camera` is missing; the airframe has `down`, `front`",
-        "write `camera: down`",
-    )
-    assert CameraSensor.objection(CameraSensorParams(camera="dwon"), two) == Objection(
-        "camera",
-        "the airframe has no camera `dwon`; it has `down`, `front`",
-        "did you mean `down`?",
-    )
+    def objection(**params: Any) -> Objection | None:
+        return CameraSensor.objection(CameraSensorParams(**params), TWO)
+
+    missing = "`camera` is missing; the airframe has `down`, `front`"
+    unknown = "the airframe has no camera `dwon`; it has `down`, `front`"
+    assert objection(camera="front") is None
+    assert objection() == Objection("camera", missing, "write `camera: down`")
+    assert objection(camera="dwon") == Objection("camera", unknown, "did you mean `down`?")
 
 
 def test_what_it_gives_is_the_frames_of_its_camera() -> None:
-    two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    assert CameraSensor.claims(CameraSensorParams(camera="front"), two) == ["frames of `front`"]
+    assert CameraSensor.claims(CameraSensorParams(camera="front"), TWO) == ["frames of `front`"]
     assert CameraSensor.claims(CameraSensorParams(), {"down": DOWN}) == ["frames of `down`"]
 
 
@@ -133,8 +122,7 @@ def test_its_own_calibration_replaces_the_airframes_lens() -> None:
         "distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0.01, 0, 0, 0]}\n"
     )
     params = CameraSensorParams(camera="front", calibration=File("cam.yaml", "", text))
-    two = {"down": DOWN, "front": DOWN._replace(name="front")}
-    seen = CameraSensor.seen_by(params, two)
+    seen = CameraSensor.seen_by(params, TWO)
     assert seen["down"] == DOWN
     assert seen["front"].lens == Lens(640, 480, 500, 501, 320, 240, (-0.1, 0.01, 0.0, 0.0, 0.0))
 
@@ -166,13 +154,8 @@ def acted_on(stick: Stick, holds: Callable[[], bool]) -> None:
 @pytest.mark.parametrize("end", [None, RuntimeError("unplugged")])
 def test_a_lost_device_is_told_and_opened_again(end: Exception | None) -> None:
     sticks = [Stick(), Stick()]
-    waiting = iter(sticks)
-
-    def plug() -> Stick:
-        return next(waiting)
-
-    grabber = Grabber(plug, again=0.0)
     first, second = sticks
+    grabber = Grabber(iter(sticks).__next__, again=0.0)
     first.images.put("a")
     first.images.put(end)
     acted_on(first, lambda: grabber.error is not None)

@@ -19,9 +19,8 @@ from kybflow.core.signals import NS, Frame, Truth
 from kybflow.parts import ActiveFaults, Effect, Link
 from kybflow.parts.catalog import load_catalog
 from kybflow.sensors.simulated_camera import SimulatedCamera, SimulatedCameraParams
-from kybflow.vision.optics import SOUND, Weakness
 from kybflow.vision.rendering.drawing import Room
-from kybflow.world.cameras import Camera, Lens
+from kybflow.world.cameras import SOUND, Camera, Lens, Weakness
 from kybflow.world.shapes import Sphere
 from kybflow.world.tags import Tag, TagMap
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
@@ -36,6 +35,10 @@ SPEED = 0.5
 CLEAN = SimulatedCameraParams(
     latency=0.05, exposure=0.0, row_time=0.0, read_noise=0.0, shot_noise=0.0
 )
+
+
+def body_at(time: int) -> Truth:
+    return Truth((SPEED * (time / NS - 0.3), 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
 
 
 class Passing(Link):
@@ -53,8 +56,7 @@ class Passing(Link):
     def send(self, command: Any, now: int) -> None: ...
 
     def truth(self) -> Truth:
-        x = SPEED * (self.now / NS - 0.3)
-        return Truth((x, 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
+        return body_at(self.now)
 
     def view(self) -> Truth | None:
         return AWAY if self.swapped else self.truth()
@@ -73,6 +75,11 @@ def opened(
     link: Link, *cameras: Camera, params: SimulatedCameraParams = CLEAN, seed: int = 1
 ) -> Any:
     return SimulatedCamera.open(params, context(*cameras), link, random.Random(seed))
+
+
+def frames_of(link: Passing, until: int, **params: Any) -> list[Frame]:
+    """The frames of one camera until then."""
+    return [frame for _, frame in fly(opened(link, DOWN, **params), link, until)]
 
 
 def fly(stream: Any, link: Passing, until: int, since: int = 0) -> list[tuple[int, Frame]]:
@@ -96,13 +103,10 @@ def test_frames_have_the_exact_times_of_their_rate_and_arrive_late() -> None:
 
 
 def test_a_frame_shows_the_exact_moment_between_ticks() -> None:
-    link = Passing()
     room = Room(TAGS, CLEAN, random.Random(1).getrandbits(64))
-    frames = [frame for _, frame in fly(opened(link, DOWN), link, NS // 2)]
+    frames = frames_of(Passing(), NS // 2)
     for frame in frames:
-        x = SPEED * (frame.time / NS - 0.3)
-        body = Truth((x, 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
-        off = room.draw(DOWN, body).astype(int) - frame.image
+        off = room.draw(DOWN, body_at(frame.time)).astype(int) - frame.image
         assert numpy.abs(off).max() <= 1  # rounding
     assert (frames[8].image != frames[9].image).any()
 
@@ -119,9 +123,8 @@ def test_each_camera_has_its_rate_and_what_arrives_is_in_order() -> None:
 
 def test_the_same_seed_gives_the_same_frames() -> None:
     def images(seed: int) -> list[bytes]:
-        link = Passing()
-        stream = opened(link, DOWN, params=SimulatedCameraParams(covered=0.5), seed=seed)
-        return [frame.image.tobytes() for _, frame in fly(stream, link, NS // 5)]
+        params = SimulatedCameraParams(covered=0.5)
+        return [f.image.tobytes() for f in frames_of(Passing(), NS // 5, params=params, seed=seed)]
 
     assert images(1) == images(1)
     assert images(1) != images(2)
@@ -166,11 +169,7 @@ def broken(effect: Effect) -> list[Frame]:
     link = Passing()
     link.faults.begin(effect, 0)
     link.swapped = link.faults.view != "nano"
-    return [frame for _, frame in fly(opened(link, DOWN), link, NS // 2)]
-
-
-def body_at(time: int) -> Truth:
-    return Truth((SPEED * (time / NS - 0.3), 0.0, 1.0), (SPEED, 0.0, 0.0), LEVEL, ZERO)
+    return frames_of(link, NS // 2)
 
 
 @pytest.mark.parametrize(
@@ -246,13 +245,12 @@ def test_a_parcel_is_seen_once_it_is_released_and_hides_the_tag_that_it_lies_on(
 
 def test_the_worlds_obstacles_are_drawn() -> None:
     ball = context(DOWN)._replace(obstacles={"ball": Sphere((0.0, 0.0, 0.1), 0.1)})
-    streams = [
-        SimulatedCamera.open(CLEAN, place, Passing(), random.Random(1))
-        for place in (ball, context(DOWN))
-    ]
-    seen, free = (
-        stream._room.draw(DOWN, Truth((0.0, 0.0, 1.0), ZERO, LEVEL, ZERO)) for stream in streams
-    )
+    images = []
+    for place in (ball, context(DOWN)):
+        link = Passing()
+        stream = SimulatedCamera.open(CLEAN, place, link, random.Random(1))
+        images.append([frame.image for _, frame in fly(stream, link, NS // 2)][9])
+    seen, free = images
     assert 0.01 < (seen != free).mean() < 0.05
 
 
@@ -274,9 +272,7 @@ def test_a_camera_is_as_perfect_as_the_world_of_its_vehicle(
 ) -> None:
     """Unless its parameter says otherwise; what is exact comes with the stamp and the image of the
     calm world, what is not with neither."""
-    still = Passing()
-    calm = [frame for _, frame in fly(opened(still, DOWN), still, NS // 2)]
-    seen = [frame for _, frame in fly(opened(link, DOWN, params=params), link, NS // 2)]
+    calm, seen = frames_of(Passing(), NS // 2), frames_of(link, NS // 2, params=params)
     assert len(seen) == len(calm)
     assert all((a.time == b.time) is is_exact for a, b in zip(seen[1:], calm[1:], strict=True))
     alike = [(a.image == b.image).all() for a, b in zip(seen, calm, strict=True)]
@@ -292,9 +288,7 @@ def test_nobody_who_locates_is_told_what_is_wrong_in_a_lab() -> None:
 
 
 def test_stamps_in_a_lab_are_late_by_the_same_for_a_whole_flight() -> None:
-    link = InALab()
-    times = [frame.time for _, frame in fly(opened(link, DOWN), link, NS)]
-    late = [time - round(i * NS / 30) for i, time in enumerate(times)][1:]
+    late = [f.time - round(i * NS / 30) for i, f in enumerate(frames_of(InALab(), NS))][1:]
     assert len(set(late)) == 1
     assert late[0] != 0
     assert abs(late[0]) < 15_000_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterable
 from statistics import fmean, stdev
 from typing import Any
 
@@ -45,23 +46,18 @@ class Passing(Link):
 
 def poses(
     link: Passing,
-    seconds: float = 1.0,
+    times: Iterable[int] = range(0, NS, TICK),
     params: SimulatedMotionCaptureParams = QUIET,
     seed: int = 1,
 ) -> list[tuple[int, Pose]]:
     """What arrives, and when."""
     stream = SimulatedMotionCapture.open(params, SITE, link, random.Random(seed))
     arrived = []
-    for now in range(0, round(seconds * NS), TICK):
+    for now in times:
         link.now = now
         arrived += [(now, pose) for pose in stream.read(now)]
     stream.close()
     return arrived
-
-
-def test_it_says_what_it_is() -> None:
-    assert SimulatedMotionCapture.provides == {Pose}
-    assert SimulatedMotionCapture.simulated
 
 
 def test_poses_have_the_exact_times_of_their_rate_and_arrive_late() -> None:
@@ -92,14 +88,9 @@ def test_a_truth_that_is_not_renewed_ends_where_nobody_knows_more() -> None:
 
 def test_what_was_missed_while_nobody_read_is_not_made_up_for() -> None:
     """The program hung for a second: where the vehicle was meanwhile, nobody knows."""
-    link = Passing()
-    stream = SimulatedMotionCapture.open(QUIET, SITE, link, random.Random(1))
-    arrived = []
-    for now in (*range(0, NS, TICK), *range(2 * NS, 3 * NS, TICK)):
-        link.now = now
-        arrived += stream.read(now)
-    assert [p.time for p in arrived if NS <= p.time < 19 * NS // 10] == []
-    for pose in arrived:
+    arrived = poses(Passing(), (*range(0, NS, TICK), *range(2 * NS, 3 * NS, TICK)))
+    assert [p.time for _, p in arrived if NS <= p.time < 19 * NS // 10] == []
+    for _, pose in arrived:
         assert pose.position[0] == pytest.approx(SPEED * pose.time / NS, abs=1e-9)
 
 
@@ -107,20 +98,21 @@ def test_nothing_comes_while_no_truth_is_known_nor_is_it_made_up_for() -> None:
     arrived = poses(Passing(since=300_000_000, until=600_000_000))
     assert arrived[0][1].time == 300_000_000
     assert arrived[-1][1].time == 590_000_000
-    again = Passing(until=200_000_000)
-    stream = SimulatedMotionCapture.open(QUIET, SITE, again, random.Random(1))
-    times = []
-    for now in range(0, NS, TICK):
-        again.now = now
-        again.until = 1 << 60 if now >= 700_000_000 else again.until
-        times += [pose.time for pose in stream.read(now)]
+
+
+def test_while_no_truth_is_known_for_a_while_nothing_comes() -> None:
+    class Hidden(Passing):
+        def truth(self) -> Truth | None:
+            return None if 200_000_000 <= self.now < 700_000_000 else super().truth()
+
+    times = [pose.time for _, pose in poses(Hidden())]
     assert [t for t in times if 200_000_000 <= t < 700_000_000] == []
     assert times[-1] == 980_000_000
 
 
 def test_its_noise_is_as_it_says_and_comes_with_the_seed() -> None:
     params = SimulatedMotionCaptureParams(rate=250.0, position_noise=0.01, attitude_noise=0.02)
-    arrived = poses(Passing(), 20.0, params)
+    arrived = poses(Passing(), range(0, 20 * NS, TICK), params)
     off = [pose.position[1] for _, pose in arrived]
     assert fmean(off) == pytest.approx(0.0, abs=0.001)
     assert stdev(off) == pytest.approx(0.01, rel=0.05)

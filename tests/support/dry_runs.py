@@ -11,8 +11,9 @@ from dataclasses import replace
 from itertools import count
 from typing import Any, NamedTuple
 
+import short_flights
 from plans import part, plan, vehicle
-from short_flights import down, hold, path, up
+from short_flights import down, hold, hovers, path, up
 
 from kybflow.api.flight import Flown, RunRequest, Server, fly
 from kybflow.core.geometry import ZERO, Vec3
@@ -56,19 +57,12 @@ def opening(autopilot: str, **params: Any) -> tuple[PartPlan, list[Any]]:
 
 
 def fault(name: str, lasts: float | None = None, at: float = WRONG, **params: Any) -> FaultPlan:
-    return FaultPlan(
-        part=part("faults", name, **params),
-        vehicle="a",
-        time=at,
-        when=None,
-        duration=lasts,
-        at=LINE,
-    )
+    return short_flights.fault(name, at, lasts, **params)
 
 
 def supervised(**params: dict[str, Any]) -> tuple[PartPlan, ...]:
     """The default supervisors, those that are named with other parameters."""
-    found = vehicle("a", [up("hold"), hold(1.0, "down"), down()]).supervisors
+    found = hovers().supervisors
     return tuple(
         replace(part("supervisors", one.name, **params[one.name]), at=LINE)
         if one.name in params

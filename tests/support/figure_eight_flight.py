@@ -160,16 +160,11 @@ def last(part: Fusion, ticks: Ticks) -> Estimate:
 
 
 def bent(
-    world: World, offset: tuple[float, float, float], since: float, until: float = inf
+    world: World, offset: Vec3, since: float, until: float = inf
 ) -> Iterator[tuple[Instant, list[Measurement]]]:
     """The flight with poses off by `offset` for a time."""
     for truth, arriving in world.flight():
-        yield (
-            truth,
-            [
-                m._replace(position=add(m.position, offset))
-                if isinstance(m, Pose) and since <= m.time / NS < until
-                else m
-                for m in arriving
-            ],
-        )
+        for i, m in enumerate(arriving):
+            if isinstance(m, Pose) and since <= m.time / NS < until:
+                arriving[i] = m._replace(position=add(m.position, offset))
+        yield truth, arriving

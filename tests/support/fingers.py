@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-
 from kybflow.cli.keys import Offer, TerminalCommander
 from kybflow.runtime.engine import Engine
 
@@ -19,7 +17,7 @@ class TypedKeys:
         self.is_open = True
         return self
 
-    def __exit__(self, *error: type[BaseException] | BaseException | TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self.is_open = False
 
     def read(self) -> bytes:

@@ -248,7 +248,7 @@ def lift_of(vehicle: VehiclePlan, rig: ActiveFaults, seconds: float) -> float:
     """What the rotors can give over the weight while the vehicle stays level, which it does when
     those across from each other give the same; 0 where one is so weak that it can't be tilted back.
 
-    The battery's voltage as in `kybflow.world.battery`, of the airframe as its maker says.
+    The battery's voltage as in `kybflow.world.vehicle_context`, of the airframe as its maker says.
     """
     frame = vehicle.airframe
     carried = vehicle.payload.mass if vehicle.payload is not None else 0.0

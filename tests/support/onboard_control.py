@@ -3,9 +3,7 @@ does; for tests of what is sent to one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from plans import NANO, wrapped
+from plans import NANO, Through, wrapped
 
 from kybflow.core.geometry import heading_of
 from kybflow.core.signals import (
@@ -13,8 +11,6 @@ from kybflow.core.signals import (
     Command,
     CommandKind,
     Estimate,
-    Measurement,
-    MeasurementKind,
     Tick,
     Time,
     Truth,
@@ -28,26 +24,17 @@ RATES = frozenset({CommandKind.RATES_THRUST, CommandKind.ATTITUDE_THRUST})
 SETPOINTS = frozenset({CommandKind.POSITION, CommandKind.VELOCITY, CommandKind.ACCELERATION})
 
 
-class Follows(Link):
+class Follows(Through):
     """What it is sent stands in `kinds`. It flies on the truth, as on a perfect estimate: setpoints
     by the law of `cascade`; rates by holding the attitude that it has, so that only the rates act;
     attitudes as they are."""
 
     def __init__(self, name: str, link: Link) -> None:
-        self.link, self.faults = link, link.faults
+        super().__init__(link)
         self.kinds: set[CommandKind] = set()
         context = VehicleContext(name, NANO, (0.0, 0.0, 0.0), 0.0, None, 0.004)
         self._tracker = Cascade(CascadeParams(), context)
         self._last: Time = 0
-
-    def read(self, now: Time) -> Sequence[Measurement]:
-        return self.link.read(now)
-
-    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
-        self.link.subscribe(kinds)
-
-    def truth(self) -> Truth | None:
-        return self.link.truth()
 
     def send(self, command: Command, now: Time) -> None:
         if command.armed:
@@ -59,7 +46,7 @@ class Follows(Link):
             command = command._replace(attitude=truth.attitude, heading=heading)
         elif command.armed and command.setpoint is not None:
             command = self._follow(command, truth, now)
-        self.link.send(command, now)
+        super().send(command, now)
 
     def _follow(self, command: Command, truth: Truth, now: Time) -> Command:
         assert command.setpoint is not None

@@ -26,13 +26,9 @@ from kybflow.world.vehicle_context import Airframe, VehicleContext
 DT = 0.004
 MASS = 0.230
 AIRFRAME = Airframe(
-    mass=MASS,
-    diameter=0.19,
-    inertia=(0.00045, 0.00045, 0.0008),
-    thrust=1.3,
-    rotor_time=0.03,
+    mass=MASS, diameter=0.19, inertia=(0.00045, 0.00045, 0.0008), thrust=1.3, rotor_time=0.03,
     drag=0.35,
-)
+)  # fmt: skip
 FENCE = Box((-3.0, -3.0, 0.0), (3.0, 3.0, 2.5))
 SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT)
 CENTRED = InputReading(0, dict.fromkeys(AXES, 0.0))

@@ -7,22 +7,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from part_bench import AIRFRAME
+
+from kybflow.core.signals import Command, Measurement, MeasurementKind, Time, Truth
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.dsl.world import Obstacle, World
 from kybflow.parts import Behavior, Leg, Link, Seat, Session
 from kybflow.parts.catalog import load_catalog
 from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Airframe
 
-NANO = Airframe(
-    mass=0.230,
-    diameter=0.19,
-    inertia=(0.00045, 0.00045, 0.0008),
-    thrust=1.3,
-    rotor_time=0.03,
-    drag=0.35,
-)
+NANO = AIRFRAME
 FENCE = Box((-2.0, -2.0, 0.0), (2.0, 2.0, 2.5))
 
 
@@ -30,6 +25,27 @@ def part(kind: str, name: str, **params: Any) -> PartPlan:
     """A part of the catalog with these parameters (SI)."""
     spec = load_catalog().get(kind, name)
     return PartPlan(name, spec.cls, spec.params(**params), f"{kind}.{name}")
+
+
+class Through(Link):
+    """Passes everything on to a simulated vehicle's link; tests override what they change."""
+
+    def __init__(self, link: Any) -> None:
+        self.link, self.faults = link, link.faults
+
+    def read(self, now: Time) -> Sequence[Measurement]:
+        measured: Sequence[Measurement] = self.link.read(now)
+        return measured
+
+    def send(self, command: Command, now: Time) -> None:
+        self.link.send(command, now)
+
+    def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
+        self.link.subscribe(kinds)
+
+    def truth(self) -> Truth | None:
+        truth: Truth | None = self.link.truth()
+        return truth
 
 
 def wrapped(wrap: Callable[[str, Link], Link], **declared: Any) -> PartPlan:
@@ -72,36 +88,32 @@ def then(target: str) -> TransitionPlan:
     return TransitionPlan(target=target, cause="then")
 
 
+def failed(target: str) -> TransitionPlan:
+    return TransitionPlan(target=target, cause="failed")
+
+
+def after(seconds: float, target: str) -> TransitionPlan:
+    return TransitionPlan(target=target, after=seconds)
+
+
+def on(event: str, target: str) -> TransitionPlan:
+    return TransitionPlan(target=target, event=event)
+
+
 def built_in_states(hover_limit: float = 30.0) -> list[StatePlan]:
     """As the compiler adds them to every vehicle."""
     more: dict[str, Any] = {"built_in": True}
-    failed = TransitionPlan(target="auto_land", cause="failed")
+    waits, land = part("behaviors", "wait_on_ground"), part("behaviors", "land")
+    hover, home = part("behaviors", "hover"), part("behaviors", "go_home")
+    lands = failed("auto_land")
     return [
-        state("landed", part("behaviors", "wait_on_ground"), **more),
-        state("brake", part("behaviors", "brake"), then("hover"), failed, **more),
-        state(
-            "hover",
-            part("behaviors", "hover"),
-            TransitionPlan(target="auto_land", after=hover_limit),
-            failed,
-            **more,
-        ),
-        state(
-            "auto_home",
-            part("behaviors", "go_home"),
-            then("auto_land"),
-            TransitionPlan(target="auto_land", cause="failed"),
-            **more,
-        ),
-        state(
-            "auto_land",
-            part("behaviors", "land"),
-            then("landed"),
-            TransitionPlan(target="land_blind", cause="failed"),
-            **more,
-        ),
+        state("landed", waits, **more),
+        state("brake", part("behaviors", "brake"), then("hover"), lands, **more),
+        state("hover", hover, after(hover_limit, "auto_land"), lands, **more),
+        state("auto_home", home, then("auto_land"), lands, **more),
+        state("auto_land", land, then("landed"), failed("land_blind"), **more),
         state("land_blind", part("behaviors", "land_blind"), then("fault"), **more),
-        state("fault", part("behaviors", "wait_on_ground"), **more),
+        state("fault", waits, **more),
     ]
 
 

@@ -9,14 +9,7 @@ import pytest
 
 pytest.importorskip("pymavlink")
 
-from framing import (
-    ACCEPTED,
-    ARM,
-    SERVO,
-    SET_MODE,
-    TAKEOFF,
-    Framing,
-)
+from framing import ACCEPTED, ARM, SERVO, SET_MODE, TAKEOFF, Framing
 from pymavlink.dialects.v20 import all as mavlink
 from sim_worlds import FRAME
 

@@ -4,10 +4,13 @@ flight told, by vehicle and by name."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-from plans import part, state, then
+from plans import part, state, then, vehicle
 
 from kybflow.core.signals import Event, Failed, Setpoint, SetpointKind, Tick
+from kybflow.dsl.expressions import Expression
+from kybflow.dsl.plan import FaultPlan, VehiclePlan
 from kybflow.parts import AIR, Behavior, Entry
 
 
@@ -39,6 +42,25 @@ def down():
 
 def hold(seconds: float, target: str):
     return state("hold", part("behaviors", "hover", for_time=seconds), then(target))
+
+
+def hovers(seconds: float = 4.0, name: str = "a", height: float = 0.6, **more: Any) -> VehiclePlan:
+    """A vehicle that takes off, holds its place for a while and lands."""
+    return vehicle(name, [up("hold", height), hold(seconds, "down"), down()], **more)
+
+
+def fault(
+    name: str,
+    time: float | None = None,
+    lasts: float | None = None,
+    on: str = "a",
+    when: Expression | None = None,
+    **params: Any,
+) -> FaultPlan:
+    """A fault of the catalog: from a `time` on or `when` a condition holds, for as many seconds as
+    it `lasts`."""
+    own = part("faults", name, **params)
+    return FaultPlan(part=own, vehicle=on, time=time, when=when, duration=lasts, at="m.yaml:9")
 
 
 def path(told: list[Event], name: str) -> list[str]:

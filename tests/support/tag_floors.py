@@ -17,9 +17,8 @@ from kybflow.core.geometry import (
     sub,
 )
 from kybflow.core.signals import NS, Frame, Truth
-from kybflow.vision.optics import Optics
 from kybflow.vision.rendering.drawing import Room
-from kybflow.world.cameras import Camera, Lens
+from kybflow.world.cameras import Camera, Lens, Optics
 from kybflow.world.tags import Tag, TagMap
 
 LENS = Lens(640, 480, 520.0, 520.0, 318.0, 243.0, (-0.12, 0.03, 0.0005, -0.0004, 0.0))
@@ -81,7 +80,7 @@ def still(position, attitude=LEVEL):
 
 
 def frame(room, body, t=0.0, camera=CAMERA, **weakness):
-    from kybflow.vision.optics import Weakness
+    from kybflow.world.cameras import Weakness
 
     return Frame(round(t * NS), camera.name, room.draw(camera, body, Weakness(**weakness)))
 

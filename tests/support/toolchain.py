@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -58,6 +61,35 @@ def flight_of(
     """The flight and its events."""
     events: list[Event] = []
     return fly(plan, RunRequest(out=out, **request), (events.append,), observers), events
+
+
+def succeeds(
+    plan: Plan, out: Path, *observers: Callable[[Any], None], **request: Any
+) -> tuple[Flown, list[Event]]:
+    """The flight, which meets every expectation of its mission, and its events."""
+    flown, told = flight_of(plan, out, *observers, **request)
+    assert [e for e in flown.summary["expectations"] if not e["held"]] == []
+    assert flown.summary["outcome"] == "succeeded", flown.summary
+    return flown, told
+
+
+def program(
+    *words: object,
+    cwd: Path | None = None,
+    path: Sequence[Path] = (),
+    module: str = "kybflow",
+    **environment: str,
+) -> subprocess.CompletedProcess[str]:
+    """A module's run as a program of its own; `path` has the folders that it imports from first."""
+    places = [*map(str, path), os.environ.get("PYTHONPATH", "")]
+    return subprocess.run(
+        [sys.executable, "-m", module, *map(str, words)],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, places)), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # fmt: skip
 
 
 def invoke(*words: object) -> Result:

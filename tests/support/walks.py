@@ -8,15 +8,7 @@ from typing import NamedTuple
 import numpy
 from tag_floors import LENS, grid, still
 
-from kybflow.core.geometry import (
-    Quat,
-    Vec3,
-    conjugate,
-    from_euler,
-    from_heading,
-    multiply,
-    sub,
-)
+from kybflow.core.geometry import Quat, Vec3, conjugate, from_euler, from_heading, multiply, sub
 from kybflow.vision.calibration.model import KnownPoses, Seen, Walk, rotation_vector
 from kybflow.vision.calibration.track import RecordedTrack
 from kybflow.vision.calibration.walk import WalkCalibration

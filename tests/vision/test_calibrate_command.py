@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy
 import pytest
 
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 
-from tag_floors import room, still  # noqa: E402
-from toolchain import MISSIONS, compiled, invoke  # noqa: E402
-from walks import CAMERA, TURN, bodies, pose_at, scene  # noqa: E402
+import cv2
+from tag_floors import room, still
+from toolchain import MISSIONS, compiled, invoke
+from walks import CAMERA, TURN, bodies, pose_at, scene
 
-from kybflow.core.errors import FileError  # noqa: E402
-from kybflow.core.files import File  # noqa: E402
-from kybflow.core.geometry import from_euler, multiply  # noqa: E402
-from kybflow.vision.calibration.pose_table import read_poses  # noqa: E402
-from kybflow.vision.tag_table import read_tags, write_tags  # noqa: E402
+from kybflow.core.errors import FileError
+from kybflow.core.files import File
+from kybflow.core.geometry import from_euler, multiply
+from kybflow.vision.calibration.track import read_poses
+from kybflow.vision.tags import read_tags, write_tags
 
 MISSION = """kybflow: 1
 mission: floor

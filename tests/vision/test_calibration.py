@@ -26,17 +26,9 @@ from walks import (
 from kybflow.cli.printing.calibration import calibration_lines
 from kybflow.core.errors import CalibrationFailed
 from kybflow.vision.calibration.adjust import BELIEVED, adjust
-from kybflow.vision.calibration.frames import WalkFrame
-from kybflow.vision.calibration.model import (
-    LENS,
-    MOUNT,
-    TAGS,
-    KnownPoses,
-    blocks,
-    mounting,
-)
+from kybflow.vision.calibration.model import LENS, MOUNT, TAGS, KnownPoses, blocks, mounting
 from kybflow.vision.calibration.track import rough_offset
-from kybflow.vision.calibration.walk import Standing, WalkCalibration, calibrated
+from kybflow.vision.calibration.walk import Standing, WalkCalibration, WalkFrame, calibrated
 from kybflow.world.tags import TagMap
 
 

@@ -6,18 +6,17 @@ from math import degrees
 
 import pytest
 
-numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
-from hypothesis import given, settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-from tag_floors import CAMERA, grid, lively, misplaced, moved, off, pad, still, truth_at  # noqa: E402
+import numpy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tag_floors import CAMERA, grid, lively, misplaced, moved, off, pad, still, truth_at
 
-from kybflow.core.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub  # noqa: E402
-from kybflow.vision.locating.locate import locate  # noqa: E402
-from kybflow.vision.locating.sight import BodyMotion, TagView  # noqa: E402
-from kybflow.vision.projection import project  # noqa: E402
-from kybflow.world.tags import Tag  # noqa: E402
+from kybflow.core.geometry import LEVEL, conjugate, from_euler, integrate, multiply, sub
+from kybflow.vision.locating.locate import BodyMotion, TagView, locate
+from kybflow.vision.projection import project
+from kybflow.world.tags import Tag
 
 GLOBAL = CAMERA._replace(row_time=0.0)
 OVER = (0.95, 0.95, 1.2)

@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-numpy = pytest.importorskip("numpy")
 pytest.importorskip("cv2")
 
-from tag_floors import (  # noqa: E402
-    CAMERA,
-    frame,
-    grid,
-    lively,
-    misplaced,
-    moved,
-    off,
-    room,
-    still,
-    truth_at,
-)
+import numpy
+from tag_floors import CAMERA, frame, grid, lively, misplaced, moved, off, room, still, truth_at
 
-from kybflow.core.geometry import LEVEL, from_euler  # noqa: E402
-from kybflow.vision.locating.detect import Detector, WideSearch  # noqa: E402
-from kybflow.vision.locating.locator import Locator, Prediction  # noqa: E402
-from kybflow.vision.locating.search import Search, Shapes  # noqa: E402
-from kybflow.vision.locating.sight import BodyMotion  # noqa: E402
-from kybflow.vision.projection import project  # noqa: E402
-from kybflow.world.tags import Tag, TagMap  # noqa: E402
+from kybflow.core.geometry import LEVEL, from_euler
+from kybflow.vision.locating.locate import BodyMotion
+from kybflow.vision.locating.locator import Detector, Locator, Prediction, WideSearch
+from kybflow.vision.locating.search import Search, Shapes
+from kybflow.vision.projection import project
+from kybflow.world.tags import Tag, TagMap
 
 TAGS = grid()
 BODY = still((0.9, 1.0, 1.2), from_euler(0.06, -0.08, 0.7))
@@ -184,6 +172,6 @@ def test_other_families_are_found_as_well(family):
 def test_tags_far_away_are_not_looked_at():
     far = [Tag("36h10", i, 0.195, (50.0 + i % 50, 50.0 + i // 50, 0.0), LEVEL) for i in range(2000)]
     locator = Locator(TagMap([*TAGS, *far]), {"down": CAMERA})
-    near = locator._near(CAMERA, moved(BODY))
+    (*_, near) = next(locator._seen([frame(room(TAGS), BODY)], moved(BODY)))
     assert {tag.family for tag in near} == {"36h11"}
     assert set(whole(TAGS)[0]) <= set(near)

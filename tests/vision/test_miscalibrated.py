@@ -13,8 +13,7 @@ import numpy
 from kybflow.core.geometry import LEVEL, heading_of
 from kybflow.vision.projection import rotation
 from kybflow.vision.rendering.miscalibrated import Setup, miscalibrated
-from kybflow.world.calibration_errors import CalibrationErrors
-from kybflow.world.cameras import Camera, Lens
+from kybflow.world.cameras import CalibrationErrors, Camera, Lens
 from kybflow.world.tags import Tag, TagMap
 
 LAB = CalibrationErrors()

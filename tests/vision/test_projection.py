@@ -7,12 +7,13 @@ from math import sqrt
 
 import pytest
 
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 
-import numpy  # noqa: E402 - after the skip
+import cv2
+import numpy
 
-from kybflow.core.geometry import LEVEL, ZERO, from_euler, rotate  # noqa: E402
-from kybflow.vision.projection import (  # noqa: E402
+from kybflow.core.geometry import LEVEL, ZERO, from_euler, rotate
+from kybflow.vision.projection import (
     coefficients,
     distort,
     matrix,
@@ -22,7 +23,7 @@ from kybflow.vision.projection import (  # noqa: E402
     rotation,
     undistort,
 )
-from kybflow.world.cameras import Camera, Lens  # noqa: E402
+from kybflow.world.cameras import Camera, Lens
 
 BARREL = Lens(640, 480, 460.0, 462.0, 322.0, 238.0, (-0.25, 0.08, 0.001, -0.002, -0.005))
 PINCUSHION = Lens(1280, 720, 900.0, 905.0, 641.0, 355.0, (0.12, -0.05, -0.001, 0.0005, 0.02))

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 
-import numpy  # noqa: E402 - after the skip
-from toolchain import MISSIONS, invoke  # noqa: E402
+import cv2
+import numpy
+from toolchain import MISSIONS, invoke
 
-from kybflow.vision.families import FAMILIES, cells, dictionary  # noqa: E402
-from kybflow.vision.sheets import PAPERS, lay_out, pdf, png, raster  # noqa: E402
+from kybflow.vision.sheets import PAPERS, lay_out, pdf, png, raster
+from kybflow.vision.tags import FAMILIES, cells, dictionary
 
 POINTS = 72.0 / 25.4
 EXACT = 2e-5

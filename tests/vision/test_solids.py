@@ -13,12 +13,12 @@ from test_drawing import find
 
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, norm, scale
 from kybflow.core.signals import Truth
-from kybflow.vision.optics import Optics
 from kybflow.vision.rendering.drawing import Room
-from kybflow.vision.rendering.grid import grid as nodes
-from kybflow.vision.rendering.shutter import Shot
+from kybflow.vision.rendering.shot import Shot
+from kybflow.vision.rendering.shot import grid as nodes
 from kybflow.vision.rendering.solids import Solids, cover, hides
-from kybflow.world.point_cloud import PointCloud
+from kybflow.world.cameras import Optics
+from kybflow.world.scanned import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.world.tags import Tag, TagMap
 

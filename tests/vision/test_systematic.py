@@ -13,13 +13,11 @@ import numpy
 
 from kybflow.core.geometry import Quat, Vec3, conjugate, from_euler, multiply, sub
 from kybflow.flight.fusion.covariance import WANDERING
-from kybflow.vision.locating.locate import Located, locate
-from kybflow.vision.locating.sight import AT_REST, BodyMotion, TagView
+from kybflow.vision.locating.locate import AT_REST, BodyMotion, Located, TagView, locate
 from kybflow.vision.locating.systematic import systematic
 from kybflow.vision.projection import project
 from kybflow.vision.rendering.miscalibrated import Setup, miscalibrated
-from kybflow.world.calibration_errors import CalibrationErrors
-from kybflow.world.cameras import Camera, Lens
+from kybflow.world.cameras import CalibrationErrors, Camera, Lens
 from kybflow.world.tags import Tag, TagMap
 
 ALL = CalibrationErrors()

@@ -68,8 +68,7 @@ def command(
     with refusing("--poses", FileError):
         track = None if poses is None else recorded_track(poses, whose.name)
     try:
-        from kybflow.vision.calibration.frames import recorded
-        from kybflow.vision.calibration.walk import MOST, Standing, calibrated
+        from kybflow.vision.calibration.walk import MOST, Standing, calibrated, recorded
     except ImportError as error:
         raise wrong(None, f"frames need OpenCV ({error}); {WAY_OUT}") from None
     from kybflow.cli.printing.calibration import calibration_lines

@@ -109,7 +109,7 @@ def _requested(
 
 def _numbers(text: str, family: str) -> list[int]:
     """Parse ids such as `0-9,12`. All must be in the family."""
-    from kybflow.vision.families import FAMILIES
+    from kybflow.vision.tags import FAMILIES
 
     if family not in FAMILIES:
         known = ", ".join(FAMILIES)

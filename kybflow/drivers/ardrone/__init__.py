@@ -17,8 +17,7 @@ from kybflow.core.signals import Battery, CommandKind, Imu, Odometry
 from kybflow.drivers.ardrone.control.acts import ACTS
 from kybflow.drivers.ardrone.params import ArdroneLinkParams, ArdroneParams
 from kybflow.parts import Claim, Driver, Objection, Seat, Session
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, Parcel
+from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel
 
 if TYPE_CHECKING:
     import random

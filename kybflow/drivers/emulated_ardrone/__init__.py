@@ -18,8 +18,7 @@ from kybflow.drivers.ardrone import CLIMB_TIME, Ardrone
 from kybflow.drivers.ardrone.params import ArdroneLinkParams
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe
+from kybflow.world.vehicle_context import Airframe, InnerLoop
 
 if TYPE_CHECKING:
     import random

@@ -25,10 +25,9 @@ from kybflow.core.signals import (
 from kybflow.drivers.kinematic.motion import KinematicState, moved, stopped
 from kybflow.parts import ActiveFaults, Link, Seat, Session
 from kybflow.parts.link import Touch
-from kybflow.world.battery import BatteryCharge
 from kybflow.world.ground import FLOOR
 from kybflow.world.shapes import Shape, Sphere
-from kybflow.world.vehicle_context import LEGS
+from kybflow.world.vehicle_context import LEGS, BatteryCharge
 
 BATTERY_PERIOD: Time = NS // 10
 """Period of battery reports."""

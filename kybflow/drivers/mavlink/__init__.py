@@ -21,8 +21,7 @@ from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
 from kybflow.parts import Claim, Driver, Objection, Seat, Session
-from kybflow.world.inner_loop import InnerLoop, attitude_loop
-from kybflow.world.vehicle_context import Airframe, Parcel
+from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel, attitude_loop
 
 if TYPE_CHECKING:
     import random

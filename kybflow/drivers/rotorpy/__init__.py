@@ -25,8 +25,7 @@ from kybflow.core.units import Number
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.parts import Driver, Seat, Session, param, params
 from kybflow.parts.base import Objection
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, Parcel
+from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel
 
 if TYPE_CHECKING:
     import random

@@ -30,8 +30,7 @@ from kybflow.core.units import (
     Velocity,
 )
 from kybflow.parts import Charge, Driver, Seat, Session, param, params
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe
+from kybflow.world.vehicle_context import Airframe, InnerLoop
 
 if TYPE_CHECKING:
     import random

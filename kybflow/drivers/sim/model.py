@@ -19,8 +19,16 @@ from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.world.moving_sphere import MovingSphere
-from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Scanned, Sphere, parts_of
+from kybflow.world.shapes import (
+    Box,
+    Convex,
+    Cylinder,
+    MovingSphere,
+    Plane,
+    Scanned,
+    Sphere,
+    parts_of,
+)
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 FIRST_BODY = 1

@@ -22,7 +22,7 @@ from kybflow.flight.loops.design import (
 )
 from kybflow.flight.loops.margins import Margins, in_words
 from kybflow.flight.loops.response import OuterLoop
-from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import InnerLoop
 
 GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"
 _SWINGS = Margins(1.1, radians(10.0), 0.0)

@@ -12,7 +12,7 @@ from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_nee
 from kybflow.dsl.checks.space import footprints, shown_point
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.world import Obstacle
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 
 
 class _Way(NamedTuple):

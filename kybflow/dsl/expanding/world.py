@@ -54,14 +54,10 @@ from kybflow.dsl.world import (
     Tags,
     World,
 )
-from kybflow.vision.families import FAMILIES
-from kybflow.vision.tag_table import read_tags
-from kybflow.world.columns import Columns
-from kybflow.world.moving_sphere import MovingSphere
-from kybflow.world.occupancy_map import occupied_places, read_image, read_info
-from kybflow.world.point_cloud import FARTHEST, METRES, MOST, PointCloud, placed, thinned
-from kybflow.world.point_cloud_file import read_points
-from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.vision.tags import FAMILIES, read_tags
+from kybflow.world.obstacle_files import occupied_places, read_image, read_info, read_points
+from kybflow.world.scanned import FARTHEST, METRES, MOST, Columns, PointCloud, placed, thinned
+from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
 from kybflow.world.tags import Tag
 
 CODES = {

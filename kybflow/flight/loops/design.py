@@ -28,7 +28,7 @@ from kybflow.core.params import param, params
 from kybflow.core.units import Number
 from kybflow.flight.loops.margins import UNSTABLE, Margins, margins
 from kybflow.flight.loops.response import OuterLoop, horizontal, on_board, vertical
-from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import InnerLoop
 
 Gains = tuple[float, float, float]
 """Proportional, derivative and integral gain: P, D and I."""

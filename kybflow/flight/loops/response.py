@@ -1,9 +1,9 @@
 """The frequency response of the position loop that the law of `geometric` closes.
 
 Near hover, the acceleration is g times the tilt. Horizontally, the plant is a double integrator
-with rotor drag c, driven by the on-board attitude loop (`kybflow.world.inner_loop`). Its rotors
-respond as 1 / (T s + 1) after a dead time, together A, and its gyroscope has a filter F. With the
-tilt x and the command u,
+with rotor drag c, driven by the on-board attitude loop (`AttitudeLoop`). Its rotors respond as
+1 / (T s + 1) after a dead time, together A, and its gyroscope has a filter F. With the tilt x and
+the command u,
 
     x s^2 = A (u - (P + I / s) x - D F s x),    u = (P + I / s) attitude + D rates.
 
@@ -30,7 +30,7 @@ from kybflow.core.matrices import eigenvalues2, eigenvalues3
 from kybflow.flight.disturbance import WASHOUT
 from kybflow.flight.loops.margins import Response
 from kybflow.flight.tracked_pose import TrackedParams
-from kybflow.world.inner_loop import InnerLoop
+from kybflow.world.vehicle_context import InnerLoop
 
 FILTERS = TrackedParams()
 

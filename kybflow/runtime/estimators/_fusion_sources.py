@@ -14,7 +14,7 @@ from kybflow.flight.fusion.covariance import Matrix
 from kybflow.flight.fusion.jitter import Jitter
 from kybflow.flight.fusion.params import FilterParams
 from kybflow.flight.fusion.replay import Belief, Fix
-from kybflow.world.calibration_errors import CalibrationErrors
+from kybflow.world.cameras import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class _Tags:
         return [fix for fix in fixes if fix is not None]
 
     def _fix(self, frames: Sequence[Frame], time: Time) -> Fix | None:
-        from kybflow.vision.locating.sight import AT_REST
+        from kybflow.vision.locating.locate import AT_REST
         from kybflow.vision.locating.systematic import systematic
 
         belief = self._believed(time)
@@ -134,8 +134,8 @@ class _Tags:
     def _predicted(self, belief: Belief) -> Prediction:
         """Return the pose that is expected to be measured, including the systematic error of the
         last one."""
+        from kybflow.vision.locating.locate import BodyMotion
         from kybflow.vision.locating.locator import Prediction
-        from kybflow.vision.locating.sight import BodyMotion
 
         where, rates, spread, turned, errs = belief
         position, attitude = where.position, where.attitude

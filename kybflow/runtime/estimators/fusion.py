@@ -54,7 +54,7 @@ from kybflow.core.signals import (
 )
 from kybflow.flight.fusion.params import FilterParams
 from kybflow.parts import Estimator, params
-from kybflow.world.calibration_errors import CalibrationErrors
+from kybflow.world.cameras import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ from kybflow.flight.pose_gate import ACCELERATION, LOOK_AHEAD, Bounds, PoseGate,
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
 from kybflow.vision import OPENCV
-from kybflow.world.calibration_errors import CalibrationErrors
+from kybflow.world.cameras import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class TagCamera(Estimator[TagCameraParams]):
 
     def _spread_of(self, located: Located, prediction: Prediction | None) -> float:
         """Return the standard deviation (m) of a pose's position along an axis."""
-        from kybflow.vision.locating.sight import AT_REST
+        from kybflow.vision.locating.locate import AT_REST
         from kybflow.vision.locating.systematic import systematic
 
         motion = AT_REST if prediction is None else prediction.motion
@@ -138,8 +138,8 @@ class TagCamera(Estimator[TagCameraParams]):
     def _predicted(self, time: Time, t: float) -> Prediction | None:
         """Return the predicted pose of the vehicle when a frame is taken: the declared start before
         the first pose, None once the pose is unknown. t: seconds since the last pose."""
+        from kybflow.vision.locating.locate import BodyMotion
         from kybflow.vision.locating.locator import Prediction
-        from kybflow.vision.locating.sight import BodyMotion
 
         track = self._track
         if track.count == 0:

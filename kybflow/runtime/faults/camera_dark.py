@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from kybflow.core.signals import Frame
 from kybflow.parts import Effect, Fault, params
-from kybflow.vision.optics import Weakness
+from kybflow.world.cameras import Weakness
 
 
 @params

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from kybflow.core.signals import Frame
 from kybflow.core.units import Position
 from kybflow.parts import Effect, Fault, param, params
-from kybflow.vision.optics import Weakness
+from kybflow.world.cameras import Weakness
 
 
 @params

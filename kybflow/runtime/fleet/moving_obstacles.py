@@ -22,7 +22,7 @@ from kybflow.parts.events import ObstacleFound, ObstacleLost
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.bodies import STILL, WAVERS
 from kybflow.runtime.monitoring.sensing import AHEAD
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 
 LOST: Time = NS // 2
 """How long an obstacle may be unseen before it is lost."""

@@ -24,8 +24,7 @@ from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, outer_lo
 from kybflow.flight.governor import shortened
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.parts import Tracker, param, params
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 
 @params

@@ -27,13 +27,13 @@ from typing import Literal
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
 from kybflow.core.matrices import transform
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.core.units import Matrix, Number
+from kybflow.core.units import Number
+from kybflow.flight.fusion.covariance import Matrix
 from kybflow.flight.loops.response import OuterLoop, stiffness
 from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 
 @params

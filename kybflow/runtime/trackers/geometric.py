@@ -55,8 +55,7 @@ from kybflow.core.signals import Command, CommandKind, MeasurementKind, Setpoint
 from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, outer_loop, used_by
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.parts import Tracker
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 
 class Geometric(Tracker[GeometricParams]):

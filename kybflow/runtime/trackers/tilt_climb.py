@@ -25,8 +25,7 @@ from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Damping, L
 from kybflow.flight.loops.design import FASTEST, DesignedGains, completed
 from kybflow.flight.loops.response import OuterLoop
 from kybflow.parts import Tracker, param, params
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 LONGEST_STEP = 0.04
 """Longest step in seconds that is integrated."""

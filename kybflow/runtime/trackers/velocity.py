@@ -26,8 +26,7 @@ from kybflow.flight.loops.response import OuterLoop
 from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params
-from kybflow.world.inner_loop import InnerLoop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 
 @params

@@ -24,7 +24,9 @@ _PR_SET_PDEATHSIG = 1
 
 def main(system: str, settings: dict[str, str]) -> None:
     """Write frames to stdout until the reader closes it."""
-    _end_with_parent()
+    with contextlib.suppress(AttributeError, OSError):  # Linux only
+        # end with the thread that started this process, even if the library blocks forever
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # the library prints to stdout
     with contextlib.suppress(BrokenPipeError, KeyboardInterrupt):
@@ -37,23 +39,14 @@ def main(system: str, settings: dict[str, str]) -> None:
             capture = motioncapture.connect(system, settings)
             while True:
                 capture.waitForNextFrame()
-                frame = {name: _numbers(body) for name, body in capture.rigidBodies.items()}
+                frame: dict[str, list[float]] = {}
+                for name, body in capture.rigidBodies.items():
+                    q = body.rotation
+                    frame[name] = [float(x) for x in (*body.position, q.w, q.x, q.y, q.z)]
                 if frame:
                     _write(out, [time.monotonic_ns(), frame])
         except RuntimeError as error:
             _write(out, str(error))
-
-
-def _end_with_parent() -> None:
-    """Make this process end with the thread that started it, even if the library blocks forever."""
-    with contextlib.suppress(AttributeError, OSError):  # Linux only
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def _numbers(body: object) -> list[float]:
-    q = body.rotation  # type: ignore[attr-defined]
-    position = body.position  # type: ignore[attr-defined]
-    return [float(x) for x in (*position, q.w, q.x, q.y, q.z)]
 
 
 def _write(out: IO[str], what: object) -> None:

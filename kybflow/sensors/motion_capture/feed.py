@@ -8,37 +8,27 @@ import selectors
 import subprocess
 import sys
 import threading
-from collections import deque
 from collections.abc import Mapping
 
 from kybflow.core.errors import described
 from kybflow.core.signals import Time
-from kybflow.sensors._stream import TrackerPose
-from kybflow.sensors._waker import CHUNK, Waker
+from kybflow.sensors._stream import CHUNK, PoseSource, TrackerPose, Waker
 
 SILENT = 10.0
 """Seconds without data after which the process is restarted."""
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 8.0
 """Pauses before a restart, seconds; doubled as long as no frame arrives."""
-MOST_POSES = 2000
-"""Largest number of unread poses; older ones are dropped."""
 
 
-class BodySubscription:
-    """A subscription to one body of a system. It must be closed after use."""
+class BodySubscription(PoseSource):
+    """A subscription to one body of a system."""
 
     def __init__(self, feed: Feed, body: str) -> None:
+        super().__init__()
         self.body = body
-        self.poses: deque[TrackerPose] = deque(maxlen=MOST_POSES)
         self._feed = feed
 
-    def take(self) -> list[TrackerPose]:
-        """Return the poses that arrived since the last call, oldest first."""
-        poses = self.poses
-        return [poses.popleft() for _ in range(len(poses))]
-
     def trouble(self) -> str | None:
-        """Return why no poses arrive; None if they do."""
         return self._feed.trouble(self.body)
 
     def close(self) -> None:
@@ -156,7 +146,7 @@ _lock = threading.Lock()
 
 
 def subscribe(system: str, settings: Mapping[str, str], body: str) -> BodySubscription:
-    """Return a subscription to a body, served by the single process of its system."""
+    """Return a subscription to a body. One process serves all bodies of a motion-capture system."""
     key = system, json.dumps(settings, sort_keys=True)
     with _lock:
         feed = _feeds.get(key)

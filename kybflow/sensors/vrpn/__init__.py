@@ -55,7 +55,7 @@ class Vrpn(Sensor[VrpnParams]):
 
     @classmethod
     def objection(cls, params: VrpnParams, cameras: Mapping[str, Camera]) -> Objection | None:
-        from kybflow.sensors.vrpn.link import read_address
+        from kybflow.sensors.vrpn.client import read_address
 
         try:
             read_address(params.host, params.opening == "direct")
@@ -80,8 +80,7 @@ class Vrpn(Sensor[VrpnParams]):
     def open(
         cls, params: VrpnParams, context: VehicleContext, link: Link, generator: random.Random
     ) -> Stream:
-        from kybflow.sensors.vrpn.client import subscribe
-        from kybflow.sensors.vrpn.link import read_address
+        from kybflow.sensors.vrpn.client import read_address, subscribe
 
         address = read_address(params.host, params.opening == "direct")
         body = context.vehicle if params.body is None else params.body

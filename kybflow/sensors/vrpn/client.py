@@ -8,20 +8,163 @@ reason.
 
 from __future__ import annotations
 
+import re
+import selectors
+import socket
+import struct
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.sensors._stream import TrackerPose
-from kybflow.sensors._waker import Waker
-from kybflow.sensors.vrpn.codec import PING, CodecError, PoseReport
-from kybflow.sensors.vrpn.link import Connection, ServerAddress
-from kybflow.sensors.vrpn.peer import Peer, SenderMessage
+from kybflow.sensors._stream import CHUNK, PoseSource, TrackerPose, Waker
+from kybflow.sensors.vrpn.codec import (
+    COOKIE,
+    PING,
+    PORT,
+    CodecError,
+    Peer,
+    PoseReport,
+    SenderMessage,
+    encode_lob,
+)
+
+TIMEOUT = 2.0
+"""Seconds to wait for a server's answer. Requests by datagram must be at least this far apart."""
+_AT_ONCE = struct.pack("ii", 1, 0)
+"""Value of SO_LINGER with which a socket closes by a reset when the server has gone, so that a new
+server can use the port at once. The C++ server doesn't set SO_REUSEADDR and would have to wait for
+a minute."""
+_ADDRESS = re.compile(r"(?:(tcp)://)?([^\s:/@\[\]]+|\[[0-9A-Fa-f:.]+\])(?::(\d{1,5}))?")
+
+
+class ServerAddress(NamedTuple):
+    """The address of a server. direct: connect by TCP (VRPN's `tcp://HOST`); otherwise request a
+    TCP call-back by datagram, and receive poses as datagrams (VRPN's `HOST`)."""
+
+    host: str
+    port: int = PORT
+    direct: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def read_address(text: str, direct: bool) -> ServerAddress:
+    """Return the address written as `HOST`, `HOST:PORT` or, if `direct`, `tcp://HOST:PORT`. Raises
+    DriverError if it is invalid."""
+    match = _ADDRESS.fullmatch(text.strip())
+    port = int(match[3] or PORT) if match else 0
+    if match is None or not 0 < port < 65536:
+        raise DriverError(f"`{text}` is no VRPN server: write `HOST` or `HOST:{PORT}`")
+    if match[1] and not direct:
+        raise DriverError(f"`{text}` asks for TCP alone: leave out `tcp://` or `opening: lob`")
+    return ServerAddress(match[2].strip("[]"), port, direct)
+
+
+class Connection:
+    """An open connection. here: the local address that receives datagrams; None without
+    datagrams."""
+
+    def __init__(self, address: ServerAddress, waker: Waker) -> None:
+        """Connect. Raises OSError if there is no server, and InterruptedError if `waker` is ended
+        during the attempt."""
+        self.here: tuple[str, int] | None = None
+        self._datagrams: socket.socket | None = None
+        self._waker = waker
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(waker.receiver, selectors.EVENT_READ)
+        self._stream: socket.socket | None = None
+        try:
+            if address.direct:
+                self._stream = socket.create_connection((address.host, address.port), TIMEOUT)
+            else:
+                self._stream = self._ask(address)
+            self._stream.settimeout(TIMEOUT)
+            self._stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._server = self._stream.getpeername()[0]
+            self._stream.sendall(COOKIE)
+            self._selector.register(self._stream, selectors.EVENT_READ)
+        except BaseException:
+            self.close()
+            raise
+
+    def send(self, data: bytes) -> None:
+        """Send data over TCP. Raises OSError."""
+        if self._stream is not None and data:
+            self._stream.sendall(data)
+
+    def wait(self, seconds: float) -> tuple[bytes, list[bytes]]:
+        """Wait for data for at most `seconds`. Return the bytes from TCP, and the datagrams; both
+        are empty after a timeout or a wake-up. Raises OSError when the connection is lost."""
+        stream, datagrams = b"", []
+        for key, _ in self._selector.select(seconds):
+            if key.fileobj is self._waker.receiver:
+                self._waker.drain()
+            elif key.fileobj is self._datagrams:
+                datagrams = self._drain()
+            elif self._stream is not None:
+                stream = self._stream.recv(CHUNK)
+                if not stream:
+                    self._stream.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
+                    raise ConnectionResetError("the server closed the connection")
+        return stream, datagrams
+
+    def close(self) -> None:
+        self._selector.close()
+        for opened in (self._stream, self._datagrams):
+            if opened is not None:
+                opened.close()
+
+    def _drain(self) -> list[bytes]:
+        """Return the datagrams that have arrived from the server, at most 100."""
+        received: list[bytes] = []
+        while self._datagrams is not None and len(received) < 100:
+            try:
+                data, (sender, *_) = self._datagrams.recvfrom(CHUNK)
+            except BlockingIOError:
+                break
+            if sender == self._server:
+                received.append(data)
+        return received
+
+    def _ask(self, address: ServerAddress) -> socket.socket:
+        """Request a call-back by datagram. Return the socket on which the server connects."""
+        family, _, _, _, place = socket.getaddrinfo(
+            address.host, address.port, type=socket.SOCK_DGRAM
+        )[0]
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect(place)  # sends nothing, but selects our address
+            own = probe.getsockname()[0]
+        self._datagrams = socket.socket(family, socket.SOCK_DGRAM)
+        self._datagrams.setblocking(False)
+        self._datagrams.bind((own, 0))
+        self.here = (own, self._datagrams.getsockname()[1])
+        with socket.socket(family, socket.SOCK_STREAM) as listener:
+            listener.bind((own, 0))
+            listener.listen(1)
+            self._datagrams.sendto(encode_lob(own, listener.getsockname()[1]), place)
+            stream = self._called(listener)
+        self._selector.register(self._datagrams, selectors.EVENT_READ)
+        return stream
+
+    def _called(self, listener: socket.socket) -> socket.socket:
+        with selectors.DefaultSelector() as selector:
+            selector.register(listener, selectors.EVENT_READ)
+            selector.register(self._waker.receiver, selectors.EVENT_READ)
+            deadline = time.monotonic() + TIMEOUT
+            while (left := deadline - time.monotonic()) > 0.0:
+                ready = [key.fileobj for key, _ in selector.select(left)]
+                if listener in ready:
+                    return listener.accept()[0]
+                self._waker.drain()
+                if self._waker.ended.is_set():
+                    raise InterruptedError("closed while it was opened")
+        raise TimeoutError("no server answered the request to call back")
+
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
 """Seconds between the starts of two attempts to connect: the first value, doubled after each
@@ -32,8 +175,6 @@ SILENT: Time = 5 * NS
 REORDERED: Time = NS // 5
 """A time stamp that is older than the last by less than this belongs to a reordered message. A
 larger step back means that the server's clock was set."""
-MOST_POSES = 2000
-"""Largest number of unread poses; older ones are dropped."""
 
 
 class Key(NamedTuple):
@@ -41,21 +182,15 @@ class Key(NamedTuple):
     sensor: int
 
 
-class VrpnSubscription:
-    """A subscription to one sensor of a body at a server. It must be closed after use."""
+class VrpnSubscription(PoseSource):
+    """A subscription to one sensor of a body at a server."""
 
     def __init__(self, client: Client, key: Key) -> None:
+        super().__init__()
         self.key = key
-        self.poses: deque[TrackerPose] = deque(maxlen=MOST_POSES)
         self._client = client
 
-    def take(self) -> list[TrackerPose]:
-        """Return the poses that arrived since the last call, oldest first."""
-        poses = self.poses
-        return [poses.popleft() for _ in range(len(poses))]
-
     def trouble(self) -> str | None:
-        """Return why no poses arrive; None if they do."""
         return self._client.trouble(self.key)
 
     def close(self) -> None:
@@ -113,7 +248,9 @@ class Client:
             which = ", ".join(map(str, others))
             return f"`{key.body}` has no sensor {key.sensor}, but {which}"
         bodies = sorted({other.body for other in sensors})
-        return f"{self.address} sends no `{key.body}`, but {_listed(bodies)}"
+        names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
+        more = f" and {len(bodies) - 8} more" if len(bodies) > 8 else ""
+        return f"{self.address} sends no `{key.body}`, but {names}{more}"
 
     def _run(self) -> None:
         pause = FIRST_PAUSE
@@ -212,16 +349,11 @@ _lock = threading.Lock()
 
 
 def subscribe(address: ServerAddress, body: str, sensor: int) -> VrpnSubscription:
-    """Return a subscription to a body's sensor, served by the single connection to its server."""
+    """Return a subscription to a sensor of a body. All subscriptions at a server share one
+    connection."""
     with _lock:
         client = _clients.get(address)
         if client is None:
             client = _clients[address] = Client(address)
             client.start()
         return client.add(Key(body, sensor))
-
-
-def _listed(bodies: list[str]) -> str:
-    """Return a list of names as text, such as "`a`, `b` and 3 more"."""
-    names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
-    return f"{names} and {len(bodies) - 8} more" if len(bodies) > 8 else names

@@ -17,8 +17,8 @@ from kybflow.core.geometry import LEVEL, Vec3, add, integrate
 from kybflow.core.signals import Measurement, Pose, Time
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Driver, Link, Seat, Session
-from kybflow.sensors._simulated_ball import SimulatedBall
 from kybflow.sensors.simulated_motion_capture import (
+    SimulatedBall,
     SimulatedMotionCaptureParams,
     SimulatedPoses,
 )
@@ -109,7 +109,12 @@ class _Balls:
         self._publish = publish
         self._streams = {
             ball.body or name: SimulatedBall(
-                ball, partial(_poses, generator=random.Random(f"published {name}"))
+                ball,
+                partial(
+                    SimulatedPoses,
+                    SimulatedMotionCaptureParams(),
+                    generator=random.Random(f"published {name}"),
+                ),
             )
             for name, ball in plan.moving.items()
         }
@@ -120,10 +125,6 @@ class _Balls:
             for pose in stream.read(now):
                 if type(pose) is Pose:
                     self._publish(body, pose)
-
-
-def _poses(link: Link, generator: random.Random) -> SimulatedPoses:
-    return SimulatedPoses(SimulatedMotionCaptureParams(), link, generator)
 
 
 def _tap(link: Link, name: str, publish: Publish, balls: _Balls) -> None:

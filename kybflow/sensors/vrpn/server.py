@@ -17,22 +17,23 @@ from functools import partial
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import Time
-from kybflow.sensors._waker import CHUNK, Waker
+from kybflow.sensors._stream import CHUNK, Waker
 from kybflow.sensors.vrpn.codec import (
     COOKIE,
     PING,
     PONG,
+    PORT,
     POSE,
     SENDER,
     TEXT,
     CodecError,
+    Peer,
     PoseReport,
+    SenderStatus,
     decode_lob,
     describe,
     encode_pose,
 )
-from kybflow.sensors.vrpn.link import PORT
-from kybflow.sensors.vrpn.peer import Peer, SenderStatus
 
 MOST_WAITING = 1 << 16
 """Number of bytes that a client may leave unread in the server's buffer, and as many in the

@@ -46,8 +46,8 @@ BELIEVED: Mapping[str, float] = {
     "velocity": 0.3,
     "rates": 0.5,
 }
-"""Prior standard deviation of each kind, in pixels, metres, radians, seconds, m/s or rad/s;
-relative for the focal length."""
+"""Prior standard deviation of each kind of residual, in pixels, metres, radians, seconds, m/s or
+rad/s; relative for the focal length."""
 _LEAST = {
     "corners": 0.02,
     "reference position": 1e-4,
@@ -75,8 +75,8 @@ _DONE = 1e-7
 
 
 class Adjusted(NamedTuple):
-    """A solution. x: the corrections. sigma: the standard deviation of each kind. used: for each
-    kind, which residuals are not outliers."""
+    """The solution of a bundle adjustment. x: the corrections. sigma: the standard deviation of
+    each kind of residual. used: for each kind, a mask of the residuals that are not outliers."""
 
     x: Array
     covariance: Array

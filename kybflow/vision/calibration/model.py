@@ -197,7 +197,9 @@ def blocks(walk: Walk, x: Array, sigma: Mapping[str, float]) -> Iterator[Block]:
 def _corners(walk: Walk, x: Array, sigma: float) -> Block:
     seen, lens = walk.seen, corrected_lens(walk.camera.lens, x)
     shift = x[TAGS : walk.frames].reshape(-1, TAG)[seen.tag]
-    arm = _about_vertical(shift[:, 3], walk.corners[seen.tag, seen.corner])
+    cosine, sine = numpy.cos(shift[:, 3]), numpy.sin(shift[:, 3])
+    qx, qy, qz = walk.corners[seen.tag, seen.corner].T
+    arm = numpy.stack((cosine * qx - sine * qy, sine * qx + cosine * qy, qz), axis=-1)
     at, turn, motion = (part[seen.frame] for part in poses(walk, x))
     at, turn = at + walk.late * motion[:, :3], turned(turn, walk.late * motion[:, 3:])
     c = numpy.einsum("kji,kj->ki", turn, walk.centres[seen.tag] + shift[:, :3] + arm - at)
@@ -302,12 +304,6 @@ def _beliefs(walk: Walk, x: Array, sigma: Mapping[str, float]) -> Iterator[Block
         unit = numpy.arange(len(columns))
         slope = _eyes(len(columns), columns.shape[1]) / sigma[kind]
         yield Block(kind, x[columns] / sigma[kind], unit, columns, slope)
-
-
-def _about_vertical(angle: Array, vector: Array) -> Array:
-    cosine, sine = numpy.cos(angle), numpy.sin(angle)
-    x, y, z = vector.T
-    return numpy.stack((cosine * x - sine * y, sine * x + cosine * y, z), axis=-1)
 
 
 def skew(vector: Array) -> Array:

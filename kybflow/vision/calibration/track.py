@@ -1,7 +1,17 @@
 """The poses of a body from motion capture at the times of frames.
 
-The clocks of the two differ. A grid search finds the offset with the smallest median distance
-between the positions from tags and the track; the bundle adjustment then refines it.
+The poses come from a table (`kybflow.core.tables`), with one row per pose in order of time:
+
+    time, x, y, z, qw, qx, qy, qz
+    0.00, 1.0, 2.0, 1.1, 1, 0, 0, 0
+    ...
+
+The quaternion turns from the body to the world. Columns `roll`, `pitch` and `heading`, each with
+its unit, may replace it. Errors in a table raise FileError, which names the line.
+
+The clock of the poses differs from that of the frames. A grid search finds the offset with the
+smallest median distance between the positions from tags and the track; the bundle adjustment then
+refines it.
 """
 
 from __future__ import annotations
@@ -11,6 +21,10 @@ from typing import Any, NamedTuple
 import numpy
 from numpy.typing import NDArray
 
+from kybflow.core.errors import FileError
+from kybflow.core.geometry import Quat, Vec3, from_euler
+from kybflow.core.tables import header_line, need, read_table
+from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, Dimension
 from kybflow.vision.calibration.model import KnownPoses, rotation_vector
 
 Array = NDArray[Any]
@@ -70,3 +84,43 @@ def rough_offset(track: RecordedTrack, times: Array, positions: Array) -> float 
 
 def _positions(track: RecordedTrack, at: Array) -> Array:
     return numpy.stack([numpy.interp(at, track.time, axis) for axis in track.position.T], axis=-1)
+
+
+_QUATERNION = ("qw", "qx", "qy", "qz")
+_ANGLES = ("roll", "pitch", "heading")
+_COLUMNS: dict[str, Dimension | None] = {
+    "time": DURATION,
+    **dict.fromkeys(("x", "y", "z"), LENGTH),
+    **dict.fromkeys(_QUATERNION, NUMBER),
+    **dict.fromkeys(_ANGLES, ANGLE),
+}
+_LIKE = "time, x, y, z, qw, qx, qy, qz"
+_UNIT = 0.01
+"""Largest deviation of a quaternion's squared norm from 1."""
+
+
+def read_poses(text: str) -> RecordedTrack:
+    """Return the poses of a table: at least two, at increasing times. Raises FileError."""
+    table = read_table(text, _COLUMNS, "poses", _LIKE)
+    turns = _ANGLES if any(name in table.columns for name in _ANGLES) else _QUATERNION
+    need(table, ("time", "x", "y", "z", *turns), header_line(text))
+    times: list[float] = []
+    positions: list[Vec3] = []
+    attitudes: list[Quat] = []
+    for line, numbers, _ in table.rows:
+        if times and numbers["time"] <= times[-1]:
+            raise FileError("the times don't grow", line)
+        times.append(numbers["time"])
+        positions.append((numbers["x"], numbers["y"], numbers["z"]))
+        if turns is _ANGLES:
+            attitudes.append(from_euler(*(numbers[name] for name in _ANGLES)))
+            continue
+        w, x, y, z = (numbers[name] for name in _QUATERNION)
+        square = w * w + x * x + y * y + z * z
+        if abs(square - 1.0) > _UNIT:
+            raise FileError(f"the quaternion's length is {square**0.5:.2f}, not 1", line)
+        scale = square**-0.5
+        attitudes.append((w * scale, x * scale, y * scale, z * scale))
+    if len(times) < 2:
+        raise FileError(f"it has {len(times)} poses; two are the least")
+    return RecordedTrack(*(numpy.array(part) for part in (times, positions, attitudes)))

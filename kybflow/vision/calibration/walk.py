@@ -1,4 +1,8 @@
-"""Computes the corrections of lens, mount and map from the frames of a walk.
+"""Computes the corrections of lens, mount and map from the frames of a recorded walk.
+
+The frames are a video, or a folder of images ordered by name. The walk is divided into sections,
+and the sharpest frame of each section is used. The times of a video count from its first frame; the
+time of an image is the number of seconds at the start of its name.
 
 First the tags are detected in each frame without using their positions in the map, so that
 displaced tags are found too, and corrections are computed from these corners, which are accurate to
@@ -9,17 +13,20 @@ pose, from its start position in the first frame or from motion capture.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import cv2
 import numpy
 from numpy.typing import NDArray
 
 from kybflow.core.errors import CalibrationFailed
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, add, from_axes, from_heading, multiply
 from kybflow.vision.calibration.adjust import BELIEVED, Adjusted, adjust
-from kybflow.vision.calibration.frames import WalkFrame
 from kybflow.vision.calibration.model import (
     LENS,
     MOUNT,
@@ -33,13 +40,73 @@ from kybflow.vision.calibration.model import (
     poses,
 )
 from kybflow.vision.calibration.track import RecordedTrack, reference_at, rough_offset
-from kybflow.vision.locating.detect import Detector
-from kybflow.vision.locating.locate import acquire
+from kybflow.vision.images import grey
+from kybflow.vision.locating.locate import AT_REST, Sight, TagView, acquire
+from kybflow.vision.locating.locator import Detector
 from kybflow.vision.locating.search import Search, Shapes
-from kybflow.vision.locating.sight import AT_REST, Sight, TagView
 from kybflow.vision.projection import rotation
 from kybflow.world.cameras import Camera
-from kybflow.world.tags import Tag, TagMap
+from kybflow.world.tags import Key, Tag, TagMap
+
+_IMAGES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp"})
+_SECONDS = re.compile(r"\d+(\.\d+)?")
+
+
+class WalkFrame(NamedTuple):
+    """A grey image, and the time at which it was taken, seconds; NaN if unknown."""
+
+    time: float
+    image: NDArray[Any]
+
+
+class WalkFrames(NamedTuple):
+    """The selected frames of a walk, and the number of all its frames."""
+
+    frames: list[WalkFrame]
+    total: int
+
+
+def recorded(path: Path, camera: Camera, most: int) -> WalkFrames:
+    """Return the sharpest frames of a video or folder, `most` at most. Raises CalibrationFailed if
+    there are none or one can't be read, and DriverError if one doesn't have the camera's size."""
+    sharp = [cv2.Laplacian(f.image, cv2.CV_32F).var() for f in _frames(path, camera)]
+    if not sharp:
+        raise CalibrationFailed(f"`{path}` has no frames")
+    stretches = numpy.array_split(numpy.arange(len(sharp)), min(most, len(sharp)))
+    best = {int(part[numpy.argmax([sharp[i] for i in part])]) for part in stretches}
+    frames = [frame for i, frame in enumerate(_frames(path, camera)) if i in best]
+    return WalkFrames(frames, len(sharp))
+
+
+def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:
+    images = _images(path) if path.is_dir() else _video(path)
+    return (WalkFrame(time, grey(image, camera)) for time, image in images)
+
+
+def _images(folder: Path) -> Iterator[tuple[float, NDArray[Any]]]:
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() not in _IMAGES:
+            continue
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise CalibrationFailed(f"`{path}` is no image")
+        said = _SECONDS.match(path.stem)
+        yield float(said[0]) if said else nan, image
+
+
+def _video(path: Path) -> Iterator[tuple[float, NDArray[Any]]]:
+    capture = cv2.VideoCapture(str(path))
+    try:
+        if not capture.isOpened():
+            raise CalibrationFailed(f"`{path}` is no video")
+        while True:
+            found, image = capture.read()
+            if not found:
+                return
+            yield 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC), image
+    finally:
+        capture.release()
+
 
 Array = NDArray[Any]
 
@@ -150,41 +217,32 @@ def _observed(
 ) -> tuple[Walk, list[WalkFrame]]:
     """Detect the map's tags. Return the walk, and the frames that show at least two tags."""
     detector = Detector(tags.families)
-    found = [_known(detector, frame.image, tags) for frame in frames]
-    keys = {tag.key for one in found for tag, _ in one}
+    position, mount = mounting(camera, numpy.zeros(TAGS))
+    keys: set[Key] = set()
+    views: list[TagView] = []
+    shown: list[WalkFrame] = []
+    lenses: list[tuple[Array, Array]] = []
+    for frame in frames:
+        found = ((tags.get(one.family, one.id), one.corners) for one in detector.find(frame.image))
+        known = {tag: corners for tag, corners in found if tag is not None}
+        keys.update(tag.key for tag in known)
+        view = TagView(camera, list(known), numpy.array(list(known.values())))
+        fit = acquire([Sight(view, AT_REST)], None) if len(known) > 1 else None
+        if fit is not None:
+            views.append(view)
+            shown.append(frame)
+            lenses.append((fit.at + fit.body @ position, fit.body @ mount))
     if not keys:
         raise CalibrationFailed(f"no tag of the map is found in {len(frames)} frames")
     if len(keys) == 1:
         ((family, number),) = keys
         raise CalibrationFailed(f"only one tag is found, {number} of {family}: it tells no map")
-    views = {i: _view(camera, one) for i, one in enumerate(found) if len(one) > 1}
-    posed = {i: pose for i, view in views.items() if (pose := _lens_pose(view)) is not None}
-    if len(posed) < _FEWEST:
-        message = f"{len(posed)} of {len(frames)} frames show two tags or more"
+    if len(shown) < _FEWEST:
+        message = f"{len(shown)} of {len(frames)} frames show two tags or more"
         raise CalibrationFailed(f"{message}; {_FEWEST} are needed, and 50 are good")
     listed = [tag for tag in tags if tag.key in keys]
-    at, turn = (numpy.array(part) for part in zip(*posed.values(), strict=True))
-    seen = _seen([views[i] for i in posed], listed)
-    return Walk(camera, listed, at, turn, seen), [frames[i] for i in posed]
-
-
-def _known(detector: Detector, image: Array, tags: TagMap) -> list[tuple[Tag, Array]]:
-    found = ((tags.get(one.family, one.id), one.corners) for one in detector.find(image))
-    return list({tag.key: (tag, corners) for tag, corners in found if tag is not None}.values())
-
-
-def _view(camera: Camera, found: Sequence[tuple[Tag, Array]]) -> TagView:
-    return TagView(camera, [tag for tag, _ in found], numpy.array([at for _, at in found]))
-
-
-def _lens_pose(view: TagView) -> tuple[Array, Array] | None:
-    """Return the approximate position of the lens, and the rotation from its optical frame to the
-    world."""
-    fit = acquire([Sight(view, AT_REST)], None)
-    if fit is None:
-        return None
-    position, mount = mounting(view.camera, numpy.zeros(TAGS))
-    return fit.at + fit.body @ position, fit.body @ mount
+    at, turn = (numpy.array(part) for part in zip(*lenses, strict=True))
+    return Walk(camera, listed, at, turn, _seen(views, listed)), shown
 
 
 def _seen(views: Sequence[TagView], tags: Sequence[Tag]) -> Seen:

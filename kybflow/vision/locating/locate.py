@@ -1,11 +1,20 @@
-"""The body's pose from all corners that its cameras saw at one time.
+"""The body's pose from all tag corners that its cameras saw at one time.
 
-The equation of `kybflow.vision.locating.sight` is solved from a start pose by Gauss-Newton with
-iterative reweighting, with one weight per tag. Without a start pose, or if most tags don't fit the
-result, pairs of tags give start poses (SQPnP; Terzakis and Lourakis, ECCV 2020), and the one that
-fits most tags is refined (RANSAC). A single distant tag has two solutions (IPPE; Collins and
-Bartoli, IJCV 2014): the one nearer to the start pose is used or, without a start pose, the more
-upright one if both fit.
+A corner X of the world lies at b = R^T (X - p) in the body and at c = C^T (b - t) in the optical
+frame, with p, R the body's pose and t, C the camera's mounting. Its pixel is
+u = f (c_x / c_z, c_y / c_z). With R <- R exp([d]x), the derivatives of u with respect to p and d
+are -G R^T and the rows g x b, where G = f/c_z [1, 0, -c_x/c_z; 0, 1, -c_y/c_z] C^T and g its rows.
+
+A rolling shutter reads row y at dt = (y - (height - 1) / 2) row_time after the middle row. At that
+time, with the body's velocity v and body rates w, b = exp(-[w dt]x) R^T (X - v dt - p), and the
+derivatives with respect to w are the rows dt g x b. An error of 1 rad/s stretches the image by 1 %,
+which looks like a tilt of many degrees; uncertain rates are therefore solved for as well.
+
+This equation is solved from a start pose by Gauss-Newton with iterative reweighting, with one
+weight per tag. Without a start pose, or if most tags don't fit the result, pairs of tags give start
+poses (SQPnP; Terzakis and Lourakis, ECCV 2020), and the one that fits most tags is refined
+(RANSAC). A single distant tag has two solutions (IPPE; Collins and Bartoli, IJCV 2014): the one
+nearer to the start pose is used or, without a start pose, the more upright one if both fit.
 
 With e the root mean square of a tag's residuals and s their median over the tags, the weight is
 Huber's min(1, 2 s / e) at first, then Tukey's (1 - (e / 4 s)^2)^2, which rejects a tag whose
@@ -22,12 +31,107 @@ import cv2
 import numpy
 from numpy.typing import NDArray
 
-from kybflow.core.geometry import Quat, Vec3, from_axes
-from kybflow.vision.locating.sight import AT_REST, NONE, BodyMotion, Sight, Start, TagView
-from kybflow.vision.projection import rotation
-from kybflow.world.tags import Key
+from kybflow.core.geometry import ZERO, Quat, Vec3, from_axes
+from kybflow.vision.projection import rotation, undistort
+from kybflow.world.cameras import Camera, share_of
+from kybflow.world.tags import Key, Tag
 
 Array = NDArray[Any]
+
+Start = tuple[Vec3, Quat]
+"""Position and attitude of the body."""
+
+
+class BodyMotion(NamedTuple):
+    """The motion of a body. velocity: in the world, m/s. rates: in the body, rad/s. doubt: standard
+    deviation of the rates, rad/s; 0 if they are exact."""
+
+    velocity: Vec3 = ZERO
+    rates: Vec3 = ZERO
+    doubt: float = 0.0
+
+
+_SHARP = 1.0
+AT_REST = BodyMotion()
+NONE: Array = numpy.zeros(3)
+
+
+class TagView(NamedTuple):
+    """The tags that one camera saw. corners: (n, 4, 2) pixels in the order of `Tag.corners`; NaN
+    for a corner outside the image."""
+
+    camera: Camera
+    tags: Sequence[Tag]
+    corners: Array
+
+
+class Sight:
+    """A view, prepared for the equation.
+
+    survey: standard deviation of a full-sized tag's position, metres. valid: (n, 4), which corners
+    were seen. known: `valid` as numbers, (4 n, 1). world: (4 n, 3), positions of the corners,
+    shifted against the body's motion since the middle row. flat: (4 n, 2), the observed corners,
+    undistorted. late: (4 n, 1), seconds from the middle row to each corner's row.
+    """
+
+    def __init__(self, view: TagView, motion: BodyMotion, survey: float = 0.0) -> None:
+        lens = view.camera.lens
+        self.valid: Array = numpy.isfinite(view.corners).min(axis=2)
+        self.known = self.valid.reshape(-1, 1).astype(float)
+        corners = numpy.where(self.valid[..., None], view.corners, 0.0)
+        rows = corners.reshape(-1, 2)[:, 1:]
+        self.late = (rows - 0.5 * (lens.height - 1)) * view.camera.row_time
+        self.world = numpy.array([tag.corners() for tag in view.tags]).reshape(-1, 3)
+        self.world = self.world - self.late * motion.velocity
+        self.rates = numpy.array(motion.rates)
+        self.doubt = motion.doubt if view.camera.row_time > 0.0 else 0.0
+        self.flat = undistort(lens, corners).reshape(-1, 2)
+        self.focal = numpy.array((lens.fx, lens.fy))
+        self._survey = survey * numpy.array([share_of(tag.size) for tag in view.tags])
+        self.turn = rotation(view.camera.attitude)
+        self.offset = numpy.array(view.camera.position)
+
+    def residuals(self, at: Array, body: Array, more: Array = NONE) -> tuple[Array, Array, Array]:
+        """Return the residuals (m, 2) in pixels, and the corners b and c (m, 3) in the body and the
+        optical frame, from which `slopes` computes the derivatives. more: corrections of the
+        expected rates."""
+        b = (self.world - at) @ body
+        rates = self.rates + more
+        if rates.any():
+            b = b - _cross(self.late * rates, b)
+        c = (b - self.offset) @ self.turn
+        depth = numpy.maximum(c[:, 2:], 1e-3)
+        return (c[:, :2] / depth - self.flat) * (self.focal * self.known), b, c
+
+    def slack(self, c: Array) -> Array:
+        """Return each tag's uncertainty, (n,), in units of `_SHARP` pixels: the root sum of squares
+        of its survey error and `_SHARP`."""
+        depth = numpy.maximum(c[:, 2].reshape(-1, 4).mean(axis=1), 1e-3)
+        slack: Array = numpy.hypot(1.0, self.focal[0] / _SHARP * self._survey / depth)
+        return slack
+
+    def slopes(self, body: Array, b: Array, c: Array, size: int = 6) -> Array:
+        """Return the derivatives of the residuals with respect to the pose, (m, 2, 6), or to pose
+        and rates, (m, 2, 9). size: the number of unknowns, 6 or 9."""
+        depth = numpy.maximum(c[:, 2], 1e-3)
+        g = numpy.zeros((len(c), 2, 3))
+        g[:, 0, 0], g[:, 1, 1] = self.focal[0] / depth, self.focal[1] / depth
+        g[:, :, 2] = -g[:, (0, 1), (0, 1)] * c[:, :2] / depth[:, None]
+        g = g @ self.turn.T
+        turned = _cross(g, b[:, None])
+        parts = [-(g @ body.T), turned]
+        if size > 6:
+            parts.append(self.late[:, None] * turned)
+        jacobian = numpy.concatenate(parts, axis=-1)
+        jacobian *= self.known[:, None]
+        return jacobian
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return numpy.cross(a, b), five times as fast."""
+    (ax, ay, az), (bx, by, bz) = numpy.moveaxis(a, -1, 0), numpy.moveaxis(b, -1, 0)
+    return numpy.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+
 
 _STEPS, _CONVEX = 12, 2
 """Largest number of iterations, and how many of them use Huber's weights."""
@@ -96,7 +200,9 @@ class Fit(NamedTuple):
 def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
     """Return the solution by Gauss-Newton from a start pose. at: position. body: rotation matrix
     from body to world."""
-    prior, counts = _prior(sights), counted(sights)
+    doubt, counts = max(sight.doubt for sight in sights), counted(sights)
+    # (_PRIOR / standard deviation)^2 of the pose and, if they are solved for, of the body rates
+    prior = numpy.array([0.0] * 6 + ([(_PRIOR / doubt) ** 2] * 3 if doubt > 0.0 else []))
     size = len(prior)
     step, more = numpy.full(size, numpy.inf), NONE
     for i in range(_STEPS):
@@ -105,7 +211,7 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
         slack = numpy.concatenate([s.slack(c) for s, (_, _, c) in zip(sights, parts, strict=True)])
         errors = numpy.sqrt(mean_squares(counts, residuals)) / slack
         weights = _weights(errors, convex=i < _CONVEX)
-        slopes = [_slopes(s, body, b, c, size) for s, (_, b, c) in zip(sights, parts, strict=True)]
+        slopes = [s.slopes(body, b, c, size) for s, (_, b, c) in zip(sights, parts, strict=True)]
         jacobian = numpy.concatenate(slopes).reshape(-1, size)
         weighted = jacobian * numpy.repeat(weights / slack**2, 8)[:, None]
         normal = weighted.T @ jacobian + numpy.diag(prior)
@@ -113,28 +219,13 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
             break
         slope = weighted.T @ residuals.ravel()
         slope[6:] += prior[6:] * more[: size - 6]
-        step = _step(normal, slope)
+        # a single damping suits metres and radians
+        damped = normal + numpy.eye(size) * (1e-9 * float(numpy.trace(normal)) + 1e-9)
+        step = numpy.linalg.solve(damped, -slope)
         at = at + step[:3]
         body = body @ cv2.Rodrigues(step[3:6])[0]
         more = more + step[6:] if size > 6 else more
     return Fit(at, body, errors, weights, counts, normal)
-
-
-def _prior(sights: Sequence[Sight]) -> Array:
-    """Return the prior weight of each unknown, (_PRIOR / standard deviation)^2: zero for the pose,
-    then that of the body rates if they are solved for."""
-    doubt = max(sight.doubt for sight in sights)
-    known = [(_PRIOR / doubt) ** 2] * 3 if doubt > 0.0 else []
-    return numpy.array([0.0] * 6 + known)
-
-
-def _slopes(sight: Sight, body: Array, b: Array, c: Array, size: int) -> Array:
-    """Return the residuals' derivatives with respect to all unknowns; those with respect to the
-    rates are zero for a global shutter."""
-    slopes = sight.slopes(body, b, c)
-    if slopes.shape[2] == size:
-        return slopes
-    return numpy.pad(slopes, ((0, 0), (0, 0), (0, size - slopes.shape[2])))
 
 
 def counted(sights: Sequence[Sight]) -> Array:
@@ -147,14 +238,6 @@ def mean_squares(counts: Array, residuals: Array) -> Array:
     """Return the mean square of each tag's residuals."""
     squares: Array = (residuals.reshape(-1, 8) ** 2).sum(axis=1) / numpy.maximum(counts, 1.0)
     return squares
-
-
-def _step(normal: Array, slope: Array) -> Array:
-    """Return the step that solves `normal` step = -`slope`. A single damping suits metres and
-    radians."""
-    damped = normal + numpy.eye(len(normal)) * (1e-9 * float(numpy.trace(normal)) + 1e-9)
-    step: Array = numpy.linalg.solve(damped, -slope)
-    return step
 
 
 def _weights(errors: Array, convex: bool) -> Array:

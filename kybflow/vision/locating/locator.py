@@ -1,28 +1,136 @@
 """Locates the body from frames, by the fastest method that works.
 
 With a prediction, tags are searched for where it predicts them (`search`). If that fails, a wide
-search gives a rough pose, from which tags are searched for again. Without a prediction, or if the
-wide search fails too, whole images are searched (`detect`), and tags are searched for again from
-the result. After a failure, the slow search of whole images is skipped for up to four frames.
+search (`WideSearch`) gives a rough pose, from which tags are searched for again. Without a
+prediction, or if the wide search fails too, whole images are searched (`Detector`), and tags are
+searched for again from the result. After a failure, the slow search of whole images is skipped for
+up to four frames.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import cv2
 import numpy
 from numpy.typing import NDArray
 
 from kybflow.core.geometry import Quat, Vec3
 from kybflow.core.signals import Frame
-from kybflow.vision.locating.detect import Detector, WideSearch
-from kybflow.vision.locating.locate import Located, locate
+from kybflow.vision.locating.locate import AT_REST, BodyMotion, Located, Start, TagView, locate
 from kybflow.vision.locating.search import Search, Shapes
-from kybflow.vision.locating.sight import AT_REST, BodyMotion, Start, TagView
-from kybflow.vision.projection import optical_pose, rotation, undistort
+from kybflow.vision.projection import optical_pose, project, rotation, undistort
+from kybflow.vision.tags import dictionary
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag, TagMap
+
+Array = NDArray[Any]
+
+
+class DetectedTag(NamedTuple):
+    """A detected tag. corners: (4, 2) pixels, in the order of `Tag.corners`."""
+
+    family: str
+    id: int
+    corners: NDArray[Any]
+
+
+class Detector:
+    """Finds tags of given families in whole images, without a prediction.
+
+    It uses OpenCV's detector in its quick form (ArUco 3; Romero-Ramirez, Munoz-Salinas and
+    Medina-Carnicer, "Speeded up detection of squared fiducial markers", 2018), which takes a third
+    of the time, and in its thorough form after every other miss. The corners are accurate to a
+    pixel, enough to start `kybflow.vision.locating.search`.
+    """
+
+    def __init__(self, families: Sequence[str]) -> None:
+        self._quick, self._thorough = (
+            [(family, _detector(family, quick)) for family in families] for quick in (True, False)
+        )
+        self._misses = 0
+
+    def find(self, image: NDArray[Any]) -> list[DetectedTag]:
+        """Return the tags in a grey image, (height, width) uint8."""
+        detectors = self._thorough if self._misses % 2 else self._quick
+        found = []
+        for family, detector in detectors:
+            quads, numbers, _ = detector.detectMarkers(image)
+            for quad, number in zip(quads, () if numbers is None else numbers.ravel(), strict=True):
+                corners = quad.reshape(4, 2).astype(float)
+                found.append(DetectedTag(family, int(number), corners))
+        self._misses = 0 if found else self._misses + 1
+        return found
+
+
+def _detector(family: str, quick: bool) -> Any:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.useAruco3Detection = quick
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    return cv2.aruco.ArucoDetector(dictionary(family), parameters)
+
+
+_TAGS = 9
+_ALIKE = 0.6
+_STRIDE = 0.4
+"""Distance between the positions compared, cells."""
+_PLACES = 20
+"""Largest number of positions compared to either side of the prediction."""
+
+
+class WideSearch:
+    """Searches for tags with a prediction that is some centimetres or degrees off.
+
+    It compares a few tags, spread over the image, with the image at all positions around their
+    prediction, half a cell apart, by the correlation coefficient of pattern and grey levels at the
+    cells' centres. If the best correlation of a tag is high enough, its position gives the tag's
+    corners to half a cell.
+    """
+
+    def __init__(self, shapes: Shapes) -> None:
+        self._shapes = shapes
+
+    def find(
+        self, image: Array, camera: Camera, pose: Start, tags: Iterable[Tag], off: float
+    ) -> TagView:
+        """Return some of `tags` in a grey image with approximate corners, seen from a body near
+        `pose`. off: largest error of the prediction, pixels."""
+        chosen, shapes = self._shapes.in_view(camera, pose, tags)
+        found, corners = [], []
+        spread = numpy.linspace(0, len(chosen) - 1, min(len(chosen), _TAGS))
+        for i in sorted({round(i) for i in spread}):
+            tag, shape = chosen[i], shapes[i]
+            outline = project(camera, *pose, shape.sides[:, 0])[0]
+            size = float(numpy.linalg.norm(outline - numpy.roll(outline, 1, axis=0), axis=1).min())
+            stride = max(1.0, _STRIDE * size / shape.size, off / _PLACES)
+            pixels = project(camera, *pose, shape.cells)[0]
+            shift, alike = _best(image, pixels, shape.bits, off, stride)
+            if alike >= _ALIKE:
+                found.append(tag)
+                corners.append(outline + shift)
+        return TagView(camera, found, numpy.array(corners).reshape(-1, 4, 2))
+
+
+def _best(
+    image: Array, pixels: Array, bits: Array, off: float, stride: float
+) -> tuple[Array, float]:
+    """Return the shift of `pixels` at which the grey levels correlate best with `bits`, (2,)
+    pixels, and that correlation."""
+    count = int(numpy.ceil(off / stride))
+    steps = numpy.arange(-count, count + 1) * stride
+    dy, dx = (grid.ravel() for grid in numpy.meshgrid(steps, steps, indexing="ij"))
+    x = (pixels[:, :1] + dx).astype(numpy.float32)
+    y = (pixels[:, 1:] + dy).astype(numpy.float32)
+    levels = cv2.remap(image, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+    levels = levels.astype(numpy.float32)
+    levels -= levels.mean(axis=0)
+    both = bits.astype(numpy.float32) @ levels
+    alone = numpy.einsum("ij,ij->j", levels, levels) * float(bits @ bits)
+    alike = both / numpy.sqrt(numpy.maximum(alone, 1e-9))
+    best = int(alike.argmax())
+    return numpy.array((dx[best], dy[best])), float(alike[best])
+
 
 _CLOSE = 6.0
 """Largest distance of tags from their predicted positions if the prediction is a located pose,
@@ -69,7 +177,12 @@ class Locator:
         shapes = Shapes()
         self._search, self._wide = Search(shapes), WideSearch(shapes)
         self._detector = Detector(tags.families)
-        self._rims = {name: _rim(camera) for name, camera in cameras.items()}
+        self._rims: dict[str, NDArray[Any]] = {}
+        for name, camera in cameras.items():  # rays of the image's corners, in the optical frame
+            right, low = camera.lens.width - 1.0, camera.lens.height - 1.0
+            pixels = numpy.array(((0.0, 0.0), (right, 0.0), (right, low), (0.0, low)))
+            rays = numpy.column_stack((undistort(camera.lens, pixels), numpy.ones(4)))
+            self._rims[name] = rays / numpy.linalg.norm(rays, axis=1)[:, None]
         self._misses = self._wait = 0
         self.sighting: Sighting | None = None
 
@@ -150,24 +263,21 @@ class Locator:
     def _seen(
         self, frames: Sequence[Frame], pose: Start
     ) -> Iterator[tuple[NDArray[Any], Camera, Start, list[Tag]]]:
-        """Yield the arguments of a search in each frame: image, camera, body's pose, and nearby
-        tags."""
+        """Yield the arguments of a search in each frame: the image, the camera, the body's pose,
+        and the tags that the camera may see. These are within a circle around its view of the
+        lowest tag's plane, up to the distance at which the largest tag is detectable."""
         for frame in frames:
             camera = self._cameras[frame.camera]
-            yield frame.image, camera, pose, self._near(camera, pose)
-
-    def _near(self, camera: Camera, pose: Start) -> list[Tag]:
-        """Return the tags that the camera may see: those within a circle around its view of the
-        lowest tag's plane, up to the distance at which the largest tag is detectable."""
-        at, turn = optical_pose(camera, *pose)
-        rays = self._rims[camera.name] @ rotation(turn).T
-        far = self._largest * camera.lens.fx / LEAST_SIDE
-        down = numpy.maximum(-rays[:, 2], _GRAZING)
-        reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
-        ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]
-        low, high = ends.min(axis=0), ends.max(axis=0)
-        x, y = (0.5 * (low + high)).tolist()
-        return self._tags.near(x, y, 0.5 * float(numpy.hypot(*(high - low))) + self._largest)
+            at, turn = optical_pose(camera, *pose)
+            rays = self._rims[camera.name] @ rotation(turn).T
+            far = self._largest * camera.lens.fx / LEAST_SIDE
+            down = numpy.maximum(-rays[:, 2], _GRAZING)
+            reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
+            ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]
+            low, high = ends.min(axis=0), ends.max(axis=0)
+            x, y = (0.5 * (low + high)).tolist()
+            radius = 0.5 * float(numpy.hypot(*(high - low))) + self._largest
+            yield frame.image, camera, pose, self._tags.near(x, y, radius)
 
     def _pixels(self, frames: Sequence[Frame], pose: Start, metres: float, turn: float) -> float:
         """Return by how many pixels an error of the pose moves tags in the image. metres, turn:
@@ -178,16 +288,6 @@ class Locator:
             height = optical_pose(camera, *pose)[0][2] - self._lowest
             most = max(most, camera.lens.fx * (metres / max(height, 0.05) + turn))
         return most
-
-
-def _rim(camera: Camera) -> NDArray[Any]:
-    """Return the rays of the image's corners in the optical frame, (4, 3)."""
-    right, low = camera.lens.width - 1.0, camera.lens.height - 1.0
-    pixels = numpy.array(((0.0, 0.0), (right, 0.0), (right, low), (0.0, low)))
-    flat = undistort(camera.lens, pixels)
-    rays = numpy.column_stack((flat, numpy.ones(4)))
-    unit: NDArray[Any] = rays / numpy.linalg.norm(rays, axis=1)[:, None]
-    return unit
 
 
 def _apart(a: Start, b: Start) -> tuple[float, float]:

@@ -26,9 +26,9 @@ import cv2
 import numpy
 from numpy.typing import NDArray
 
-from kybflow.vision.families import pattern
-from kybflow.vision.locating.sight import Start, TagView
+from kybflow.vision.locating.locate import Start, TagView
 from kybflow.vision.projection import project
+from kybflow.vision.tags import pattern
 from kybflow.world.cameras import Camera
 from kybflow.world.tags import Key, Tag
 
@@ -76,45 +76,39 @@ class Shapes:
         if len(self._shapes) > _REMEMBERED:
             self._shapes.clear()
         near = list(tags)
+        if not near:
+            return [], []
         shapes = [self._shape(tag) for tag in near]
-        chosen = _largest(camera, pose, shapes) if near else ()
-        return [near[i] for i in chosen], [shapes[i] for i in chosen]
+        pixels, visible = project(
+            camera, *pose, numpy.array([shape.sides[:, 0] for shape in shapes])
+        )
+        inside = visible & within(camera, pixels)
+        ax, ay = (pixels[:, 2] - pixels[:, 0]).T
+        bx, by = (pixels[:, 3] - pixels[:, 1]).T
+        area = 0.5 * (ax * by - ay * bx)
+        least = numpy.array([(shape.size * _SMALLEST) ** 2 for shape in shapes])
+        large = visible.all(axis=1) & (area > least)
+        whole = large & inside.all(axis=1)
+        good = numpy.flatnonzero(
+            whole if whole.sum() >= _PLENTY else large & (inside.sum(axis=1) >= _CORNERS)
+        )
+        largest = good[numpy.argsort(-area[good], kind="stable")][:_MOST]
+        return [near[i] for i in largest], [shapes[i] for i in largest]
 
     def _shape(self, tag: Tag) -> Shape:
-        key = tag.key
-        shape = self._shapes.get(key)
-        if shape is None:
-            shape = self._shapes[key] = _shaped(tag)
+        shape = self._shapes.get(tag.key)
+        if shape is not None:
+            return shape
+        corners = numpy.array(tag.corners())
+        sides = corners[:, None] * (1.0 - SHARE) + numpy.roll(corners, -1, axis=0)[:, None] * SHARE
+        bits = pattern(tag.family, tag.id).astype(float)
+        at = (numpy.arange(len(bits)) + 0.5) / len(bits)
+        down, right = (grid.ravel() for grid in numpy.meshgrid(at, at, indexing="ij"))
+        up, left = 1.0 - down, 1.0 - right
+        weights = numpy.stack((left * up, right * up, right * down, left * down), axis=-1)
+        shape = Shape(len(bits), sides, weights @ corners, weights, bits.ravel() - bits.mean())
+        self._shapes[tag.key] = shape
         return shape
-
-
-def _shaped(tag: Tag) -> Shape:
-    corners = numpy.array(tag.corners())
-    sides = corners[:, None] * (1.0 - SHARE) + numpy.roll(corners, -1, axis=0)[:, None] * SHARE
-    bits = pattern(tag.family, tag.id).astype(float)
-    at = (numpy.arange(len(bits)) + 0.5) / len(bits)
-    down, right = (grid.ravel() for grid in numpy.meshgrid(at, at, indexing="ij"))
-    weights = numpy.stack(
-        ((1 - right) * (1 - down), right * (1 - down), right * down, (1 - right) * down), axis=-1
-    )
-    return Shape(len(bits), sides, weights @ corners, weights, bits.ravel() - bits.mean())
-
-
-def _largest(camera: Camera, pose: Start, shapes: Sequence[Shape]) -> Sequence[int]:
-    corners = numpy.array([shape.sides[:, 0] for shape in shapes])
-    pixels, visible = project(camera, *pose, corners)
-    inside = visible & within(camera, pixels)
-    (ax, ay), (bx, by) = (pixels[:, 2] - pixels[:, 0]).T, (pixels[:, 3] - pixels[:, 1]).T
-    area = 0.5 * (ax * by - ay * bx)
-    least = numpy.array([(shape.size * _SMALLEST) ** 2 for shape in shapes])
-    large = visible.all(axis=1) & (area > least)
-    whole = large & inside.all(axis=1)
-    good = numpy.flatnonzero(
-        whole if whole.sum() >= _PLENTY else large & (inside.sum(axis=1) >= _CORNERS)
-    )
-    largest = good[numpy.argsort(-area[good], kind="stable")][:_MOST]
-    chosen: list[int] = largest.tolist()
-    return chosen
 
 
 def within(camera: Camera, pixels: Array) -> Array:

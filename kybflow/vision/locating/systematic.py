@@ -28,11 +28,9 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.flight.fusion.covariance import WANDERING
-from kybflow.vision.locating.locate import Located
-from kybflow.vision.locating.sight import BodyMotion, Sight, TagView
+from kybflow.vision.locating.locate import BodyMotion, Located, Sight, TagView
 from kybflow.vision.projection import rotation
-from kybflow.world.calibration_errors import CalibrationErrors, share_of
-from kybflow.world.tags import Key
+from kybflow.world.cameras import CalibrationErrors, share_of
 
 Array = NDArray[Any]
 
@@ -58,13 +56,18 @@ def systematic(
     """Return the systematic errors of a pose. cameras: the names of all the body's cameras."""
     at, body = numpy.array(located.position), rotation(located.attitude)
     used = frozenset(located.used)
-    views = [view for view in (_kept(v, used) for v in located.views) if len(view.tags)]
+    views: list[TagView] = []
+    for view in located.views:
+        held = [i for i, tag in enumerate(view.tags) if tag.key in used]
+        if held:
+            tags = [view.tags[i] for i in held]
+            views.append(view._replace(tags=tags, corners=view.corners[held]))
     sights = [Sight(view, motion, errors.survey_error) for view in views]
     normal = numpy.zeros((6, 6))
     shares: list[tuple[TagView, Array, Array, Array]] = []
     for view, sight in zip(views, sights, strict=True):
         _, b, c = sight.residuals(at, body)
-        jacobian = sight.slopes(body, b, c)[:, :, :6].reshape(-1, 8, 6)
+        jacobian = sight.slopes(body, b, c).reshape(-1, 8, 6)
         weighted = (jacobian / sight.slack(c)[:, None, None] ** 2).swapaxes(1, 2)
         normal += (weighted @ jacobian).sum(axis=0)
         shares.append((view, jacobian, weighted, c))
@@ -85,12 +88,6 @@ def systematic(
     slopes[:, -1] = -errors.stamp_error * numpy.array((*motion.velocity, *motion.rates))
     places = numpy.array([tag.position[:2] for view in views for tag in view.tags])
     return Systematic(slopes, max(_NEAREST, sqrt(float(places.var(axis=0).sum()))))
-
-
-def _kept(view: TagView, used: frozenset[Key]) -> TagView:
-    """Return the view of the tags that the pose uses."""
-    held = [i for i, tag in enumerate(view.tags) if tag.key in used]
-    return view._replace(tags=[view.tags[i] for i in held], corners=view.corners[held])
 
 
 def _of_lens(sight: Sight, weighted: Array, c: Array, errors: CalibrationErrors) -> Array:

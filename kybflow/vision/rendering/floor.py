@@ -12,10 +12,9 @@ import cv2
 import numpy
 
 from kybflow.core.geometry import add, rotate
-from kybflow.vision.families import cells, pattern
 from kybflow.vision.projection import Array, rotation
-from kybflow.vision.rendering.grid import NO_MAP
-from kybflow.vision.rendering.shutter import FLOOR, ProjectionPlane
+from kybflow.vision.rendering.shot import FLOOR, NO_MAP, ProjectionPlane
+from kybflow.vision.tags import cells, pattern
 from kybflow.world.tags import Key, Tag, TagMap
 
 PAPER, INK = 255, 20

@@ -14,8 +14,7 @@ import numpy
 
 from kybflow.core.geometry import add, from_axes, from_heading, multiply
 from kybflow.vision.calibration.model import LENS, MOUNT, corrected_lens, mounting
-from kybflow.world.calibration_errors import CalibrationErrors, share_of
-from kybflow.world.cameras import Camera
+from kybflow.world.cameras import CalibrationErrors, Camera, share_of
 from kybflow.world.tags import Tag, TagMap
 
 

@@ -20,8 +20,7 @@ import numpy
 
 from kybflow.core.geometry import Vec3, add, norm, scale, sub
 from kybflow.vision.projection import Array
-from kybflow.vision.rendering.grid import grid
-from kybflow.vision.rendering.shutter import FAR, Shot
+from kybflow.vision.rendering.shot import FAR, Shot, grid
 from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere, parts_of
 
 NONE: Mapping[str, Shape] = MappingProxyType({})
@@ -66,25 +65,21 @@ class Solids:
     def in_view(self, shot: Shot, payload: Vec3 | None) -> list[Solid]:
         """Return the solids that may be in the image, the farthest first. payload: the centre of
         the parcel, which is aligned with the world's axes; None if it is not visible."""
-        near = [self._fixed[i] for i in numpy.flatnonzero(self._near(shot))]
+        near: list[Solid] = []
+        if self._fixed:  # whose balls intersect the cone of the image's outermost rays
+            (turn,), (at,) = shot.poses(numpy.zeros(1))
+            local = (self._centres - at) @ turn
+            rays = grid(shot.camera.lens, _STEP).rays
+            wide = float(numpy.hypot(rays[..., 0], rays[..., 1]).max()) + _MARGIN
+            aside = numpy.hypot(local[:, 0], local[:, 1]) - wide * local[:, 2]
+            depth = numpy.abs(local[:, 2] - 0.5 * FAR) - 0.5 * FAR
+            met = (depth < self._radii) & (aside < self._radii * sqrt(1.0 + wide * wide))
+            near = [self._fixed[i] for i in numpy.flatnonzero(met)]
         if payload is not None:
             box = Box(sub(payload, self._half), add(payload, self._half))
             near.append(Solid(box, self._parcel_grey, *_ball(box)))
         eye: Vec3 = tuple(shot.place.tolist())
         return sorted(near, key=lambda solid: -solid.shape.distance(eye))
-
-    def _near(self, shot: Shot) -> Array:
-        """Return which solids' balls intersect the cone of the image's outermost rays."""
-        if not self._fixed:
-            return numpy.zeros(0, bool)
-        (turn,), (at,) = shot.poses(numpy.zeros(1))
-        local = (self._centres - at) @ turn
-        rays = grid(shot.camera.lens, _STEP).rays
-        wide = float(numpy.hypot(rays[..., 0], rays[..., 1]).max()) + _MARGIN
-        aside = numpy.hypot(local[:, 0], local[:, 1]) - wide * local[:, 2]
-        depth = numpy.abs(local[:, 2] - 0.5 * FAR) - 0.5 * FAR
-        near: Array = (depth < self._radii) & (aside < self._radii * sqrt(1.0 + wide * wide))
-        return near
 
 
 def cover(image: Array, shot: Shot, solid: Solid) -> None:

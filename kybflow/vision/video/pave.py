@@ -56,26 +56,22 @@ class FrameCutter:
     def take(self, data: bytes) -> list[VideoFrame]:
         """Return the frames that these bytes complete."""
         self._data += data
-        frames = []
-        while self._seek():
+        frames: list[VideoFrame] = []
+        while True:
+            at = self._data.find(SIGNATURE)
+            drop = at if at >= 0 else max(0, len(self._data) - len(SIGNATURE) + 1)
+            self.skipped += drop
+            del self._data[:drop]
+            if len(self._data) < SHORTEST:
+                return frames
             frame, size = _frame(self._data)
             if size == 0:
-                break
+                return frames
             if frame is not None:
                 frames.append(frame)
             else:
                 self.skipped += size
             del self._data[:size]
-        return frames
-
-    def _seek(self) -> bool:
-        """Skip the bytes before the next header. Return whether there are enough bytes for a
-        header."""
-        at = self._data.find(SIGNATURE)
-        drop = at if at >= 0 else max(0, len(self._data) - len(SIGNATURE) + 1)
-        self.skipped += drop
-        del self._data[:drop]
-        return len(self._data) >= SHORTEST
 
 
 def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:

@@ -12,8 +12,7 @@ from kybflow.core.signals import NS
 from kybflow.drivers.sim import Sim
 from kybflow.parts import Seat
 from kybflow.parts.link import Touch
-from kybflow.world.columns import Columns
-from kybflow.world.point_cloud import PointCloud
+from kybflow.world.scanned import Columns, PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 from kybflow.world.vehicle_context import VehicleContext
 

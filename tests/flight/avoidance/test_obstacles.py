@@ -13,8 +13,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Answer, Estimate, NeighbourState, SeenObstacle, Tick, Time
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.runtime.behaviors.formation.room import FormationRoom
-from kybflow.world.moving_sphere import MovingSphere
-from kybflow.world.shapes import Sphere
+from kybflow.world.shapes import MovingSphere, Sphere
 from kybflow.world.vehicle_context import VehicleContext
 
 HERE: Vec3 = (0.0, 0.0, 1.0)

@@ -5,8 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import Vec3, add, norm, scale
-from kybflow.world.columns import Columns
-from kybflow.world.point_cloud import PointCloud
+from kybflow.world.scanned import Columns, PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 SHAPES: tuple[Shape, ...] = (

@@ -8,7 +8,7 @@ from part_bench import AIRFRAME, at_rest, estimate
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, SeenObstacle, Tick
 from kybflow.flight.avoidance.surroundings import Hazard, Nearby
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
 BALL = MovingSphere(((1.0, 0.0, 1.0),), 0.2, 1.0)

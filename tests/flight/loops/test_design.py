@@ -24,8 +24,7 @@ from kybflow.flight.loops.design import (
 )
 from kybflow.flight.loops.margins import margins
 from kybflow.flight.loops.response import OuterLoop, Stiffness, horizontal, stiffness, vertical
-from kybflow.world.inner_loop import InnerLoop, attitude_loop
-from kybflow.world.vehicle_context import Airframe
+from kybflow.world.vehicle_context import Airframe, InnerLoop, attitude_loop
 
 MK = Airframe(
     mass=1.05, diameter=0.5, inertia=(0.011, 0.011, 0.02), thrust=6.0, rotor_time=0.05, drag=0.25

@@ -11,7 +11,7 @@ from kybflow.core.geometry import LEVEL, ZERO, distance, tilt_of
 from kybflow.core.signals import NS, Battery, Frame, Imu, Pose
 from kybflow.parts import ActiveFaults, Effect
 from kybflow.parts.catalog import load_catalog
-from kybflow.vision.optics import Weakness
+from kybflow.world.cameras import Weakness
 
 POSE = Pose(0, (1.0, 2.0, 3.0), LEVEL)
 BATTERY = Battery(0, 0.5, 14.0)

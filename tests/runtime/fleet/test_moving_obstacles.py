@@ -14,12 +14,12 @@ from kybflow.core.signals import NS, Event, Measurement, Pose, Time
 from kybflow.parts import Stream
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
-from kybflow.sensors._simulated_ball import SimulatedBall
 from kybflow.sensors.simulated_motion_capture import (
+    SimulatedBall,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
 )
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
 BALL = MovingSphere(((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.0, 1.0, 1.0)), 0.1, 0.5)

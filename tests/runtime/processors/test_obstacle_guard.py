@@ -7,7 +7,7 @@ from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale
 from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.runtime.processors.obstacle_guard import ObstacleGuard, ObstacleGuardParams
-from kybflow.world.point_cloud import PointCloud
+from kybflow.world.scanned import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane
 
 PILLAR = Cylinder((1.0, 0.0, 0.0), 0.2, 2.5)

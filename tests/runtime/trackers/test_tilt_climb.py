@@ -15,8 +15,7 @@ from kybflow.flight.loops.design import FASTEST, PLANNED, holds, margins_of
 from kybflow.flight.loops.margins import margins
 from kybflow.flight.loops.response import OuterLoop, vertical
 from kybflow.runtime.trackers.tilt_climb import TiltClimb, TiltClimbParams, delay
-from kybflow.world.inner_loop import InnerLoop, attitude_loop
-from kybflow.world.vehicle_context import Airframe, VehicleContext
+from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext, attitude_loop
 
 FRAME = Airframe(
     mass=0.42, diameter=0.36, inertia=(0.00224, 0.00299, 0.0048), thrust=1.7, rotor_time=0.03,

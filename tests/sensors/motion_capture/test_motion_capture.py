@@ -21,7 +21,7 @@ from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.sensors._stream import PoseStream, TrackerPose
 from kybflow.sensors.motion_capture import MotionCaptureSensor, MotionCaptureSensorParams, feed
 from kybflow.sensors.motion_capture.feed import subscribe
-from kybflow.world.moving_sphere import MovingSphere
+from kybflow.world.shapes import MovingSphere
 
 pytest.importorskip("motioncapture", "1.1")
 

@@ -9,8 +9,7 @@ from cpp_vrpn import CppClient, cpp_server
 from waiting import free_port, until
 
 from kybflow.sensors._stream import TrackerPose
-from kybflow.sensors.vrpn.client import subscribe
-from kybflow.sensors.vrpn.link import ServerAddress
+from kybflow.sensors.vrpn.client import ServerAddress, subscribe
 from kybflow.sensors.vrpn.server import Server
 
 pytest.importorskip("motioncapture", "1.1")

@@ -9,15 +9,16 @@ from pathlib import Path
 
 import pytest
 from command_lines import command
-from toolchain import ROOT, compiled, invoke
+from pages import blocks, page
+from toolchain import compiled, invoke
 
 from kybflow.sensors.vrpn import VrpnParams
 
-PAGE = (ROOT / "docs" / "motion-capture.md").read_text(encoding="utf-8")
+PAGE = page("docs/motion-capture.md")
 
 
 def written(folder: Path) -> Path:
-    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    (text,) = blocks(PAGE)
     mission = folder / "in_the_lab.yaml"
     mission.write_text(text, encoding="utf-8")
     return mission

@@ -10,15 +10,20 @@ import pytest
 from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
+from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Time
 from kybflow.sensors._stream import TrackerPose
-from kybflow.sensors.vrpn.client import Client, Key, VrpnSubscription, subscribe
-from kybflow.sensors.vrpn.codec import COOKIE, POSE, PoseReport, encode_lob, encode_pose
-from kybflow.sensors.vrpn.link import ServerAddress, read_address
-from kybflow.sensors.vrpn.peer import Peer
+from kybflow.sensors.vrpn.client import (
+    Client,
+    Key,
+    ServerAddress,
+    VrpnSubscription,
+    read_address,
+    subscribe,
+)
+from kybflow.sensors.vrpn.codec import COOKIE, POSE, Peer, PoseReport, encode_lob, encode_pose
 from kybflow.sensors.vrpn.server import MOST_CLIENTS, Server
 
-LEVEL = (1.0, 0.0, 0.0, 0.0)
 OPENINGS = pytest.mark.parametrize("direct", [True, False], ids=["direct", "lob"])
 
 

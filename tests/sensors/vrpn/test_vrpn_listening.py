@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import pytest
 
+from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS
 from kybflow.sensors.vrpn.client import Key, VrpnSubscription, _Reader
-from kybflow.sensors.vrpn.codec import COOKIE, PING, POSE, PoseReport, encode_pose
-from kybflow.sensors.vrpn.peer import Peer, SenderStatus
-
-LEVEL = (1.0, 0.0, 0.0, 0.0)
+from kybflow.sensors.vrpn.codec import (
+    COOKIE,
+    PING,
+    POSE,
+    Peer,
+    PoseReport,
+    SenderStatus,
+    encode_pose,
+)
 
 
 class Wire:

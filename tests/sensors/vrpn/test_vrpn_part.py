@@ -12,23 +12,17 @@ from waiting import until
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
-from kybflow.sensors._stream import PoseStream, TrackerPose
+from kybflow.sensors._stream import PoseSource, PoseStream, TrackerPose
 from kybflow.sensors.vrpn import Vrpn, VrpnParams
 from kybflow.sensors.vrpn.server import Server
 
 MS = NS // 1000
 
 
-class Script:
-    """A subscription that gives what is written."""
+class Script(PoseSource):
+    """A subscription that gives what is put into `poses`."""
 
-    def __init__(self) -> None:
-        self.next: list[TrackerPose] = []
-        self.closed = False
-
-    def take(self) -> list[TrackerPose]:
-        came, self.next = self.next, []
-        return came
+    closed = False
 
     def trouble(self) -> str | None:
         return "no server"
@@ -38,8 +32,7 @@ class Script:
 
 
 def opened(params: VrpnParams, monotonic: list[int]) -> tuple[Script, PoseStream]:
-    script = Script()
-    p = params
+    script, p = Script(), params
     return script, PoseStream(script, p.units, p.axes, p.latency, lambda: monotonic[0])
 
 
@@ -55,7 +48,7 @@ def test_poses_are_on_the_clock_of_the_run() -> None:
     for tick, late in ((0, 300_000), (4 * MS, 20_000), (8 * MS, 900_000)):
         monotonic[0] = 100 * NS + tick + late
         assert stream.read(tick) == []
-    script.next = [TrackerPose(100 * NS + 9 * MS, 100 * NS + 9 * MS, (1.0, 2.0, 3.0), LEVEL)]
+    script.poses.append(TrackerPose(100 * NS + 9 * MS, 100 * NS + 9 * MS, (1.0, 2.0, 3.0), LEVEL))
     monotonic[0] = 100 * NS + 12 * MS + 100_000
     assert stream.read(12 * MS) == [Pose(9 * MS - 20_000, (1.0, 2.0, 3.0), LEVEL)]
 
@@ -67,14 +60,14 @@ def test_no_pose_is_newer_than_now_and_the_latency_is_taken_off() -> None:
         monotonic[0] = 100 * NS + tick * MS
         assert stream.read(tick * MS) == []
     monotonic[0] = 100 * NS + 50 * MS + 30_000
-    script.next = [TrackerPose(monotonic[0] - 10_000, monotonic[0], (0.0, 0.0, 0.0), LEVEL)]
+    script.poses.append(TrackerPose(monotonic[0] - 10_000, monotonic[0], (0.0, 0.0, 0.0), LEVEL))
     assert [pose.time for pose in stream.read(50 * MS)] == [45 * MS]
 
 
 def test_units_and_axes_are_the_worlds_and_lost_bodies_are_left_out() -> None:
     script, stream = opened(VrpnParams(host="h", units="mm", axes="y_up"), [0])
     lost = TrackerPose(0, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
-    script.next = [lost, TrackerPose(0, 0, (1000.0, 2000.0, 3000.0), LEVEL)]
+    script.poses.extend((lost, TrackerPose(0, 0, (1000.0, 2000.0, 3000.0), LEVEL)))
     (pose,) = stream.read(0)
     assert isinstance(pose, Pose)
     assert pose.position == pytest.approx((1.0, -3.0, 2.0))

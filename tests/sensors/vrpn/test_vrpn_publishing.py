@@ -18,8 +18,7 @@ from kybflow.core.geometry import Quat, Vec3, distance
 from kybflow.core.signals import NS, Pose
 from kybflow.dsl.plan import Plan
 from kybflow.sensors._stream import TrackerPose
-from kybflow.sensors.vrpn.client import subscribe
-from kybflow.sensors.vrpn.link import ServerAddress
+from kybflow.sensors.vrpn.client import ServerAddress, subscribe
 from kybflow.sensors.vrpn.publishing import PoseNoise, published, still, to
 
 

@@ -13,9 +13,9 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.emulated_ardrone.onboard.configuration import EmulatedConfiguration
 from kybflow.vision import WAY_OUT as NO_OPENCV
-from kybflow.vision.optics import Optics
 from kybflow.vision.video import WAY_OUT as NO_PYAV
 from kybflow.vision.video.pave import write_frame
+from kybflow.world.cameras import Optics
 from kybflow.world.vehicle_context import VehicleContext
 
 RATE = 10

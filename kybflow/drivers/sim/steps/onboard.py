@@ -14,7 +14,7 @@ with a lead for the rotors' time constant. The attitude error is split into a ti
 the desired body z (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter Attitude Control, ETH
 2013), so that a large heading error causes no tilt: e is the sine of the tilt, about body x and y,
 and twice the vector part of the attitude error about body z. The gains of roll and pitch are those
-of the airframe's loop (`kybflow.world.inner_loop`), without a lead if that loop has none.
+of the airframe's loop (`kybflow.world.vehicle_context`), without a lead if that loop has none.
 P e + D (rates - gyro) about body x and y is rotated back by the angle through which a spinning body
 turns until the rotors respond.
 
@@ -42,8 +42,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import Command
 from kybflow.drivers.sim.steps.onboard_state import LONGEST, Numbers, OnboardState
-from kybflow.world.inner_loop import DAMPING, INTEGRAL
-from kybflow.world.vehicle_context import Airframe
+from kybflow.world.vehicle_context import DAMPING, INTEGRAL, Airframe
 
 LEVELLING = 0.10
 """Gain of the accelerometer's correction of the attitude, 1/s; a quarter of its square is the gain

@@ -1,5 +1,6 @@
-"""The pose of a moving camera while its rows are exposed.
+"""The rays and poses of a moving camera while its rows are exposed.
 
+Smooth quantities are computed at the nodes of a grid over the image, and interpolated to pixels.
 The middle of row v's exposure is t = (v - (height - 1)/2) row_time after the middle of the image's
 exposure. At that time the body's position is p + v t and its attitude q exp(w t), with constant
 velocity v and body rates w.
@@ -7,14 +8,84 @@ velocity v and body rates w.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import functools
+from typing import NamedTuple, cast
 
+import cv2
 import numpy
 
 from kybflow.core.signals import Truth
-from kybflow.vision.projection import Array, distort, reach, rotation
-from kybflow.vision.rendering.grid import Grid
-from kybflow.world.cameras import Camera
+from kybflow.vision.projection import Array, distort, reach, rotation, undistort
+from kybflow.world.cameras import Camera, Lens
+
+NO_MAP = cast("Array", None)
+"""Second map for `cv2.remap` if the first map has both coordinates; OpenCV's type hints don't allow
+None."""
+
+
+class Region(NamedTuple):
+    """A rectangle of pixels; `right` and `bottom` are exclusive."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+class Grid:
+    """Nodes every `step` pixels, with one ring of nodes outside the image.
+
+    pixels: (rows, columns, 2), positions of the nodes in the image. rays: (rows, columns, 3), rays
+    through the nodes in the optical frame, with z = 1.
+    """
+
+    def __init__(self, lens: Lens, step: int) -> None:
+        self.step = step
+        self.whole = Region(0, 0, lens.width, lens.height)
+        x = self._places(lens.width)
+        y = self._places(lens.height)
+        self.pixels = numpy.stack(numpy.meshgrid(x, y), axis=-1)
+        flat = undistort(lens, self.pixels)
+        self.rays = numpy.concatenate((flat, numpy.ones((len(y), len(x), 1))), axis=-1)
+
+    def _places(self, length: int) -> Array:
+        return self.step * numpy.arange(-1, -(-length // self.step) + 1) + (self.step - 1) / 2.0
+
+    def around(self, region: Region) -> tuple[slice, slice]:
+        """Return the slices of rows and of columns of the nodes around a region of pixels."""
+        return (
+            slice(region.top // self.step, (region.bottom - 1) // self.step + 3),
+            slice(region.left // self.step, (region.right - 1) // self.step + 3),
+        )
+
+    def beside(self, nodes: Array) -> Region:
+        """Return the region of pixels around the nodes that are True. nodes: (rows, columns)."""
+        rows, columns = numpy.flatnonzero(nodes.any(axis=1)), numpy.flatnonzero(nodes.any(axis=0))
+        return Region(
+            max(0, self.step * int(columns[0] - 2)),
+            max(0, self.step * int(rows[0] - 2)),
+            max(1, min(self.whole.right, self.step * int(columns[-1] + 1))),
+            max(1, min(self.whole.bottom, self.step * int(rows[-1] + 1))),
+        )
+
+    def fill(self, values: Array, region: Region) -> Array:
+        """Return `values`, given at the nodes `around` a region, linearly interpolated to the
+        region's pixels: (height, width, channels) float32."""
+        height, width = values.shape[:2]
+        size = (width * self.step, height * self.step)
+        filled = cv2.resize(values.astype(numpy.float32), size, interpolation=cv2.INTER_LINEAR)
+        top = region.top % self.step + self.step
+        left = region.left % self.step + self.step
+        return filled[
+            top : top + region.bottom - region.top, left : left + region.right - region.left
+        ]
+
+
+@functools.lru_cache(maxsize=16)
+def grid(lens: Lens, step: int) -> Grid:
+    """Return the grid of a lens, cached."""
+    return Grid(lens, step)
+
 
 _NEAR = 1e-6
 _TOUCHING = 0.005
@@ -40,6 +111,7 @@ class Shot:
     def __init__(self, camera: Camera, body: Truth, row_time: float) -> None:
         self.camera = camera
         self.row_time = row_time
+        self._lines: dict[int, tuple[Array, Array]] = {}
         self._at = numpy.array(body.position)
         self._velocity = numpy.array(body.velocity)
         self._turn = rotation(body.attitude)
@@ -51,7 +123,13 @@ class Shot:
     def poses(self, t: Array) -> tuple[Array, Array]:
         """Return the poses of the lens at times `t` (n,), seconds after the middle of the exposure:
         rotations from the optical frame to the world (n, 3, 3), and positions (n, 3)."""
-        body = self._turn @ _turned(self._rate, t)
+        speed = float(numpy.linalg.norm(self._rate))
+        x, y, z = self._rate / speed if speed > 0.0 else self._rate
+        k = numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+        angle = (speed * t)[:, None, None]
+        # exp([rate t]x) by Rodrigues' formula
+        turned = numpy.eye(3) + numpy.sin(angle) * k + (1.0 - numpy.cos(angle)) * (k @ k)
+        body = self._turn @ turned
         at = self._at + t[:, None] * self._velocity + body @ numpy.array(self.camera.position)
         return body @ self._mount, at
 
@@ -95,22 +173,19 @@ class Shot:
         plane's axes: right and up from its centre, and the height above it. The height is 0 unless
         the ray reaches the depth FAR before the plane."""
         rows, columns = where or (slice(None), slice(None))
-        turn, at = self.poses(self.times(grid.pixels[rows, 0, 1]))
-        # the rays and their origins in the plane's axes
-        rays = grid.rays[rows, columns] @ (plane.axes @ turn).swapaxes(1, 2)
-        begin = (at - plane.centre) @ plane.axes.T
+        origins, rays = self._cast(grid)
+        rays = rays[rows, columns] @ plane.axes.T
+        begin = (origins[rows] - plane.centre) @ plane.axes.T
         with numpy.errstate(divide="ignore"):
             depth = -begin[:, None, 2] / rays[..., 2]
         depth[~((depth > 0.0) & (depth < FAR))] = FAR
         met: Array = begin[:, None, :] + depth[..., None] * rays
         return met
 
-
-def _turned(rate: Array, t: Array) -> Array:
-    """Return exp([rate t]x) by Rodrigues' formula, (n, 3, 3)."""
-    speed = float(numpy.linalg.norm(rate))
-    x, y, z = rate / speed if speed > 0.0 else rate
-    k = numpy.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-    angle = (speed * t)[:, None, None]
-    turned: Array = numpy.eye(3) + numpy.sin(angle) * k + (1.0 - numpy.cos(angle)) * (k @ k)
-    return turned
+    def _cast(self, grid: Grid) -> tuple[Array, Array]:
+        """Return the origins (rows, 3) and rays (rows, columns, 3) of the nodes, world frame,
+        computed once for each grid."""
+        if grid.step not in self._lines:
+            turn, at = self.poses(self.times(grid.pixels[:, 0, 1]))
+            self._lines[grid.step] = at, grid.rays @ turn.swapaxes(1, 2)
+        return self._lines[grid.step]

@@ -1,4 +1,5 @@
-"""Point clouds: what is near, the way out, and how they are thinned, beside plain arithmetic."""
+"""Scanned obstacles beside plain arithmetic: what is near a point cloud or columns, the way out,
+and how clouds are thinned."""
 
 from __future__ import annotations
 
@@ -9,8 +10,9 @@ from math import dist, inf, pi
 import numpy as np
 import pytest
 
-from kybflow.core.geometry import Vec3
-from kybflow.world.point_cloud import PointCloud, placed, thinned
+from kybflow.core.geometry import Vec3, add, scale
+from kybflow.world.scanned import Columns, PointCloud, placed, thinned
+from kybflow.world.shapes import parts_of
 
 RADIUS = 0.1
 
@@ -99,3 +101,56 @@ def test_no_point_is_further_than_the_radius_from_one_that_is_kept() -> None:
     assert len(kept) < len(points) / 2
     assert {*map(tuple, kept.tolist())} <= {*map(tuple, points.tolist())}
     assert max(min(dist(p, q) for q in kept) for p in points[:300]) <= 0.4
+
+
+COLUMN = 0.07
+
+
+def columns_at(count: int = 60) -> Columns:
+    draw = random.Random(1).uniform
+    places = tuple((draw(-1, 1), draw(-1, 1)) for _ in range(count))
+    return Columns(places, COLUMN, 0.2, 1.5)
+
+
+def around_columns(seed: int = 2, count: int = 80) -> list[Vec3]:
+    draw = random.Random(seed).uniform
+    return [(draw(-2, 2), draw(-2, 2), draw(-0.5, 2.5)) for _ in range(count)]
+
+
+def test_distance_is_that_of_the_nearest_cylinder() -> None:
+    columns = columns_at()
+    for p in around_columns():
+        nearest = min(parts_of(columns), key=lambda part, p=p: part.distance(p))
+        assert columns.distance(p) == pytest.approx(nearest.distance(p))
+
+
+def test_who_stays_before_what_is_around_meets_no_column() -> None:
+    columns, looked = columns_at(20), 0
+    for p in around_columns():
+        planes = columns.around(p, 3.0)
+        if columns.distance(p) <= 0.0 or len(planes) == 8:
+            continue
+        looked += 1
+        assert planes[0][0] == pytest.approx(columns.distance(p))
+        for part in parts_of(columns):
+            room, out = part.distance(p), part.outward(p)
+            touched = np.subtract(add(p, scale(out, -room)), p)
+            assert any(touched @ np.array(o) <= -r + 1e-6 for r, o in planes) or room > 3.0
+    assert looked > 40
+
+
+def test_the_nearest_place_of_a_line_beside_columns() -> None:
+    columns = columns_at()
+    for a, b in pairwise(around_columns(3, 20)):
+        room, place = columns.nearest_on(a, b)
+        line = np.array(a) + np.linspace(0.0, 1.0, 1001)[:, None] * np.subtract(b, a)
+        sampled = min(columns.distance(tuple(p)) for p in line)
+        assert sampled - 5e-3 <= room <= sampled + 1e-6
+        assert columns.distance(place) == pytest.approx(room, abs=1e-6)
+
+
+def test_it_carries_over_its_cells_alone() -> None:
+    columns = Columns(((0.0, 0.0), (0.1, 0.0)), COLUMN, 0.0, 1.2)
+    assert columns.top(0.1, 0.05, 0.0) == 1.2
+    assert columns.top(0.3, 0.0, 0.15) == 1.2
+    assert columns.top(0.3, 0.0, 0.1) == -inf

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-numpy = pytest.importorskip("numpy")
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 
-from tag_floors import CAMERA, grid  # noqa: E402
+import cv2
+import numpy
+from tag_floors import CAMERA, grid
 
-from kybflow.vision.locating.sight import TagView  # noqa: E402
-from kybflow.vision.marking import WIDEST, marked  # noqa: E402
+from kybflow.vision.images import WIDEST, marked
+from kybflow.vision.locating.locate import TagView
 
 
 def square(x, y, side=100.0):
