@@ -23,10 +23,9 @@ from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.clock import SimulatedClock, WallClock
 
 if TYPE_CHECKING:
-    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
-    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint, Radio
     from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
-    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.drivers.emulated_autopilot.session import MavlinkEndpoint
     from kybflow.sensors.vrpn.server import Server
 
 RATE, STILL_RATE = 250, 120
@@ -145,8 +144,8 @@ def drones(
     it. video: whether they send camera images. started: called with the name and address of each.
     Raises DriverError."""
     from kybflow.drivers.emulated_ardrone import EmulatedArdrone
-    from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
-    from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
+    from kybflow.drivers.emulated_ardrone.ports import SocketPorts, host_of
+    from kybflow.drivers.emulated_ardrone.video import DroneVideo
 
     hosts = [host_of(number, host) for number in range(len(seats))]
     with ExitStack() as stack:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from toolchain import ROOT, compiled
 
-from kybflow.drivers.ardrone.control.acts import ACTS
+from kybflow.drivers.ardrone.acts import ACTS
 
 PAGE = (ROOT / "docs" / "ardrone.md").read_text(encoding="utf-8")
 MINE, TARGETS, BY_HAND, RADIO, ON = re.findall(

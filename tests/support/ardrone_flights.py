@@ -8,10 +8,10 @@ from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.at import read_commands
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone.at import read_commands
+from kybflow.drivers.ardrone.wire import CommandStream
 from kybflow.drivers.emulated_ardrone import EmulatedArdrone
-from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
 
 HEAD = """kybflow: 1
 mission: drones

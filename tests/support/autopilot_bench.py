@@ -13,7 +13,7 @@ from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Imu, Pose, Position
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.firmware import as_built, emulated_firmware, prepared
-from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+from kybflow.drivers.emulated_autopilot.session import MavlinkEndpoint
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned

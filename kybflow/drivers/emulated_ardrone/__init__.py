@@ -24,8 +24,7 @@ from kybflow.world.vehicle_context import Airframe
 if TYPE_CHECKING:
     import random
 
-    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
-    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint, Radio
     from kybflow.drivers.emulation.fleet import Fleet
 
 

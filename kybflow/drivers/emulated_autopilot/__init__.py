@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import random
 
     from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
-    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.drivers.emulated_autopilot.session import MavlinkEndpoint
     from kybflow.drivers.emulation.fleet import Fleet
 
     EmulatedName = str

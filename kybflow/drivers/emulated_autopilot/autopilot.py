@@ -1,26 +1,27 @@
 """An emulated autopilot: it estimates, flies, changes modes, arms, and triggers failsafes.
 
-It never reads the simulator's truth. `messages.endpoint` connects it to MAVLink. Times are in the
-run's time; the autopilot's own clock started `boot` earlier.
+It never reads the simulator's truth. `session.MavlinkEndpoint` connects it to MAVLink. Times are in
+the run's time; the autopilot's own clock started `boot` earlier.
 """
 
 from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, conjugate, multiply
 from kybflow.core.signals import NEVER, NS, Battery, Command, Imu, Measurement, Position, Time
-from kybflow.drivers.emulated_autopilot.control.flight import EmulatedFlight
-from kybflow.drivers.emulated_autopilot.control.payload import Outputs
 from kybflow.drivers.emulated_autopilot.estimator import EmulatedEstimator
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulated_autopilot.flight import EmulatedFlight
 from kybflow.drivers.emulated_autopilot.state import (
     CRITICAL,
     INFO,
     AutopilotFailures,
+    EmulatedParameters,
     EmulatedState,
+    Outputs,
     PilotSticks,
     Role,
 )
@@ -58,7 +59,7 @@ class OnboardAutopilot:
         is_bytewise = firmware.profile.integer_parameters_bytewise
         parameters = EmulatedParameters(firmware.parameters, changes or {}, bytewise=is_bytewise)
         estimator = EmulatedEstimator(
-            parameters, firmware.sources,
+            partial(firmware.sources, parameters),
             forgets=firmware.forgets, waits=firmware.waits, adopts=firmware.adopts,
         )  # fmt: skip
         self.failures = AutopilotFailures()

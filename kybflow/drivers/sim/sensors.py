@@ -17,7 +17,7 @@ import numpy
 
 from kybflow.core.geometry import GRAVITY, LEVEL, Quat, Vec3, integrate, multiply
 from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
-from kybflow.drivers.sim.steps.onboard_state import Numbers
+from kybflow.drivers.sim.steps.onboard import Numbers
 from kybflow.world.battery import BatteryCharge
 from kybflow.world.vehicle_context import Airframe
 

@@ -22,8 +22,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.air import GustyWind, Jet
-from kybflow.drivers.sim.lab import as_flown, build, lab
+from kybflow.drivers.sim.lab import GustyWind, Jet, as_flown, build, lab
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
     NOTHING,
@@ -37,8 +36,7 @@ from kybflow.drivers.sim.sensors import (
     draw,
     draw_blocks,
 )
-from kybflow.drivers.sim.steps.onboard import AttitudeController
-from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
+from kybflow.drivers.sim.steps.onboard import AttitudeController, Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import constants
 from kybflow.parts import ActiveFaults, Link, Override, Seat
 from kybflow.parts.link import Touch

@@ -18,12 +18,12 @@ from kybflow.drivers.sim.model import (
     OBSTACLE,
     PARCEL,
     BuiltAirframe,
+    FallingParcel,
     loaded,
     world_text,
 )
-from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.sensors import NOTHING
-from kybflow.drivers.sim.steps.onboard_state import OnboardState
+from kybflow.drivers.sim.steps.onboard import OnboardState
 from kybflow.drivers.sim.steps.stepper import rows, stepper
 from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of
 from kybflow.parts import Link, Seat, Session

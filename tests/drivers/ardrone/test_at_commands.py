@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.ardrone.protocol import at
+from kybflow.drivers.ardrone import at
 
 KNOWN = [
     (-0.8, -1085485875), (0.1, 1036831949), (-0.1, -1110651699), (0.05, 1028443341),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.at import HOVER, Move, comwdg, config, pcmd, read_commands
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone.at import HOVER, Move, comwdg, config, pcmd, read_commands
+from kybflow.drivers.ardrone.wire import CommandStream
 
 MS = NS // 1000
 

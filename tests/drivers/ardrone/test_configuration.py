@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.drivers.ardrone.protocol import configuration as conf
+from kybflow.drivers.ardrone import at
 
 
 def test_a_configuration_comes_back():
     values = {"general:num_version_soft": "2.4.8", "control:euler_angle_max": "2.0943952e-01"}
-    assert conf.read_configuration(conf.write_configuration(values)) == values
+    assert at.read_configuration(at.write_configuration(values)) == values
 
 
 @pytest.mark.parametrize(
@@ -21,8 +21,8 @@ def test_a_configuration_comes_back():
     ],
 )  # fmt: skip
 def test_a_value_that_is_read_back(asked, found, same):
-    assert conf.agrees(asked, found) is same
+    assert at.agrees(asked, found) is same
 
 
 def test_an_identity_is_eight_digits():
-    assert len(conf.identity("kybflow")) == 8
+    assert len(at.identity("kybflow")) == 8

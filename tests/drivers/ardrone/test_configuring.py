@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.control.configuring import Configuring, values_of
-from kybflow.drivers.ardrone.control.moves import Limits
-from kybflow.drivers.ardrone.params import ArdroneParams
-from kybflow.drivers.ardrone.protocol.at import Ids
+from kybflow.drivers.ardrone.at import Ids
+from kybflow.drivers.ardrone.configuring import Configuring, values_of
+from kybflow.drivers.ardrone.params import ArdroneParams, Limits
 
 IDS = Ids("aaaaaaaa", "bbbbbbbb", "cccccccc")
 MS = NS // 1000

@@ -7,8 +7,8 @@ import random
 import pytest
 
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.navdata.options import WRAPS
-from kybflow.drivers.ardrone.telemetry.measurements import DroneClock
+from kybflow.drivers.ardrone.navdata import WRAPS
+from kybflow.drivers.ardrone.telemetry import DroneClock
 
 PERIOD = NS // 200
 

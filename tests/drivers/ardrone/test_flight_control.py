@@ -7,14 +7,12 @@ import pytest
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Command, CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.ardrone.control.flight import FlightControl
-from kybflow.drivers.ardrone.control.moves import Limits
-from kybflow.drivers.ardrone.protocol import at
-from kybflow.drivers.ardrone.protocol.navdata import options as opt
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
-from kybflow.drivers.ardrone.telemetry.status import DroneStatus
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone import at, navdata
+from kybflow.drivers.ardrone.flight import FlightControl
+from kybflow.drivers.ardrone.navdata import DroneState, Packet, Phase
+from kybflow.drivers.ardrone.params import Limits
+from kybflow.drivers.ardrone.telemetry import DroneStatus
+from kybflow.drivers.ardrone.wire import CommandStream
 
 RISING = Command(
     LEVEL, 4.1, ZERO, 0.0, True, CommandKind.TILT_CLIMB,
@@ -30,7 +28,7 @@ class Drone:
         self.flight = FlightControl(self.status, self.stream, Limits(0.2, 0.7, 1.75), 5.0)
 
     def says(self, phase, state=DroneState.FLYING):
-        demo = opt.write_demo(opt.Demo(phase, 80, 0.0, 0.0, 0.0, 0, ZERO))
+        demo = navdata.write_demo(navdata.Demo(phase, 80, 0.0, 0.0, 0.0, 0, ZERO))
         self.status.receive(Packet(state, 1, 0, dict([demo])), 0)
         return self
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from random import Random
 
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.wire import Gate
+from kybflow.drivers.ardrone.navdata import DroneState, write_packet
+from kybflow.drivers.ardrone.wire import Gate
 
 
 def test_what_is_foreign_broken_or_old_is_counted():

@@ -9,10 +9,9 @@ from part_bench import SITE
 
 from kybflow.core.geometry import GRAVITY, to_euler
 from kybflow.core.signals import NS, Battery, Imu, Odometry
-from kybflow.drivers.ardrone.protocol.navdata import options as opt
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
-from kybflow.drivers.ardrone.telemetry.measurements import Measurements
+from kybflow.drivers.ardrone import navdata
+from kybflow.drivers.ardrone.navdata import DroneState, Packet, Phase
+from kybflow.drivers.ardrone.telemetry import Measurements
 
 CONTEXT = SITE._replace(start=(1.0, 2.0, 0.0), heading=pi / 2)
 PERIOD = NS // 200
@@ -21,10 +20,12 @@ PERIOD = NS // 200
 def packet(number, *, state=DroneState.FLYING, battery=80, velocity=(0.0, 0.0, 0.0), **angles):
     turned = {"pitch": 0.0, "roll": 0.0, "heading": 30_000.0, "altitude": 1000, **angles}
     options = dict([
-        opt.write_demo(opt.Demo(Phase.FLYING, battery, velocity=velocity, **turned)),
-        opt.write_time(number * 5000),
-        opt.write_phys_measures(opt.PhysMeasures((100.0, 200.0, -1000.0), (10.0, 20.0, 30.0))),
-        opt.write_raw_measures(11_500),
+        navdata.write_demo(navdata.Demo(Phase.FLYING, battery, velocity=velocity, **turned)),
+        navdata.write_time(number * 5000),
+        navdata.write_phys_measures(
+            navdata.PhysMeasures((100.0, 200.0, -1000.0), (10.0, 20.0, 30.0))
+        ),
+        navdata.write_raw_measures(11_500),
     ])  # fmt: skip
     return Packet(state, number, 0, options)
 

@@ -8,7 +8,8 @@ import pytest
 
 from kybflow.core.geometry import from_euler, from_heading, multiply
 from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.ardrone.control.moves import Limits, move_of
+from kybflow.drivers.ardrone.flight import move_of
+from kybflow.drivers.ardrone.params import Limits
 
 LIMITS = Limits(0.2, 0.7, 1.75)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.control.round_trips import RoundTrips
-from kybflow.drivers.ardrone.preflight import round_trip
-from kybflow.drivers.ardrone.protocol.at import Ids
+from kybflow.drivers.ardrone.at import Ids
+from kybflow.drivers.ardrone.configuring import RoundTrips
+from kybflow.drivers.ardrone.link import round_trip
 
 IDS = Ids("aaaaaaaa", "bbbbbbbb", "cccccccc")
 TICK = NS // 100

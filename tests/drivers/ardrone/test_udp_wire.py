@@ -11,12 +11,11 @@ from waiting import until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.at import HOVER, Move, read_commands
-from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.udp import MOST_PER_PERIOD, UdpWire, is_address
-from kybflow.drivers.ardrone.transport.wire import NAVDATA_REQUEST
-from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
+from kybflow.drivers.ardrone.at import HOVER, Move, read_commands
+from kybflow.drivers.ardrone.navdata import DroneState, write_packet
+from kybflow.drivers.ardrone.udp import MOST_PER_PERIOD, UdpWire, is_address
+from kybflow.drivers.ardrone.wire import NAVDATA_REQUEST
+from kybflow.drivers.emulated_ardrone.ports import SocketPorts, host_of
 
 
 @pytest.fixture

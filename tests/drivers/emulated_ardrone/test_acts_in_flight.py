@@ -8,7 +8,7 @@ from ardrone_flights import drone_flight, mission
 from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import heading_of
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.control.acts import CALIBRATE
+from kybflow.drivers.ardrone.acts import CALIBRATE
 from kybflow.runtime.commanding.command_queue import RecordedCommand
 
 ON = """on:

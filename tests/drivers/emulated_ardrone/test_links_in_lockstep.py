@@ -12,8 +12,8 @@ from kybflow.api.flight import RunRequest
 from kybflow.api.opening import pace_of
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.navdata.state import Phase
-from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.drivers.ardrone.navdata import Phase
+from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
 
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 

@@ -15,8 +15,8 @@ from sim_worlds import QUIET, seat  # noqa: E402
 
 from kybflow.core.errors import DriverError  # noqa: E402
 from kybflow.drivers.emulated_autopilot.firmware import emulated_firmware  # noqa: E402
-from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS  # noqa: E402
 from kybflow.drivers.emulated_autopilot.state import AutopilotFailures  # noqa: E402
+from kybflow.drivers.emulated_autopilot.telemetry import MAKERS  # noqa: E402
 from kybflow.drivers.emulation.breaking import read_break  # noqa: E402
 from kybflow.drivers.mavlink.firmware import profile_of  # noqa: E402
 from kybflow.drivers.mavlink.transport.router import heartbeat  # noqa: E402

@@ -19,7 +19,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.geometry import ZERO, norm
 from kybflow.core.signals import Imu
 from kybflow.drivers.rotorpy import Rotorpy, RotorpyParams
-from kybflow.drivers.rotorpy.plant import Plant
+from kybflow.drivers.rotorpy.world import Plant
 from kybflow.drivers.sim.lab import as_flown
 from kybflow.parts import Effect
 from kybflow.parts.link import Touch

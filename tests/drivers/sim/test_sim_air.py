@@ -10,8 +10,7 @@ import pytest
 from sim_worlds import FRAME, QUIET, push, seat, thrust, world
 
 from kybflow.core.geometry import ZERO
-from kybflow.drivers.sim.air import Downwash, GroundEffect
-from kybflow.drivers.sim.lab import as_flown
+from kybflow.drivers.sim.lab import Downwash, GroundEffect, as_flown
 from kybflow.world.vehicle_context import LEGS
 
 LAB = replace(as_flown(QUIET), calm=False)

@@ -12,8 +12,7 @@ from sim_worlds import FRAME, PERIOD, QUIET, push, seat, thrust, world
 from kybflow.core.geometry import LEVEL, norm
 from kybflow.core.signals import NS, Imu, Pose
 from kybflow.core.units import DEG
-from kybflow.drivers.sim.air import Wandering
-from kybflow.drivers.sim.lab import as_flown
+from kybflow.drivers.sim.lab import Wandering, as_flown
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import Stamps, draw, vibrations
 from kybflow.drivers.sim.steps.onboard import AttitudeController, Loop, smooth

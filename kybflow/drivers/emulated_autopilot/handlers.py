@@ -7,13 +7,20 @@ from math import isfinite
 from typing import Any
 
 from kybflow.core.geometry import Vec3, heading_of
+from kybflow.drivers.emulated_autopilot import setpoints
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
-from kybflow.drivers.emulated_autopilot.control import payload, setpoints
-from kybflow.drivers.emulated_autopilot.control.payload import ACCEPTED, FAILED, UNSUPPORTED
+from kybflow.drivers.emulated_autopilot.channel import AUTOPILOT, Channel, name_of
 from kybflow.drivers.emulated_autopilot.estimator import VisionPose
-from kybflow.drivers.emulated_autopilot.messages.channel import AUTOPILOT, Channel, name_of
-from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
-from kybflow.drivers.emulated_autopilot.state import CRITICAL, PilotSticks, Role
+from kybflow.drivers.emulated_autopilot.state import (
+    ACCEPTED,
+    CRITICAL,
+    FAILED,
+    OUTPUT_COMMANDS,
+    UNSUPPORTED,
+    PilotSticks,
+    Role,
+)
+from kybflow.drivers.emulated_autopilot.telemetry import MAKERS
 from kybflow.drivers.emulation.control import PositionTarget
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
@@ -274,7 +281,7 @@ class CommandHandlers:
             p: Params = (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
         else:
             p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
-        if number in payload.COMMANDS:
+        if number in OUTPUT_COMMANDS:
             return self._a.firmware.move_output(self._a.outputs, number, p, self._a.now)
         action = self._actions.get(number)
         return UNSUPPORTED if action is None else action(p)

@@ -18,8 +18,8 @@ from ipaddress import AddressValueError, IPv4Address
 
 from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.protocol.configuration import END, MOST
-from kybflow.drivers.ardrone.transport.wire import (
+from kybflow.drivers.ardrone.at import END, MOST
+from kybflow.drivers.ardrone.wire import (
     AT,
     CONTROL,
     NAVDATA,
@@ -194,17 +194,12 @@ def _socket(host: str, kind: socket.SocketKind = socket.SOCK_DGRAM) -> socket.so
         opened.setblocking(False)
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         if kind is socket.SOCK_DGRAM:
-            opened.bind((_own_address(host), 0))
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                probe.connect((host, AT))  # finds this computer's address in the drone's network
+                opened.bind((probe.getsockname()[0], 0))
     except OSError as error:
         raise DriverError(f"no socket for the drone at {host}: {_words(error)}") from None
     return opened
-
-
-def _own_address(host: str) -> str:
-    """Return this computer's address in the drone's network. Raises OSError."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.connect((host, AT))
-        return str(probe.getsockname()[0])
 
 
 def _words(error: OSError) -> str:

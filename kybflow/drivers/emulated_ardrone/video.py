@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time, Truth
-from kybflow.drivers.emulated_ardrone.onboard.configuration import EmulatedConfiguration
+from kybflow.drivers.emulated_ardrone.drone import EmulatedConfiguration
 from kybflow.vision import WAY_OUT as NO_OPENCV
 from kybflow.vision.optics import Optics
 from kybflow.vision.video import WAY_OUT as NO_PYAV

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.protocol.at import Ids, Line, bits_of, calib, config, config_ids
+from kybflow.drivers.ardrone.at import Ids, Line, bits_of, calib, config, config_ids
 from kybflow.parts import Act
 
 LEDS = (

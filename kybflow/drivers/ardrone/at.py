@@ -1,17 +1,21 @@
-"""AT commands: `AT*NAME=SEQUENCE[,ARGUMENT]*` and a carriage return, in ASCII.
+"""AT commands, and the configuration that some of them write and request.
+
+A command is `AT*NAME=SEQUENCE[,ARGUMENT]*` and a carriage return, in ASCII.
 
 A datagram holds whole commands, at most 1024 characters. The drone accepts a command only if its
 sequence number is larger than the last one; 1 restarts the sequence. A float is sent as the integer
 with its 32 bits. The parser is as tolerant as the drone: it skips line feeds and anything that is
-no command.
+no command. The drone sends its configuration over TCP, as lines of `section:key = value` and a zero
+byte. Source of the protocol: AR.Drone Developer Guide (SDK 2.0), and the headers of Parrot's SDK.
 """
 
 from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
+from zlib import crc32
 
 LONGEST = 1024
 """Largest size of a datagram, characters."""
@@ -133,14 +137,13 @@ class Line(NamedTuple):
     arguments: tuple[Argument, ...]
 
     def numbered(self, sequence: int) -> bytes:
-        parts = ",".join((str(sequence), *map(_written, self.arguments)))
-        return f"AT*{self.name}={parts}\r".encode("ascii")
-
-
-def _written(argument: Argument) -> str:
-    if isinstance(argument, str):
-        return f'"{argument}"'
-    return str(bits_of(argument) if isinstance(argument, float) else int(argument))
+        parts = [str(sequence)]
+        for argument in self.arguments:
+            if isinstance(argument, str):
+                parts.append(f'"{argument}"')
+            else:
+                parts.append(str(bits_of(argument) if isinstance(argument, float) else argument))
+        return f"AT*{self.name}={','.join(parts)}\r".encode("ascii")
 
 
 def datagrams(groups: Iterable[Iterable[Line]], first: int) -> tuple[list[bytes], int]:
@@ -170,3 +173,40 @@ def read_commands(datagram: bytes) -> list[AtCommand]:
         arguments = (int(number) if number else word for number, word in _ARGUMENT.findall(rest))
         commands.append(AtCommand(name, int(sequence), tuple(arguments)))
     return commands
+
+
+END = b"\0"
+MOST = 1 << 16
+"""Largest size of a configuration, bytes; a real one has about 5,000."""
+
+
+def read_configuration(data: bytes) -> dict[str, str]:
+    """Return the values by `section:key`; malformed lines are skipped."""
+    values = {}
+    for line in data.partition(END)[0].decode("utf-8", "replace").splitlines():
+        key, equals, value = line.partition("=")
+        if equals and ":" in key:
+            values[key.strip()] = value.strip()
+    return values
+
+
+def write_configuration(values: Mapping[str, str]) -> bytes:
+    lines = "".join(f"{key} = {value}\n" for key, value in values.items())
+    return lines.encode("utf-8") + END
+
+
+def identity(words: str) -> str:
+    """Return the id of an application or a user: CRC-32 of its name, 8 hexadecimal digits."""
+    return f"{crc32(words.encode('utf-8')):08x}"
+
+
+def agrees(asked: str, found: str) -> bool:
+    """Return whether the value found matches the one written, although the drone formats numbers
+    and booleans differently."""
+    if asked.strip().upper() == found.strip().upper():
+        return True
+    try:
+        one, other = float(asked), float(found)
+    except ValueError:
+        return False
+    return abs(one - other) <= 1e-3 * max(abs(one), abs(other), 1e-3)

@@ -1,4 +1,4 @@
-"""Converts navigation data into measurements: battery, IMU and odometry, in the run's time.
+"""A drone's latest status, and its battery, IMU and odometry measurements in the run's time.
 
 The drone's frame is x forward, y right, z down, with the heading clockwise. Attitude and speeds are
 converted to FLU here (as in `ardrone_autonomy`: pitch, heading, v_y and v_z negated). The drone
@@ -14,18 +14,87 @@ from math import hypot, isfinite, radians
 from kybflow.core.clock_offset import Offset
 from kybflow.core.geometry import GRAVITY, Vec3, from_euler, from_heading, rotate, wrap
 from kybflow.core.signals import NS, Battery, BatteryWarning, Imu, Measurement, Odometry, Time
-from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag, decoded
-from kybflow.drivers.ardrone.protocol.navdata.options import (
+from kybflow.drivers.ardrone.navdata import (
+    ALARMS,
+    FOLLOWING,
     WRAPS,
     Demo,
+    DroneState,
+    OptionTag,
+    Packet,
+    Phase,
     PhysMeasures,
+    decoded,
     demo,
     drone_time,
+    in_words,
     phys_measures,
 )
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
+from kybflow.parts import StatusText
 from kybflow.world.vehicle_context import VehicleContext
+
+WARNINGS = frozenset({DroneState.BATTERY_LOW, DroneState.USER_EMERGENCY})
+"""The alarms that are reported as warnings only."""
+MOST_TEXTS = 100
+"""Largest number of unread texts."""
+
+
+class DroneStatus:
+    """The status of one drone.
+
+    state: the latest state mask. demo: the latest demo option, None before the first.
+    last_received: when the latest packet arrived.
+    """
+
+    def __init__(self) -> None:
+        self.state = DroneState(0)
+        self.demo: Demo | None = None
+        self.last_received: Time | None = None
+        self._texts: list[StatusText] = []
+
+    def receive(self, packet: Packet, now: Time) -> None:
+        begun = packet.state & ~self.state
+        self.state, self.last_received = packet.state, now
+        self.demo = demo(packet.options) or self.demo
+        for bit in ALARMS:
+            if begun & bit and len(self._texts) < MOST_TEXTS:
+                severity = "warning" if bit in WARNINGS else "critical"
+                self._texts.append(StatusText(severity, in_words(bit)[0]))
+
+    def texts(self) -> list[StatusText]:
+        """Return the messages added since the last call."""
+        texts, self._texts = self._texts, []
+        return texts
+
+    @property
+    def phase(self) -> Phase:
+        return Phase.DEFAULT if self.demo is None else self.demo.phase
+
+    @property
+    def flies(self) -> bool:
+        """Whether the drone is in the air, is taking off or is landing."""
+        return DroneState.FLYING in self.state
+
+    @property
+    def follows(self) -> bool:
+        """Whether the drone follows moves."""
+        return self.flies and self.phase in FOLLOWING
+
+    @property
+    def stands(self) -> bool:
+        """Whether the drone is on the ground with its rotors stopped."""
+        return not self.flies
+
+    @property
+    def is_in_emergency(self) -> bool:
+        return DroneState.EMERGENCY in self.state
+
+    @property
+    def acknowledges(self) -> bool:
+        """Whether the drone has applied a configuration value and waits for the acknowledge bit to
+        be reset."""
+        return DroneState.COMMAND_ACKNOWLEDGED in self.state
+
 
 FIRST, DRIFT = 0.05, 0.1
 """Standard deviation of the integrated position: at the start, m, and its growth per metre flown,

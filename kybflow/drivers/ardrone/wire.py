@@ -1,14 +1,104 @@
-"""The interface of a connection to a drone, and the filter of its navigation data."""
+"""The interface of a connection to a drone, its commands, and the filter of its navigation data.
+
+The tick calls `CommandStream.hold`; the sender, possibly in another thread, calls `due`. They
+exchange immutable values. A command that is not renewed within `HOVER_AFTER` is replaced by a hover
+command. After `STOP_AFTER` nothing is sent, since the tick has stopped, and the drone's watchdog
+lands it.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from math import pi
+from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.protocol.navdata.packet import Malformed, Packet, read_packet
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone.at import (
+    FIRST_SEQUENCE,
+    HOVER,
+    Line,
+    Move,
+    datagrams,
+    pcmd,
+    pcmd_mag,
+    ref,
+)
+from kybflow.drivers.ardrone.navdata import Malformed, Packet, read_packet
+
+HOVER_AFTER: Time = NS // 5
+STOP_AFTER: Time = NS // 4
+MOST_WAITING = 100
+"""Largest number of groups of lines waiting to be sent."""
+ACCURACY = 5.0 / 180.0
+"""Largest error of a compass heading, as a fraction of 180 degrees."""
+AT_ONCE = 8
+"""Largest number of groups of lines sent along with a command."""
+
+
+class Held(NamedTuple):
+    """A command. flies: True to take off and fly, False to land. emergency: whether to toggle the
+    emergency state. move: None unless the drone flies. at: when the command was made."""
+
+    flies: bool
+    emergency: bool
+    move: Move | None
+    at: Time
+
+
+class CommandStream:
+    """The commands of one drone. hovered, ended: how often a command was older than `HOVER_AFTER`
+    and `STOP_AFTER`. bearing: of the axis to which moves are relative, clockwise from north, rad;
+    None for the drone's own heading. clock: returns the time."""
+
+    def __init__(self, clock: Callable[[], Time]) -> None:
+        self._clock = clock
+        self._held: Held | None = None
+        self._waiting: deque[tuple[Line, ...]] = deque(maxlen=MOST_WAITING)
+        self._next = FIRST_SEQUENCE
+        self._again = True
+        self.bearing: float | None = None
+        self.hovered = self.ended = 0
+
+    def hold(self, flies: bool, move: Move | None = None, *, emergency: bool = False) -> None:
+        """Send this command from now on."""
+        self._held = Held(flies, emergency, move, self._clock())
+
+    def post(self, *lines: Line) -> None:
+        """Send these lines once, in one datagram."""
+        self._waiting.append(lines)
+
+    def restart(self) -> None:
+        """Restart the sequence numbers, since the drone may have restarted."""
+        self._again = True
+
+    def due(self) -> list[bytes]:
+        """Return the datagrams to send in this period; none if the command is too old."""
+        held, now = self._held, self._clock()
+        if held is None:
+            return []
+        age = now - held.at
+        if age > STOP_AFTER:
+            self.ended += 1
+            self._waiting.clear()
+            return []
+        move = held.move
+        if move is not None and age > HOVER_AFTER:
+            self.hovered += 1
+            move = HOVER
+        first = [ref(held.flies, held.emergency)]
+        if move is not None:
+            bearing = self.bearing if move.progressive else None
+            first.append(pcmd(move) if bearing is None else pcmd_mag(move, bearing / pi, ACCURACY))
+        groups: list[tuple[Line, ...]] = [tuple(first)]
+        while self._waiting and len(groups) <= AT_ONCE:
+            groups.append(self._waiting.popleft())
+        if self._again:
+            self._again, self._next = False, FIRST_SEQUENCE
+        packed, self._next = datagrams(groups, self._next)
+        return packed
+
 
 AT, NAVDATA, VIDEO, CONTROL = 5556, 5554, 5555, 5559
 """The drone's ports."""

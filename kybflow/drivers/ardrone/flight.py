@@ -1,22 +1,48 @@
-"""Take-off, flight, landing and emergency stop of one drone.
+"""Take-off, flight, landing and emergency stop of one drone, and the fractions of AT*PCMD.
 
 Bit 9 of REF is a level: the drone flies while it is set. Bit 8 is a switch: setting it toggles the
 emergency state. Bit 8 stays set until the drone reports the change, but no longer than a second, so
 that a lost report doesn't toggle the emergency back.
+
+The tilt of a command is split into forward and left relative to the command's heading; the drone
+applies both relative to its own heading. With the compass both are relative to the world's x axis
+instead. Each value of PCMD is a fraction, -1 to 1, of a configured limit.
 """
 
 from __future__ import annotations
 
 from enum import Enum
+from math import asin, atan2
 
 from kybflow.core.errors import Refused
+from kybflow.core.geometry import ZERO, body_z, from_heading, heading_of, rotate_back
 from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.ardrone.control.moves import Limits, move_of
-from kybflow.drivers.ardrone.protocol.at import HOVER
-from kybflow.drivers.ardrone.protocol.navdata.state import Phase, in_words
-from kybflow.drivers.ardrone.telemetry.status import DroneStatus
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone.at import HOVER, Move
+from kybflow.drivers.ardrone.navdata import Phase, in_words
+from kybflow.drivers.ardrone.params import Limits
+from kybflow.drivers.ardrone.telemetry import DroneStatus
+from kybflow.drivers.ardrone.wire import CommandStream
 from kybflow.parts import Override
+
+
+def move_of(command: Command, limits: Limits, *, by_compass: bool = False) -> Move:
+    """Return the move of a TILT_CLIMB command."""
+    heading = heading_of(command.attitude) if command.heading is None else command.heading
+    heading = 0.0 if by_compass else heading
+    x, y, z = rotate_back(from_heading(heading), body_z(command.attitude))
+    setpoint = command.setpoint
+    climb = (ZERO if setpoint is None else setpoint.velocity or ZERO)[2]
+    return Move(
+        _fraction(asin(max(-1.0, min(1.0, -y))), limits.tilt),
+        _fraction(-atan2(x, z), limits.tilt),
+        _fraction(climb, limits.climb),
+        _fraction(-command.rates[2], limits.turn),
+    )
+
+
+def _fraction(value: float, most: float) -> float:
+    return max(-1.0, min(1.0, value / most))
+
 
 TOGGLE_TIME: Time = NS
 TOGGLE_PAUSE: Time = NS // 4

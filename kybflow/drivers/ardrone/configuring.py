@@ -1,9 +1,14 @@
-"""Writes a drone's configuration, one value at a time, and reads it back.
+"""Writes a drone's configuration, one value at a time, reads it back, and measures the delay.
 
 To write a value, the acknowledge bit is cleared with CTRL 5, then CONFIG is sent until the bit is
 set. All values but the first follow CONFIG_IDS in the same datagram. Until the first value,
 `general:navdata_demo`, is set, a drone that has just started stays in bootstrap and sends no
 options. Finally CTRL 4 requests the whole configuration, and each value is compared.
+
+The drone answers no AT command, but CONFIG sets the acknowledge bit and CTRL 5 clears it, and both
+are sent like any other command. A round trip lasts from the request to change the bit until
+navigation data shows the change. The value written is `gps:altitude`, which is only a tag of
+pictures and which controllers may set in flight (SDK 2.0, developer guide).
 """
 
 from __future__ import annotations
@@ -11,19 +16,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.control.moves import Limits
-from kybflow.drivers.ardrone.params import ArdroneLinkParams
-from kybflow.drivers.ardrone.protocol.at import (
+from kybflow.drivers.ardrone.at import (
     RESET_ACKNOWLEDGE,
     SEND_CONFIGURATION,
     Ids,
     Line,
+    agrees,
     config,
     config_ids,
     ctrl,
+    read_configuration,
 )
-from kybflow.drivers.ardrone.protocol.configuration import agrees, read_configuration
-from kybflow.drivers.ardrone.protocol.navdata.layouts import OptionTag
+from kybflow.drivers.ardrone.navdata import OptionTag
+from kybflow.drivers.ardrone.params import ArdroneLinkParams, Limits
 
 RESEND_PERIOD: Time = NS // 4
 """Period in which a value is resent until it is acknowledged."""
@@ -32,14 +37,10 @@ READ_PERIOD: Time = NS
 OPTIONS = sum(
     1 << tag
     for tag in (
-        OptionTag.DEMO,
-        OptionTag.TIME,
-        OptionTag.RAW_MEASURES,
-        OptionTag.PHYS_MEASURES,
-        OptionTag.MAGNETO,
-        OptionTag.WIFI,
+        OptionTag.DEMO, OptionTag.TIME, OptionTag.RAW_MEASURES, OptionTag.PHYS_MEASURES,
+        OptionTag.MAGNETO, OptionTag.WIFI,
     )
-)
+)  # fmt: skip
 FIRST = "general:navdata_demo"
 VERSION = "general:num_version_soft"
 WATCHDOG = "general:com_watchdog"
@@ -76,15 +77,15 @@ def values_of(params: ArdroneLinkParams, limits: Limits, ids: Ids) -> Values:
 
 
 class Configuring:
-    """Writes and reads the configuration of one drone. found: the configuration as read, None
-    before. post: sends lines once. listen: opens the connection that receives the configuration."""
+    """Writes and reads the configuration of one drone.
+
+    found: the configuration that was read; None until it has arrived.
+    post: queues command lines, each of which is sent only once.
+    listen: opens the connection that receives the configuration.
+    """
 
     def __init__(
-        self,
-        values: Values,
-        ids: Ids,
-        post: Callable[..., None],
-        listen: Callable[[], None],
+        self, values: Values, ids: Ids, post: Callable[..., None], listen: Callable[[], None]
     ) -> None:
         self._values, self._ids, self._post, self._listen = values, ids, post, listen
         self.found: Mapping[str, str] | None = None
@@ -120,7 +121,7 @@ class Configuring:
         acknowledges: whether the acknowledge bit is set."""
         if self._at < len(self._values):
             self._write(acknowledges, now)
-        elif self.found is None and self._is_due(self._asked, READ_PERIOD, now):
+        elif self.found is None and (self._asked is None or now - self._asked >= READ_PERIOD):
             self._listen()
             self._asked = now
             self._post(ctrl(SEND_CONFIGURATION))
@@ -135,20 +136,74 @@ class Configuring:
             self._clears, self._sent = False, None
         elif not self._clears and acknowledges and self._sent is not None:
             self._at, self._clears, self._sent = self._at + 1, True, None
-        if self._at < len(self._values) and self._is_due(self._sent, RESEND_PERIOD, now):
+        if self._at == len(self._values):
+            return
+        if self._sent is None or now - self._sent >= RESEND_PERIOD:
             self._sent = now
-            self._post(*self._lines())
-
-    def _lines(self) -> tuple[Line, ...]:
-        if self._clears:
-            return (ctrl(RESET_ACKNOWLEDGE),)
-        line = config(*self._values[self._at])
-        return (line,) if self._at == 0 else (config_ids(self._ids), line)
-
-    @staticmethod
-    def _is_due(before: Time | None, period: Time, now: Time) -> bool:
-        return before is None or now - before >= period
+            line = ctrl(RESET_ACKNOWLEDGE) if self._clears else config(*self._values[self._at])
+            has_ids = not self._clears and self._at > 0
+            self._post(*((config_ids(self._ids), line) if has_ids else (line,)))
 
 
 def _truth(value: bool) -> str:
     return "TRUE" if value else "FALSE"
+
+
+INTERVAL: Time = NS // 5
+"""Period in which a change is requested."""
+CHANGE_RESEND_PERIOD: Time = 3 * NS // 100
+"""Period in which the request is resent, so that a lost datagram doesn't cause a long round
+trip."""
+TIMEOUT: Time = 2 * NS
+"""Time after which to stop resending, and to stop waiting for the first change, since a firmware
+may not know the value."""
+TAG, UNSET = "gps:altitude", "0"
+
+
+class RoundTrips:
+    """The round trips of one drone.
+
+    delay: the shorter of the last two round trips, seconds, including the wait for kybflow's tick;
+    zero until two have been measured. A pending round trip counts with its duration so far.
+    post: queues command lines, each of which is sent only once.
+    """
+
+    def __init__(self, ids: Ids, post: Callable[..., None]) -> None:
+        self._write = (config_ids(ids), config(TAG, UNSET))
+        self._post = post
+        self.restart()
+
+    def waits(self, now: Time) -> bool:
+        """Return whether the delay is unknown but may still be measured: no pending request has
+        timed out."""
+        return not self.delay and (self._asked is None or now - self._asked < TIMEOUT)
+
+    def restart(self) -> None:
+        """Discard all round trips, because the drone is being configured."""
+        self.delay = 0.0
+        self._before = self._newest = self._next = 0
+        self._asked: Time | None = None
+        self._sent: Time = 0
+        self._asks_for = False
+
+    def update(self, acknowledges: bool, now: Time) -> None:
+        """Continue measuring; called once a tick. acknowledges: whether the acknowledge bit is
+        set."""
+        if self._asked is None:
+            if now >= self._next:
+                self._asked, self._next, self._asks_for = now, now + INTERVAL, not acknowledges
+                self._send(now)
+            return
+        taken = now - self._asked
+        if acknowledges is self._asks_for:
+            self._before, self._newest, self._asked = self._newest, taken, None
+            self.delay = min(self._before, self._newest) / NS
+            return
+        self.delay = max(min(self._before, self._newest), min(self._newest, taken)) / NS
+        if now - self._sent >= CHANGE_RESEND_PERIOD and taken < TIMEOUT:
+            self._send(now)
+
+    def _send(self, now: Time) -> None:
+        self._sent = now
+        lines: tuple[Line, ...] = self._write if self._asks_for else (ctrl(RESET_ACKNOWLEDGE),)
+        self._post(*lines)

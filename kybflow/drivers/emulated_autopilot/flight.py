@@ -17,8 +17,8 @@ from kybflow.core.geometry import (
     integrate,
 )
 from kybflow.core.signals import NS, Command, Time
-from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
+from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.state import EmulatedState, Role
 from kybflow.drivers.emulation.control import STEADY, PositionControl, PositionTarget
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
