@@ -112,6 +112,12 @@ class EmulatedConfiguration:
 
 
 WATCHDOG: Time = NS // 20
+COMMANDS = frozenset(
+    {
+        "REF", "PCMD", "PCMD_MAG", "CONFIG", "CONFIG_IDS", "CTRL", "COMWDG", "FTRIM", "CALIB",
+        "ANIM", "LED", "PMODE", "MISC",
+    }
+)  # fmt: skip
 FIRST_SEQUENCES = frozenset({0, 1})
 """The sequence numbers that restart the sequence."""
 LOW, EMPTY = 0.2, 0.05
@@ -130,10 +136,14 @@ class DroneFailures(Failures):
 
 
 class OnboardDrone:
-    """The computer of one drone. accepted: number of commands without effect here, by name.
-    ignored: number of ignored commands, by reason. is_lost: whether no client owns the drone.
-    times_lost: how often the communication was lost. on_configuration: called when a client
-    requests the configuration."""
+    """The computer of one drone.
+
+    accepted: number of accepted commands that have no effect in the emulation, by name.
+    ignored: number of ignored commands, by reason.
+    is_lost: whether no client owns the drone.
+    times_lost: how often the communication was lost.
+    on_configuration: called when a client requests the configuration.
+    """
 
     def __init__(
         self, context: VehicleContext, body: SimulatedBody, generator: random.Random
@@ -158,12 +168,6 @@ class OnboardDrone:
         self._ids: Ids | None = None
         self._now: Time = 0
         self._stepped: Time = 0
-        self._handlers: dict[str, Callable[[AtCommand], None]] = {
-            "REF": self._ref, "PCMD": self._pcmd, "PCMD_MAG": self._pcmd, "CONFIG": self._config,
-            "CONFIG_IDS": self._config_ids, "CTRL": self._ctrl, "COMWDG": self._comwdg,
-            "FTRIM": self._accept, "CALIB": self._calib, "ANIM": self._accept,
-            "LED": self._accept, "PMODE": self._accept, "MISC": self._accept,
-        }  # fmt: skip
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
         if isinstance(measured, Imu):
@@ -184,7 +188,16 @@ class OnboardDrone:
             self.ignored["from elsewhere"] += len(commands)
             return
         for command in commands:
-            self._take(command, now)
+            if command.sequence <= self._sequence and command.sequence not in FIRST_SEQUENCES:
+                self.ignored["not newer"] += 1
+            elif command.name not in COMMANDS:
+                self.ignored["unknown"] += 1
+            else:
+                self._sequence, self._last_received, self.is_lost = command.sequence, now, False
+                try:
+                    self._execute(command)
+                except (ValueError, TypeError, IndexError):
+                    self.ignored["wrong arguments"] += 1
 
     def step(self, now: Time) -> None:
         """Make one step: estimate, check watchdogs and emergencies, and fly."""
@@ -193,9 +206,13 @@ class OnboardDrone:
         self.estimator.correct(now)
         self._check_watchdogs(now)
         self._check_emergencies(now)
-        if self.flight.flies:
-            self._apply_limits()
-            self._body.drive(self.flight.step(now, dt), now)
+        flight, number = self.flight, self.configuration.number
+        if flight.flies:
+            flight.tilt_most = number("control:euler_angle_max")
+            flight.climb_most = number("control:control_vz_max") / 1000.0
+            flight.turn_most = number("control:control_yaw")
+            flight.highest = number("control:altitude_max") / 1000.0
+            self._body.drive(flight.step(now, dt), now)
         else:
             self._body.drive(REST, now)
 
@@ -233,24 +250,38 @@ class OnboardDrone:
     def is_in_bootstrap(self) -> bool:
         return self._in_bootstrap
 
-    def _take(self, command: AtCommand, now: Time) -> None:
-        handle = self._handlers.get(command.name)
-        if command.sequence <= self._sequence and command.sequence not in FIRST_SEQUENCES:
-            self.ignored["not newer"] += 1
-        elif handle is None:
-            self.ignored["unknown"] += 1
-        else:
-            self._sequence, self._last_received, self.is_lost = command.sequence, now, False
-            try:
-                handle(command)
-            except (ValueError, TypeError, IndexError):
-                self.ignored["wrong arguments"] += 1
+    def _execute(self, command: AtCommand) -> None:
+        """Execute a command. Raises ValueError, TypeError or IndexError if its arguments are
+        wrong."""
+        name, arguments = command.name, command.arguments
+        match name:
+            case "REF":
+                self._ref(*_integers(arguments, 1))
+            case "PCMD":
+                self._move(*_integers(arguments, 5))
+            case "PCMD_MAG":
+                self._move(*_integers(arguments, 7))
+            case "CONFIG":
+                self._config(*_words(arguments, 2))
+            case "CONFIG_IDS":
+                self._ids = Ids(*_words(arguments, 3))
+            case "CTRL":
+                self._ctrl(_integers(arguments, 0)[0])
+            case "COMWDG":
+                self._warned = False
+            case "CALIB":
+                if _integers(arguments, 1) == [0]:
+                    self.flight.perform(calibration(self._now), self._now)
+            case _:
+                self.accepted[name] += 1
 
-    def _ref(self, command: AtCommand) -> None:
-        (bits,) = _integers(command.arguments, 1)
+    def _ref(self, bits: int) -> None:
         is_set = bool(bits & at.EMERGENCY)
         if is_set and not self._toggle:
-            self._switch_emergency()
+            if not self._emergency:
+                self._stop(DroneState.USER_EMERGENCY)
+            elif tilt_of_drone(self.estimator) < LEVEL_ENOUGH and not self.failures.cutout:
+                self._emergency, self._causes = False, DroneState(0)
         self._toggle = is_set
         may_fly = self.battery.remaining >= LOW and not self._in_bootstrap
         if not bits & at.FLY:
@@ -258,13 +289,13 @@ class OnboardDrone:
         elif not self._emergency and self.flight.phase is Phase.LANDED and may_fly:
             self.flight.take_off(self._now)
 
-    def _pcmd(self, command: AtCommand) -> None:
-        flag, *bits = _integers(command.arguments, 7 if command.name == "PCMD_MAG" else 5)
+    def _move(self, flag: int, *bits: int) -> None:
+        """Follow the arguments of PCMD, or those of PCMD_MAG, which has two more."""
         values = [at.float_of(value) for value in bits[:4]]
         if not all(map(isfinite, values)):
             raise ValueError("not a number")
         right, backward, up, clockwise = (max(-1.0, min(1.0, value)) for value in values)
-        if command.name == "PCMD_MAG" and flag & at.ABSOLUTE:
+        if len(bits) > 4 and flag & at.ABSOLUTE:
             right, backward = self._by_compass(right, backward, at.float_of(bits[4]))
         if self.flight.phase in (Phase.HOVERING, Phase.FLYING):
             self.flight.moves = (
@@ -280,8 +311,7 @@ class OnboardDrone:
         c, s = cos(client * pi - own), sin(client * pi - own)
         return right * c - backward * s, backward * c + right * s
 
-    def _config(self, command: AtCommand) -> None:
-        key, value = _words(command.arguments, 2)
+    def _config(self, key: str, value: str) -> None:
         ids, self._ids = self._ids, None
         self._acknowledges = self.configuration.write(key, value, ids) or self._acknowledges
         if key.lower() == "general:navdata_demo":
@@ -289,32 +319,12 @@ class OnboardDrone:
         if key.lower() == "control:flight_anim":
             self.flight.perform(animation(value, self._now), self._now)
 
-    def _calib(self, command: AtCommand) -> None:
-        if _integers(command.arguments, 1) == [0]:
-            self.flight.perform(calibration(self._now), self._now)
-
-    def _config_ids(self, command: AtCommand) -> None:
-        self._ids = Ids(*_words(command.arguments, 3))
-
-    def _ctrl(self, command: AtCommand) -> None:
-        mode = _integers(command.arguments, 0)[0]
+    def _ctrl(self, mode: int) -> None:
         if mode in (0, at.RESET_ACKNOWLEDGE):
             self._acknowledges = False
         elif mode == at.SEND_CONFIGURATION:
             self._acknowledges = True
             self.on_configuration()
-
-    def _comwdg(self, command: AtCommand) -> None:
-        self._warned = False
-
-    def _accept(self, command: AtCommand) -> None:
-        self.accepted[command.name] += 1
-
-    def _switch_emergency(self) -> None:
-        if not self._emergency:
-            self._stop(DroneState.USER_EMERGENCY)
-        elif tilt_of_drone(self.estimator) < LEVEL_ENOUGH and not self.failures.cutout:
-            self._emergency, self._causes = False, DroneState(0)
 
     def _stop(self, cause: DroneState) -> None:
         self._emergency, self._causes = True, self._causes | cause
@@ -339,13 +349,6 @@ class OnboardDrone:
             self._stop(DroneState.ANGLES_OUT_OF_RANGE)
         if self.battery.remaining < EMPTY:
             self.flight.land(now)
-
-    def _apply_limits(self) -> None:
-        flight, values = self.flight, self.configuration
-        flight.tilt_most = values.number("control:euler_angle_max")
-        flight.climb_most = values.number("control:control_vz_max") / 1000.0
-        flight.turn_most = values.number("control:control_yaw")
-        flight.highest = values.number("control:altitude_max") / 1000.0
 
 
 def _integers(arguments: Iterable[int | str], count: int) -> list[int]:

@@ -204,7 +204,10 @@ class DroneFlight:
         height = self._estimator.height
         held = min(self._held + self._climb * dt, max(self.highest, height - LEASH))
         self._held = max(height - LEASH, min(height + LEASH, held))
-        self._learn(dt)
+        if self.phase in (Phase.FLYING, Phase.HOVERING) and self._estimator.imu is not None:
+            roll, pitch, _ = to_euler(self._estimator.attitude.value)
+            upright = 1.0 - 0.5 * (roll * roll + pitch * pitch)
+            self._control.learn(upright, 0.0, True, dt)
         self._update_phase(now)
         return self._command(now, dt)
 
@@ -249,13 +252,6 @@ class DroneFlight:
             return roll, pitch
         right, down = self._performs.tilts(now)
         return roll + right, pitch + down
-
-    def _learn(self, dt: float) -> None:
-        estimator = self._estimator
-        if self.phase in (Phase.FLYING, Phase.HOVERING) and estimator.imu is not None:
-            roll, pitch, _ = to_euler(estimator.attitude.value)
-            upright = 1.0 - 0.5 * (roll * roll + pitch * pitch)
-            self._control.learn(upright, 0.0, True, dt)
 
     def _update_phase(self, now: Time) -> None:
         """Detect that the drone has taken off or landed."""

@@ -198,7 +198,12 @@ class OnboardAutopilot:
             self.change(self.firmware.hold, now, asked=True)
         own = self.firmware.acts(state, now)
         if own is not None:
-            self._fail_over(own.mode, own.words, own.cause, now)
+            if own.mode is None:
+                self.stop(now, own.words)
+            else:
+                state.failed_over = own.cause
+                state.say(own.words, CRITICAL)
+                self.change(own.mode, now, asked=False)
         elif (
             state.failed_over == "setpoints"
             and state.flying.role is Role.HOLD
@@ -207,23 +212,12 @@ class OnboardAutopilot:
             state.failed_over = ""
             self.change(state.asked, now, asked=False)
         if state.armed:
-            self.commanded = self.flight.step(now, dt)
-            self._body.drive(self._for_the_loop(self.commanded), now)
+            self.commanded = command = self.flight.step(now, dt)
+            # relative to the attitude loop's own estimate; a real autopilot has only one estimator
+            off = multiply(conjugate(state.estimator.attitude.value), command.attitude)
+            seen = command._replace(attitude=multiply(self._body.attitude(), off))
+            self._body.drive(seen, now)
             self.flight.watch(now, dt)
-
-    def _for_the_loop(self, command: Command) -> Command:
-        """Return the command relative to the attitude loop's own estimate instead of the
-        autopilot's; a real autopilot has only one estimator."""
-        off = multiply(conjugate(self.state.estimator.attitude.value), command.attitude)
-        return command._replace(attitude=multiply(self._body.attitude(), off))
-
-    def _fail_over(self, mode: int | None, words: str, cause: str, now: Time) -> None:
-        if mode is None:
-            self.stop(now, words)
-            return
-        self.state.failed_over = cause
-        self.state.say(words, CRITICAL)
-        self.change(mode, now, asked=False)
 
     def _complain(self, now: Time) -> None:
         if not self.firmware.complains or self.state.armed or now - self._complained < REPEATS:

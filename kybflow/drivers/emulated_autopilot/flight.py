@@ -75,9 +75,12 @@ class EmulatedFlight:
         self._is_home, self._turning, self._began = False, False, now
         self._contact_at, self._was_at = now + round(TOUCHES * NS), None
         self._has_touched = False
-        if self._state.flying.role is Role.FOLLOW:
-            self._state.climb_to = None
-        self._leave_the_ground()
+        state = self._state
+        if state.flying.role is Role.FOLLOW:
+            state.climb_to = None
+        # the take-off mode begins a take-off, whether it was selected before or after arming
+        if state.flying.role is Role.TAKE_OFF and state.armed and state.is_down:
+            state.climb_to = state.ground + state.parameters[self._firmware.takeoff_parameter]
 
     def arm(self, now: Time) -> None:
         """Begin a flight: the rotors start to turn."""
@@ -86,14 +89,6 @@ class EmulatedFlight:
         state.climb_to = None
         self._control.begin(estimator.attitude.heading)
         self.enter(now)
-
-    def _leave_the_ground(self) -> None:
-        """Begin a take-off if the take-off mode is in force, whether the vehicle was armed before
-        or after the mode change."""
-        state = self._state
-        if state.flying.role is Role.TAKE_OFF and state.armed and state.is_down:
-            height = state.parameters[self._firmware.takeoff_parameter]
-            state.climb_to = state.ground + height
 
     def step(self, now: Time, dt: float) -> Command:
         """Return the current command for the attitude loop. Called while armed."""

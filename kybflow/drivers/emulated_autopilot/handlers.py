@@ -20,7 +20,11 @@ from kybflow.drivers.emulated_autopilot.state import (
     PilotSticks,
     Role,
 )
-from kybflow.drivers.emulated_autopilot.telemetry import MAKERS
+from kybflow.drivers.emulated_autopilot.telemetry import (
+    MAKERS,
+    autopilot_version,
+    gps_global_origin,
+)
 from kybflow.drivers.emulation.control import PositionTarget
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
@@ -54,12 +58,12 @@ GROUPS = {
 
 
 class MessageHandlers:
-    """The handlers of one channel's messages."""
+    """The handlers of one channel's messages. Each returns the answer to send, or None."""
 
     def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
-        self._a, self._channel = autopilot, channel
-        self._commands = CommandHandlers(autopilot, channel)
-        self._handlers: dict[str, Callable[[Any], None]] = {
+        a, self._channel = autopilot, channel
+        self._a, self._commands = autopilot, CommandHandlers(autopilot, channel)
+        self._handlers: dict[str, Callable[[Any], Any]] = {
             "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
@@ -70,19 +74,27 @@ class MessageHandlers:
             "SET_POSITION_TARGET_LOCAL_NED": self._position_target,
             "SET_POSITION_TARGET_GLOBAL_INT": self._global_target,
             "SET_ATTITUDE_TARGET": lambda m: self._follow(setpoints.attitude_target(m)),
-            "ODOMETRY": self._odometry,
-            "VISION_POSITION_ESTIMATE": self._vision,
-            "ATT_POS_MOCAP": self._mocap,
-            "TIMESYNC": self._timesync,
+            "ODOMETRY": self._pose,
+            "VISION_POSITION_ESTIMATE": lambda m: self._see(
+                m.usec, (m.x, m.y, m.z), heading_from_ned(m.yaw), m.reset_counter
+            ),
+            "ATT_POS_MOCAP": self._pose,
+            "TIMESYNC": lambda m: (
+                mavlink.MAVLink_timesync_message(a.boot_us(a.now) * 1000, m.ts1)
+                if m.tc1 == 0
+                else None
+            ),
             "FILE_TRANSFER_PROTOCOL": self._files,
-            "PING": self._ping,
+            "PING": lambda m: (
+                mavlink.MAVLink_ping_message(m.time_usec, m.seq, *_sender(m))
+                if m.target_system == 0
+                else None
+            ),
             "MISSION_REQUEST_LIST": self._missions,
             "MISSION_COUNT": self._missions,
             "MISSION_CLEAR_ALL": self._missions,
             "REQUEST_DATA_STREAM": self._data_stream,
-            "AUTOPILOT_VERSION_REQUEST": lambda _: channel.send(
-                MAKERS["AUTOPILOT_VERSION"](autopilot)
-            ),
+            "AUTOPILOT_VERSION_REQUEST": lambda _: autopilot_version(a),
             "SET_GPS_GLOBAL_ORIGIN": self._origin,
             "RC_CHANNELS_OVERRIDE": self._override,
             "MANUAL_CONTROL": self._manual,
@@ -96,8 +108,9 @@ class MessageHandlers:
         if getattr(message, "target_component", 0) not in (0, AUTOPILOT):
             return
         handle = self._handlers.get(message.get_type())
-        if handle is not None:
-            handle(message)
+        answer = None if handle is None else handle(message)
+        if answer is not None:
+            self._channel.send(answer)
 
     def _heartbeat(self, m: Any) -> None:
         a = self._a
@@ -107,12 +120,9 @@ class MessageHandlers:
         elif a.firmware.every_heartbeat_counts:
             a.state.stations[m.get_srcSystem()] = a.now
 
-    def _command(self, m: Any) -> None:
+    def _command(self, m: Any) -> Any:
         result = self._commands.carry_out(m)
-        ack = mavlink.MAVLink_command_ack_message(
-            m.command, result, 255, 0, m.get_srcSystem(), m.get_srcComponent()
-        )
-        self._channel.send(ack)
+        return mavlink.MAVLink_command_ack_message(m.command, result, 255, 0, *_sender(m))
 
     def _set_mode(self, m: Any) -> None:
         if m.base_mode & CUSTOM:
@@ -145,25 +155,18 @@ class MessageHandlers:
             z = m.alt + (a.state.home or (0.0, 0.0, 0.0))[2]
         self._position_target(setpoints.as_local(m, to_ned((x, y, z))))
 
-    def _odometry(self, m: Any) -> None:
-        a = self._a
-        if (
-            m.frame_id in a.firmware.vision_frames
-            and m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD
-        ):
+    def _pose(self, m: Any) -> None:
+        firmware, is_odometry = self._a.firmware, m.get_type() == "ODOMETRY"
+        if is_odometry:
+            is_body = m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD
+            is_used = is_body and m.frame_id in firmware.vision_frames
+        else:
+            is_used = firmware.takes_mocap
+        if is_used:
             w, x, y, z = m.q
             heading = heading_of(attitude_from_ned((w, x, y, z)))
-            self._see(m.time_usec, (m.x, m.y, m.z), heading, m.reset_counter)
-
-    def _vision(self, m: Any) -> None:
-        self._see(m.usec, (m.x, m.y, m.z), heading_from_ned(m.yaw), m.reset_counter)
-
-    def _mocap(self, m: Any) -> None:
-        a = self._a
-        if a.firmware.takes_mocap:
-            w, x, y, z = m.q
-            heading = heading_of(attitude_from_ned((w, x, y, z)))
-            self._see(m.time_usec, (m.x, m.y, m.z), heading, 0)
+            resets = m.reset_counter if is_odometry else 0
+            self._see(m.time_usec, (m.x, m.y, m.z), heading, resets)
 
     def _see(self, stamp: int, ned: Vec3, heading: float, resets: int) -> None:
         a = self._a
@@ -171,42 +174,22 @@ class MessageHandlers:
             at = a.run_time(stamp)
             a.state.estimator.see(VisionPose(at, from_ned(ned), heading, resets), a.now)
 
-    def _timesync(self, m: Any) -> None:
-        a = self._a
-        if m.tc1 == 0:
-            self._channel.send(mavlink.MAVLink_timesync_message(a.boot_us(a.now) * 1000, m.ts1))
-
-    def _files(self, m: Any) -> None:
+    def _files(self, m: Any) -> Any:
         """Refuse file transfers at once, so that no client waits for a timeout."""
         asked = bytes(m.payload)
         number = (int.from_bytes(asked[:2], "little") + 1) & 0xFFFF
         head = [*number.to_bytes(2, "little"), asked[2], REFUSED, 1, asked[3], 0, 0, 0, 0, 0, 0]
         answer = [*head, UNKNOWN_COMMAND, *[0] * (251 - len(head) - 1)]
-        self._channel.send(
-            mavlink.MAVLink_file_transfer_protocol_message(
-                0, m.get_srcSystem(), m.get_srcComponent(), answer
-            )
-        )
+        return mavlink.MAVLink_file_transfer_protocol_message(0, *_sender(m), answer)
 
-    def _ping(self, m: Any) -> None:
-        if m.target_system == 0:
-            self._channel.send(
-                mavlink.MAVLink_ping_message(
-                    m.time_usec, m.seq, m.get_srcSystem(), m.get_srcComponent()
-                )
-            )
-
-    def _missions(self, m: Any) -> None:
+    def _missions(self, m: Any) -> Any:
         """Report that there is no mission, and accept none."""
-        to, kind = (m.get_srcSystem(), m.get_srcComponent()), getattr(m, "mission_type", 0)
+        to, kind = _sender(m), getattr(m, "mission_type", 0)
         if m.get_type() == "MISSION_REQUEST_LIST":
-            self._channel.send(mavlink.MAVLink_mission_count_message(*to, 0, kind))
-        else:
-            is_clearing = m.get_type() == "MISSION_CLEAR_ALL"
-            result = (
-                mavlink.MAV_MISSION_ACCEPTED if is_clearing else mavlink.MAV_MISSION_UNSUPPORTED
-            )
-            self._channel.send(mavlink.MAVLink_mission_ack_message(*to, result, kind))
+            return mavlink.MAVLink_mission_count_message(*to, 0, kind)
+        is_clearing = m.get_type() == "MISSION_CLEAR_ALL"
+        result = mavlink.MAV_MISSION_ACCEPTED if is_clearing else mavlink.MAV_MISSION_UNSUPPORTED
+        return mavlink.MAVLink_mission_ack_message(*to, result, kind)
 
     def _data_stream(self, m: Any) -> None:
         rate = float(m.req_message_rate) if m.start_stop else 0.0
@@ -215,16 +198,17 @@ class MessageHandlers:
                 for name in names:
                     self._channel.stream(str(name), rate)
 
-    def _origin(self, m: Any) -> None:
+    def _origin(self, m: Any) -> Any:
         a = self._a
-        if a.state.origin is None:
-            latitude, longitude = m.latitude * 1e-7, m.longitude * 1e-7
-            a.state.origin = Tangent.on_ellipsoid(latitude, longitude, m.altitude * 1e-3)
-            self._channel.send(MAKERS["GPS_GLOBAL_ORIGIN"](a))
+        if a.state.origin is not None:
+            return None
+        latitude, longitude = m.latitude * 1e-7, m.longitude * 1e-7
+        a.state.origin = Tangent.on_ellipsoid(latitude, longitude, m.altitude * 1e-3)
+        return gps_global_origin(a)
 
     def _override(self, m: Any) -> None:
-        """Take the sticks from the ground station that the vehicle obeys; ignore those of
-        others."""
+        """Accept stick positions from the ground station that the vehicle obeys; ignore those from
+        other stations."""
         a = self._a
         if m.get_srcSystem() != int(a.state.parameters.get("SYSID_MYGCS", m.get_srcSystem())):
             return
@@ -245,6 +229,10 @@ class MessageHandlers:
         a = self._a
         if m.target == a.system:
             a.state.sticks = PilotSticks(a.now, m.y / 1000, m.x / 1000, m.r / 1000, m.z / 1000)
+
+
+def _sender(m: Any) -> tuple[int, int]:
+    return m.get_srcSystem(), m.get_srcComponent()
 
 
 FORCED = 21196
@@ -271,7 +259,9 @@ class CommandHandlers:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request,
-            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._capabilities,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._request(
+                (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
+            ),
         }
 
     def carry_out(self, message: Any) -> int:
@@ -387,8 +377,4 @@ class CommandHandlers:
         if message is None:
             return FAILED
         self._channel.send(message)
-        return ACCEPTED
-
-    def _capabilities(self, p: Params) -> int:
-        self._channel.send(MAKERS["AUTOPILOT_VERSION"](self._a))
         return ACCEPTED

@@ -69,13 +69,11 @@ class EmulatedParameters:
         if name not in self._values or name in self.dangling:
             return []
         if kind == "PARAM_SET":
-            self._values[name] = self._read(message.param_value, message.param_type)
+            value = message.param_value
+            if self._bytewise and message.param_type == INTEGER:
+                value = struct.unpack("<i", struct.pack("<f", value))[0]
+            self._values[name] = float(value)
         return [self._value_message(name)]
-
-    def _read(self, value: float, kind: int) -> float:
-        if self._bytewise and kind == INTEGER:
-            return float(struct.unpack("<i", struct.pack("<f", value))[0])
-        return float(value)
 
     def _value_message(self, name: str) -> Any:
         value, kind = self._values[name], INTEGER if name in self._integers else REAL
@@ -225,10 +223,11 @@ OUTPUT_COMMANDS = frozenset(
 
 
 class Outputs:
-    """The outputs of one vehicle. Its attribute `pulses` holds the current pulses by channel.
+    """The outputs of one vehicle.
 
-    channel: the channel of the payload's servo, None without one.
-    pulses: the pulses of an open and of a closed servo.
+    pulses: the current pulse of each output, by channel.
+    channel: the channel of the payload's servo; None without a payload.
+    servo_pulses: the pulse of an open servo, and that of a closed one.
     closed: whether the payload's servo is closed at first.
     move: opens or closes the payload's servo.
     """
@@ -237,14 +236,14 @@ class Outputs:
         self,
         state: EmulatedState,
         channel: int | None,
-        pulses: tuple[int, int],
+        servo_pulses: tuple[int, int],
         closed: bool,
         move: Callable[[bool, Time], None],
     ) -> None:
         self.state, self._channel, self._move = state, channel, move
         self.pulses: dict[int, int] = {}
         if channel is not None:
-            self.pulses[channel] = pulses[closed]
+            self.pulses[channel] = servo_pulses[closed]
 
     def move_all(self, parameter: str, function: int, pulse: int, now: Time) -> bool:
         """Move all outputs with this function; return whether there are any. parameter: the name of

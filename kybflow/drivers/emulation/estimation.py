@@ -1,4 +1,4 @@
-"""The estimation of an emulated computer: an attitude filter and a position observer.
+"""State estimation on an emulated onboard computer: an attitude filter and a position observer.
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
 eq. 34), from gyroscope, accelerometer and a measured heading. In flight an accelerometer measures
@@ -12,7 +12,8 @@ the seconds since the last correction. With the innovation e and k = 1 - exp(-w 
 (1-k)^3 e, v += 1.5 k^2 (2 - k) / dt e, b += k^3 / dt^2 e (Brookner, "Tracking and Kalman Filtering
 Made Easy", 1998, sec. 1.3), so that after a long gap an offset is not taken for a speed. Between
 corrections p' = v, v' = a + b. A late measurement is compared with the position at its time.
-Metres, ENU."""
+Metres, ENU.
+"""
 
 from __future__ import annotations
 

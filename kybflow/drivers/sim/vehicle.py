@@ -136,7 +136,11 @@ class SimulatedVehicle(Link):
                 capture.schedule.move_on()
         if battery.schedule.due <= now:
             self._arriving.append((now, battery.measure(now)))
-            self._load(now)
+            # the rotors' thrust drains the battery, which reduces their largest thrust
+            onboard, index = self._world.onboard, self._index
+            given = _total_thrust(onboard.rotors[index], self._thrusts())
+            battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
+            onboard.thrusts[index] = self._thrusts()
             battery.schedule.move_on()
         if self._receiver_due <= now:
             falling, self._receiver_due = self._receiver.descent, self._receiver.update(now)
@@ -191,14 +195,6 @@ class SimulatedVehicle(Link):
         """Return the vibration relative to that in hover. A rotor's imbalance grows with the square
         of its speed, and so in proportion to its thrust."""
         return thrust / (self.body.mass * GRAVITY)
-
-    def _load(self, now: Time) -> None:
-        """Drain the battery according to the rotors' thrust, and reduce their largest thrust
-        accordingly."""
-        onboard, index, battery = self._world.onboard, self._index, self.battery
-        given = _total_thrust(onboard.rotors[index], self._thrusts())
-        battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
-        onboard.thrusts[index] = self._thrusts()
 
     def _thrusts(self) -> Numbers:
         """Return each rotor's largest thrust at the battery's current charge."""

@@ -176,7 +176,10 @@ class AttitudeController:
             self._held = None
             turn = AIMING * wrap(heading - heading_of(self.attitude()))
         else:
-            attitude = self._holding(attitude)
+            # only the tilt counts, at the heading held since the sender's heading became unknown
+            if self._held is None:
+                self._held = heading_of(self.attitude())
+            attitude = multiply(from_heading(self._held - heading_of(attitude)), attitude)
         if armed is not self.armed:
             lifted, steps = self._since()
             rested = armed and steps * self._dt >= CALIBRATION
@@ -190,13 +193,6 @@ class AttitudeController:
         """Return the estimated attitude, body to world."""
         w, x, y, z, _, _, _, _ = self._onboard.filters[self._index]
         return (w, x, y, z)
-
-    def _holding(self, attitude: Quat) -> Quat:
-        """Return the tilt of `attitude` at the heading held since the sender's heading became
-        unknown."""
-        if self._held is None:
-            self._held = heading_of(self.attitude())
-        return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
 
 def _share(cut_off: float, dt: float) -> float:
