@@ -86,7 +86,7 @@ class AgesOnReceipt:
 
     def __init__(self, monkeypatch):
         self.seconds, self.most_held, self._made = [], 0.0, {}
-        due, take = CommandStream.due, OnboardDrone._take
+        due, execute = CommandStream.due, OnboardDrone._execute
 
         def noting_due(stream):
             held, clock, judged = stream._held, stream._clock, []
@@ -103,11 +103,11 @@ class AgesOnReceipt:
                     self.most_held = max(self.most_held, (judged[0] - held.at) / NS)
             return sent
 
-        def noting_take(drone, command, now):
+        def noting_execute(drone, command):
             made, clock = self._made.get((command.sequence, command.arguments), (None, None))
             if made is not None:
                 self.seconds.append((clock() - made) / NS)
-            take(drone, command, now)
+            execute(drone, command)
 
         monkeypatch.setattr(CommandStream, "due", noting_due)
-        monkeypatch.setattr(OnboardDrone, "_take", noting_take)
+        monkeypatch.setattr(OnboardDrone, "_execute", noting_execute)

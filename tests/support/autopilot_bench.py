@@ -47,12 +47,8 @@ class Bench:
         self.vehicle = self.world.links[place.context.vehicle]
         kinds = {Imu} | (set() if outside else {Position})
         self.vehicle.subscribe(frozenset(kinds))
-        body = SimulatedBody(
-            self.vehicle.send,
-            self.vehicle.controller.attitude,
-            self.vehicle.grip,
-            self.vehicle.truth,
-        )
+        v = self.vehicle
+        body = SimulatedBody(v.send, v.controller.attitude, v.grip, v.truth)
         changes = (
             prepared(self.firmware, place.context, 1, outside=outside, station=245)
             if is_prepared
@@ -158,6 +154,9 @@ class Bench:
     def texts(self):
         return "".join(m.text for m in self.heard if m.get_type() == "STATUSTEXT")
 
+    def set_origin(self):
+        self.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+
     def take_off(self, height=1.0):
         """Into the mode that follows setpoints, armed, up."""
         if self.px4:
@@ -165,9 +164,7 @@ class Bench:
             self.run(1.5)
             assert self.mode(PX4_OFFBOARD) == ACCEPTED
         else:
-            self.say(
-                mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0)
-            )
+            self.set_origin()
             self.run(1.5)
             assert self.mode(GUIDED) == ACCEPTED
         assert self.arm() == ACCEPTED, self.texts()

@@ -84,9 +84,6 @@ class DroneBench:
         return self
 
 
-__all__ = ["DroneBench", "DroneState", "Phase", "Radio", "at"]
-
-
 def test_it_is_in_bootstrap_until_it_is_configured():
     bench = DroneBench()
     bench.run(0.1)

@@ -148,7 +148,7 @@ def test_it_flies_on_its_own_gps(name):
 
 def test_ardupilot_leaves_the_ground_by_its_take_off_alone():
     bench = Bench("ardupilot")
-    bench.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+    bench.set_origin()
     bench.run(1.5)
     assert bench.mode(GUIDED) == ACCEPTED
     takes_off = (mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 1.0)

@@ -208,7 +208,7 @@ def test_its_simulator_tells_the_truth_on_request(name, kind):
 def test_a_local_position_is_north_east_down(name):
     place = seat(at=(1.0, 2.0, 0.0), params=QUIET)
     bench = Bench(name, context=place)
-    bench.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+    bench.set_origin()
     bench.run(1.0)
     number = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
     assert bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED

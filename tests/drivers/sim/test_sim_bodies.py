@@ -1,17 +1,106 @@
-"""A parcel in the simulator: a part of the vehicle's mass, then a box that falls."""
+"""Obstacles and parcels are bodies in the simulator, and whoever runs into one, or another vehicle,
+is told."""
 
 from __future__ import annotations
 
+import random
+
 import pytest
-from sim_worlds import FRAME, QUIET, STOPPED, push, seat, thrust, touches, world
+from sim_worlds import (
+    FRAME,
+    PERIOD,
+    QUIET,
+    STOPPED,
+    in_flight,
+    opened,
+    push,
+    seat,
+    thrust,
+    touches,
+    world,
+)
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, sub
-from kybflow.core.signals import Payload
+from kybflow.core.signals import NS, Payload
+from kybflow.drivers.sim import Sim
 from kybflow.drivers.sim.model import loaded
+from kybflow.parts import Seat
 from kybflow.parts.link import Touch
-from kybflow.world.shapes import Box
-from kybflow.world.vehicle_context import Parcel
+from kybflow.world.columns import Columns
+from kybflow.world.point_cloud import PointCloud
+from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
+from kybflow.world.vehicle_context import Parcel, VehicleContext
+
+SHAPES = {
+    "box": Box((0.5, -0.5, 0.0), (1.0, 0.5, 3.0)),
+    "pillar": Cylinder((0.8, 0.0, 0.0), 0.3, 3.0),
+    "ball": Sphere((0.8, 0.0, 1.0), 0.3),
+    "wall": Plane((0.5, 0.0, 0.0), (-1.0, 0.0, 0.0)),
+    "map": Columns(tuple((0.6, 0.05 * y) for y in range(-6, 7)), 0.04, 0.0, 2.0),
+    "scan": PointCloud(
+        tuple((0.6, 0.05 * y, 0.05 * z) for y in range(-6, 7) for z in range(10, 31)), 0.06
+    ),
+}
+
+
+def flown_east(**obstacles):
+    """A vehicle at 1 m that flies east at 1 m/s: how far it comes, and what it ran into."""
+    session = Sim.open(
+        [Seat(VehicleContext("a", FRAME, ZERO, 0.0, None, 0.004, None, obstacles), QUIET)],
+        random.Random(1),
+    )
+    session.data.qpos[2], session.data.qvel[0] = 1.0, 1.0
+    met, now = touches(session.links["a"]), 0
+    for _ in range(200):
+        session.links["a"].send(thrust(FRAME.mass * 9.81), now)
+        now += PERIOD
+        session.advance(now)
+    return session.links["a"].truth().position[0], met
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_an_obstacle_stops_a_vehicle_and_is_named(name):
+    reached, met = flown_east(**{name: SHAPES[name]})
+    assert reached < 0.45
+    assert met == [Touch(name, carries=False)]
+
+
+def test_without_an_obstacle_it_flies_past_and_meets_nothing():
+    reached, met = flown_east()
+    assert reached > 0.6
+    assert met == []
+
+
+def test_an_obstacle_stands_where_the_mission_says():
+    reached, met = flown_east(far=Box((0.5, 2.0, 0.0), (1.0, 3.0, 3.0)))
+    assert reached > 0.6
+    assert met == []
+
+
+def test_two_vehicles_that_meet_are_told_once_each():
+    session = world(seat(), seat("b", (0.0, 0.45, 0.0)))
+    session.data.qpos[[2, 9]] = 1.0
+    session.data.qvel[1] = 1.5
+    a, b = touches(session.links["a"]), touches(session.links["b"])
+    for now in range(PERIOD, NS // 5, PERIOD):
+        session.advance(now)
+    assert (a, b) == ([Touch("b", carries=False)], [Touch("a", carries=False)])
+
+
+def test_what_a_vehicle_stands_on_carries_it_and_is_told_once():
+    session = world(seat(), seat("b", (1.0, 0.0, 0.6)))
+    a, b = touches(session.links["a"]), touches(session.links["b"])
+    push(session, session.links["b"], 1.0, thrust(8.0))
+    assert (a, b) == ([Touch("the floor", carries=True)], [Touch("a stand", carries=True)])
+
+
+def test_one_that_comes_back_to_the_floor_touches_it_again():
+    session, link, now = in_flight()
+    met = touches(link)
+    push(session, link, 2.0, STOPPED, now)
+    assert met == [Touch("the floor", carries=True)]
+
 
 SMALL, LEVEL_BOX = Parcel(mass=0.2, size=0.06), Parcel(mass=0.2, size=0.1)
 
@@ -57,8 +146,7 @@ def test_two_bodies_together_turn_as_the_parallel_axes_say():
 
 
 def test_released_it_falls_with_the_velocity_it_had_and_the_vehicle_weighs_less():
-    session = world(carrying())
-    link = session.links["a"]
+    session, link = opened(carrying())
     now = at_height(session, link, 1.5, (0.5, 0.0, 0.0))
     before = link.truth()
     assert sub(before.payload, before.position) == pytest.approx((0.0, 0.0, -0.02), abs=1e-6)
@@ -73,8 +161,7 @@ def test_released_it_falls_with_the_velocity_it_had_and_the_vehicle_weighs_less(
 
 
 def test_let_go_from_a_hover_it_lands_below():
-    session = world(carrying())
-    link = session.links["a"]
+    session, link = opened(carrying())
     now = at_height(session, link, 1.5)
     link.grip(True, now)
     met = touches(link)
@@ -84,8 +171,7 @@ def test_let_go_from_a_hover_it_lands_below():
 
 
 def test_it_falls_once_however_often_the_servo_opens():
-    session = world(carrying())
-    link = session.links["a"]
+    session, link = opened(carrying())
     now = at_height(session, link)
     link.grip(True, now)
     _, now = push(session, link, 0.2, thrust(10.3), now)
@@ -96,8 +182,7 @@ def test_it_falls_once_however_often_the_servo_opens():
 
 
 def test_let_go_on_the_ground_it_lies_between_the_legs_and_the_vehicle_flies_off():
-    session = world(carrying(LEVEL_BOX))
-    link = session.links["a"]
+    session, link = opened(carrying(LEVEL_BOX))
     link.grip(True, 0)
     _, now = push(session, link, 0.5, STOPPED)
     assert link.truth().position == pytest.approx(ZERO, abs=0.003)
@@ -108,8 +193,7 @@ def test_let_go_on_the_ground_it_lies_between_the_legs_and_the_vehicle_flies_off
 
 
 def test_on_the_ground_it_is_put_in_as_the_servo_closes_but_not_in_flight():
-    session = world(carrying(Parcel(mass=0.2, size=0.06, aboard=False)))
-    link = session.links["a"]
+    session, link = opened(carrying(Parcel(mass=0.2, size=0.06, aboard=False)))
     measured, now = push(session, link, 0.1, STOPPED)
     assert said(measured) == [(True, False)]
     link.grip(False, now)
@@ -124,8 +208,7 @@ def test_on_the_ground_it_is_put_in_as_the_servo_closes_but_not_in_flight():
 
 def test_it_lies_on_an_obstacle_that_is_under_it():
     table = Box((-1.0, -1.0, 0.0), (1.0, 1.0, 0.5))
-    session = world(carrying(at=(2.0, 0.0, 0.0), obstacles={"table": table}))
-    link = session.links["a"]
+    session, link = opened(carrying(at=(2.0, 0.0, 0.0), obstacles={"table": table}))
     now = at_height(session, link, 1.2)
     link.grip(True, now)
     push(session, link, 1.0, thrust(FRAME.mass * 9.81), now)
