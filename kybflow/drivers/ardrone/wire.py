@@ -48,9 +48,13 @@ class Held(NamedTuple):
 
 
 class CommandStream:
-    """The commands of one drone. hovered, ended: how often a command was older than `HOVER_AFTER`
-    and `STOP_AFTER`. bearing: of the axis to which moves are relative, clockwise from north, rad;
-    None for the drone's own heading. clock: returns the time."""
+    """The commands of one drone.
+
+    hovered, ended: how often a command was older than `HOVER_AFTER` and than `STOP_AFTER`.
+    bearing: bearing of the axis to which moves are relative, clockwise from north, rad; None if
+    moves are relative to the drone's own heading.
+    clock: returns the time.
+    """
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self._clock = clock

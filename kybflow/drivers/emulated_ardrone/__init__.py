@@ -36,11 +36,8 @@ class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
     )  # fmt: skip
     wifi_jitter: Duration = param(
         "Largest deviation from that delay, uniformly distributed.",
-        default=0.01,
-        at_least=0.0,
-        at_most=0.2,
-        read_only=True,
-    )
+        default=0.01, at_least=0.0, at_most=0.2, read_only=True,
+    )  # fmt: skip
     wifi_loss: Ratio = param(
         "Share of datagrams that are lost.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
     )

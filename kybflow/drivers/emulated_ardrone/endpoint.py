@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import random
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from math import degrees
 from typing import Generic, NamedTuple, TypeVar
 
@@ -66,24 +66,21 @@ class NavdataSender:
             return []
         drone, packets = self._drone, list[bytes]()
         is_demo = drone.configuration.truth("general:navdata_demo")
+        asked = int(drone.configuration.number("general:navdata_options"))
+        wanted = SMALL if is_demo else -1 if asked == SMALL else asked | 1
         period = NS // (DEMO if is_demo or drone.is_in_bootstrap else FULL)
         while self._due <= now and len(packets) < 2:
             self._due += period
             self._sequence += 1
-            options = [] if drone.is_in_bootstrap else [*self._options(is_demo, now)]
+            options = [
+                self._option(tag, now) or (tag, bytes(size))
+                for tag, size in SIZES.items()
+                if wanted & 1 << tag and not drone.is_in_bootstrap
+            ]
             packets.append(write_packet(drone.state(), self._sequence, options))
         if self._due <= now:
             self._due = now + period
         return packets
-
-    def _options(self, is_demo: bool, now: Time) -> Iterator[tuple[int, bytes]]:
-        asked = int(self._drone.configuration.number("general:navdata_options"))
-        if asked == SMALL and not is_demo:
-            asked = -1
-        asked = SMALL if is_demo else asked | 1
-        for tag, size in SIZES.items():
-            if asked & 1 << tag:
-                yield self._option(tag, now) or (tag, bytes(size))
 
     def _option(self, tag: OptionTag, now: Time) -> tuple[int, bytes] | None:
         drone = self._drone

@@ -78,14 +78,11 @@ class OnboardAutopilot:
         self._body, self._boot = body, boot
         self._sensors = CompassAndBarometer(body.look, generator)
         self._most = context.airframe.max_thrust
-        parcel, place = context.payload, firmware.profile.output
-        self.outputs = Outputs(
-            self.state,
-            None if parcel is None else place(parcel.channel, True).number,
-            firmware.pulses,
-            parcel is not None and parcel.aboard,
-            body.move,
-        )
+        parcel = context.payload
+        place = firmware.profile.output
+        channel = None if parcel is None else place(parcel.channel, True).number
+        is_closed = parcel is not None and parcel.aboard
+        self.outputs = Outputs(self.state, channel, firmware.pulses, is_closed, body.move)
         self._control = PositionControl(context.airframe, 0.0)
         self.flight = EmulatedFlight(self.state, firmware, self._control)
         self._stepped: Time = 0

@@ -198,8 +198,9 @@ class EmulatedEstimator:
         self._pressure = (now, zero)
 
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
-        """Return the correction by a measurement, None if the measurement is rejected. The position
-        jumps to a measurement that is `anew` or that has stayed far off."""
+        """Return the offset by which to correct the position; None if the measurement is rejected.
+        anew: whether the position jumps to the measurement at once. It also jumps to measurements
+        that have been far off for `REJECTS`."""
         is_far = norm(off) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting

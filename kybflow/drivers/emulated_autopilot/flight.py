@@ -201,7 +201,7 @@ class EmulatedFlight:
         return control.hold(self._attitude, thrust, rates, heading)
 
     def _climbing(self, dt: float) -> PositionTarget:
-        """Return the target of a climb at a steady speed, then that of a hold at its end."""
+        """Return the target of a take-off: a steady climb, then a hold at the height reached."""
         state, (x, y, z) = self._state, self._held
         to = self._held[2] if state.climb_to is None else state.climb_to
         up = self._firmware.takes_off

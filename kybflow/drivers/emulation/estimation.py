@@ -51,8 +51,8 @@ UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 class AttitudeFilter:
-    """The attitude of one vehicle. `value`: the rotation from body to world. `rate`: the body rates
-    without the bias, rad/s."""
+    """The attitude of one vehicle. value: the rotation from body to world. rate: the turn rates in
+    body axes, without the gyroscope's bias, rad/s."""
 
     def __init__(self, heading: float) -> None:
         self.value: Quat = from_heading(heading)
@@ -66,8 +66,8 @@ class AttitudeFilter:
         return heading_of(self.value)
 
     def see(self, heading: float) -> None:
-        """Correct with a heading from vision or a compass, radians. The first one, and one more
-        than 1 rad off, is adopted at once."""
+        """Correct with a heading measured by vision or a compass, radians. The first heading, and
+        any that is more than 1 rad off, is adopted at once."""
         self._off = wrap(heading - self.heading)
         if not self._is_aimed or abs(self._off) > 1.0:
             turned = from_heading(self._off)
@@ -104,8 +104,8 @@ MOST_BIAS = 0.5
 
 
 class PositionObserver:
-    """The position of one vehicle, which starts at zero, at rest. `bias`: its acceleration beyond
-    that of the accelerometer, m/s^2 in the world."""
+    """The position of one vehicle, which starts at zero, at rest. bias: the acceleration that the
+    accelerometer fails to measure, m/s^2 in the world."""
 
     def __init__(self) -> None:
         self.position: Vec3 = ZERO

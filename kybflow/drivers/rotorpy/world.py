@@ -167,16 +167,11 @@ class Plant:
             state["v"] = state["v"] + dt / self._model.mass * numpy.array(more[:3])
             state["w"] = state["w"] + dt * (self._model.inv_inertia @ numpy.array(more[3:]))
         if self.is_down and state["v"][2] <= 0.0:
-            self._stand()
+            w, x, y, z = from_heading(heading_of(self.truth.attitude))
+            state["x"][2] = 0.0
+            state["v"], state["w"] = numpy.zeros(3), numpy.zeros(3)
+            state["q"] = numpy.array((x, y, z, w))
         return _vector((state["v"] - before) / dt)
-
-    def _stand(self) -> None:
-        heading = heading_of(self.truth.attitude)
-        w, x, y, z = from_heading(heading)
-        state = self._state
-        state["x"][2] = 0.0
-        state["v"], state["w"] = numpy.zeros(3), numpy.zeros(3)
-        state["q"] = numpy.array((x, y, z, w))
 
 
 def _vector(array: Any) -> Vec3:
