@@ -92,6 +92,12 @@ class Bench:
         acks = [m for m in self.heard[before:] if m.get_type() == "COMMAND_ACK"]
         return next(m.result for m in acks if m.command == number)
 
+    def request(self, kind):
+        """The message of this kind that it sends on request."""
+        number = getattr(mavlink, f"MAVLINK_MSG_ID_{kind}")
+        assert self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
+        return self.last(kind)
+
     def mode(self, number):
         p = (1, number >> 16 & 0xFF, number >> 24) if self.px4 else (1, number)
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, *p)
@@ -158,7 +164,7 @@ class Bench:
         self.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
 
     def take_off(self, height=1.0):
-        """Into the mode that follows setpoints, armed, up."""
+        """Into the mode that follows setpoints, armed, up; the bench itself."""
         if self.px4:
             self.wanted = lambda: self.go(0.0, 0.0, height)
             self.run(1.5)
@@ -172,3 +178,4 @@ class Bench:
             assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height) == ACCEPTED
         assert self.run(12.0, lambda: abs(self.height - height) < 0.15), self.height
         self.run(2.0)
+        return self

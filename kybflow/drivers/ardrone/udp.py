@@ -19,14 +19,7 @@ from ipaddress import AddressValueError, IPv4Address
 from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.ardrone.at import END, MOST
-from kybflow.drivers.ardrone.wire import (
-    AT,
-    CONTROL,
-    NAVDATA,
-    NAVDATA_REQUEST,
-    Arrived,
-    DroneWire,
-)
+from kybflow.drivers.ardrone.wire import AT, CONTROL, NAVDATA, NAVDATA_REQUEST, Arrived, DroneWire
 
 LONGEST = 8192
 MOST_PER_PERIOD = 64

@@ -7,15 +7,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from kybflow.core.geometry import (
-    ZERO,
-    Quat,
-    Vec3,
-    body_z,
-    from_heading,
-    heading_of,
-    integrate,
-)
+from kybflow.core.geometry import ZERO, Quat, Vec3, body_z, from_heading, heading_of, integrate
 from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
 from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget

@@ -28,6 +28,15 @@ def played():
     ports.close()
 
 
+def connect(ports, wire):
+    """Let the wire ask for navigation data, and the ports answer it."""
+    wire.ask()
+    asked = []
+    until(lambda: asked.extend(ports.requests()) or asked, "to ask")
+    assert asked[0][0] == NAVDATA_REQUEST
+    ports.answer(asked[0][1])
+
+
 def heard(ports):
     return [c for data, _ in ports.commands() for c in read_commands(data)]
 
@@ -49,11 +58,7 @@ def test_the_newest_command_is_sent_until_it_is_too_old(played):
 
 def test_navigation_data_and_configurations_arrive(played):
     ports, wire = played
-    wire.ask()
-    until(
-        lambda: [ports.answer(who) for data, who in ports.requests() if data == NAVDATA_REQUEST],
-        "to ask",
-    )
+    connect(ports, wire)
     ports.send(write_packet(DroneState.DEMO, 1))
     until(lambda: wire.take(0), "a packet")
     wire.listen_for_configuration()
@@ -66,8 +71,7 @@ def test_navigation_data_and_configurations_arrive(played):
 
 def test_a_flood_from_elsewhere_is_counted_and_the_drone_is_still_heard(played):
     ports, wire = played
-    wire.ask()
-    until(lambda: [ports.answer(who) for _, who in ports.requests()], "to ask")
+    connect(ports, wire)
     ports.send(write_packet(DroneState.DEMO, 5))
     until(lambda: wire.take(0), "a packet")
     chance, target = random.Random(0), ports._listener
@@ -138,8 +142,7 @@ def test_of_a_flood_no_more_than_its_share_is_taken_in_a_period(played):
 
 def test_stamps_rise_however_late_a_tick_is(played):
     ports, wire = played
-    wire.ask()
-    until(lambda: [ports.answer(who) for _, who in ports.requests()], "to ask")
+    connect(ports, wire)
     stamps, sent = [], 0
     for now in (NS, NS, NS - 8_000_000):  # the last one is late: its time is behind the clock
         ports.send(write_packet(DroneState.DEMO, sent := sent + 1))

@@ -9,17 +9,7 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from dry_runs import (
-    AUTOPILOTS,
-    DRIVER,
-    HEIGHT,
-    LANDS,
-    UP,
-    WRONG,
-    DryRun,
-    fault,
-    supervised,
-)
+from dry_runs import AUTOPILOTS, DRIVER, HEIGHT, LANDS, UP, WRONG, DryRun, fault, supervised
 from short_flights import down, hold, up
 
 HIGH, HIGH_AT = 2.2, 12.0

@@ -5,18 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from sim_worlds import (
-    FRAME,
-    PERIOD,
-    QUIET,
-    STOPPED,
-    in_flight,
-    lift,
-    opened,
-    push,
-    seat,
-    thrust,
-)
+from sim_worlds import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, opened, push, seat, thrust
 
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS
