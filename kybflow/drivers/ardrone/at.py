@@ -24,9 +24,9 @@ FIRST_SEQUENCE = 1
 REF_BASE = 1 << 18 | 1 << 20 | 1 << 22 | 1 << 24 | 1 << 28
 FLY, EMERGENCY = 1 << 9, 1 << 8
 """Bits of REF: fly, and the emergency switch. Setting the switch toggles the emergency state."""
-PROGRESSIVE, COMBINED_YAW, ABSOLUTE = 1, 2, 4
+PROGRESSIVE, ABSOLUTE = 1, 4
 """Bits of PCMD's flag. Without `PROGRESSIVE` the drone hovers and ignores the arguments."""
-SEND_CONFIGURATION, RESET_ACKNOWLEDGE, SEND_IDS = 4, 5, 6
+SEND_CONFIGURATION, RESET_ACKNOWLEDGE = 4, 5
 """Modes of CTRL."""
 
 Argument = int | float | str
@@ -105,9 +105,9 @@ def ftrim() -> Line:
     return Line("FTRIM", ())
 
 
-def calib(device: int = 0) -> Line:
+def calib() -> Line:
     """Return the command to calibrate the magnetometer (device 0) in flight; the drone spins."""
-    return Line("CALIB", (device,))
+    return Line("CALIB", (0,))
 
 
 def config(key: str, value: str) -> Line:

@@ -143,9 +143,9 @@ def read_packet(data: bytes) -> Packet:
 
 
 def write_packet(
-    state: DroneState, sequence: int, options: Iterable[tuple[int, bytes]] = (), vision: int = 0
+    state: DroneState, sequence: int, options: Iterable[tuple[int, bytes]] = ()
 ) -> bytes:
-    data = _HEAD.pack(HEADER, int(state), sequence & 0xFFFF_FFFF, vision)
+    data = _HEAD.pack(HEADER, int(state), sequence & 0xFFFF_FFFF, 0)
     for tag, content in options:
         data += _OPTION.pack(tag, _OPTION.size + len(content)) + content
     return data + _OPTION.pack(CHECKSUM, _OPTION.size + _SUM.size) + _SUM.pack(sum(data))
@@ -339,10 +339,9 @@ def demo(options: Mapping[int, bytes]) -> Demo | None:
     return Demo(phase_of(state), battery, theta, phi, psi, altitude, (vx, vy, vz))
 
 
-def write_demo(values: Demo, minor: int = 0, frame: int = 0) -> tuple[int, bytes]:
-    state = values.phase << 16 | minor
+def write_demo(values: Demo, frame: int = 0) -> tuple[int, bytes]:
     data = _DEMO.pack(
-        state, values.battery, values.pitch, values.roll, values.heading, values.altitude,
+        values.phase << 16, values.battery, values.pitch, values.roll, values.heading, values.altitude,
         *values.velocity,
     )  # fmt: skip
     return OptionTag.DEMO, (data + _U32.pack(frame & 0xFFFF_FFFF)).ljust(_DEMO_SIZE, b"\0")

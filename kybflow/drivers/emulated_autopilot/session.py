@@ -63,7 +63,14 @@ class MavlinkEndpoint:
                 if message.get_type() == "HEARTBEAT" and len(self._channels) > 1:
                     self._forward(message, channel)
         self.autopilot.step(now)
-        self._report(now)
+        texts, self.autopilot.texts = self.autopilot.texts, []
+        for words, severity in texts:
+            self._send_text(words, severity, now)
+        for channel, _ in self._channels:
+            for name in channel.due(now):
+                message = MAKERS[name](self.autopilot)
+                if message is not None:
+                    channel.send(message)
 
     def _forward(self, message: Any, heard: Channel) -> None:
         """Forward a heartbeat to the other channels, as both firmwares do."""
@@ -75,16 +82,6 @@ class MavlinkEndpoint:
         for channel, _ in self._channels:
             for name in self.autopilot.firmware.mode_messages:
                 channel.send(MAKERS[name](self.autopilot))
-
-    def _report(self, now: Time) -> None:
-        texts, self.autopilot.texts = self.autopilot.texts, []
-        for words, severity in texts:
-            self._send_text(words, severity, now)
-        for channel, _ in self._channels:
-            for name in channel.due(now):
-                message = MAKERS[name](self.autopilot)
-                if message is not None:
-                    channel.send(message)
 
     def _send_text(self, words: str, severity: int, now: Time) -> None:
         """Send a text in chunks, on the channels to which the firmware sends texts."""

@@ -38,7 +38,7 @@ from kybflow.drivers.sim.steps.onboard import (
     shares,
     smooth,
 )
-from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of
+from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of, physics_rate
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 from kybflow.world.vehicle_context import VehicleContext
@@ -183,10 +183,7 @@ class RotorpyWorld(Session):
     """All vehicles, each with its own plant. Raises DriverError if their physics rates differ."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
-        rates = {seat.params.physics for seat in seats}
-        if len(rates) != 1:
-            raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
-        self._rate: int = round(rates.pop())
+        self._rate = physics_rate(seats)
         self._dt = 1.0 / self._rate
         self.onboard = OnboardState(len(seats), lambda count, width: [(0.0,) * width] * count)
         self._seats = [seat.context for seat in seats]

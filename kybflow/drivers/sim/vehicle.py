@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy
 
+from kybflow.core.errors import DriverError
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, rotate, scale
 from kybflow.core.signals import (
     NS,
@@ -292,6 +293,15 @@ def _total_thrust(rotors: Numbers, most: Numbers) -> float:
     a, b, c, d = rotors
     fa, fb, fc, fd = most
     return a * fa + b * fb + c * fc + d * fd
+
+
+def physics_rate(seats: Sequence[Seat]) -> int:
+    """Return the physics rate of all vehicles in a world, Hz. Raises DriverError if they differ."""
+    rates = {seat.params.physics for seat in seats}
+    if len(rates) != 1:
+        raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
+    rate: int = round(rates.pop())
+    return rate
 
 
 def jets_of(vehicles: Sequence[SimulatedVehicle]) -> list[Jet]:
