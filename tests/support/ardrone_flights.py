@@ -40,7 +40,7 @@ def mission(names, seconds):
     return HEAD + "".join(vehicles)
 
 
-def drone_flight(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
+def drone_flight(text, out, *, request=None, seed=0, breaks=(), watch=None, **params):
     """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`).
     watch: takes (seconds, truth) of the drone `a`, once a tick."""
     plan = compiled(out / "drones.yaml", text, target="emulated_ardrone", warns=True)
@@ -61,6 +61,13 @@ def drone_flight(text, out, *, ages=None, request=None, seed=0, breaks=(), watch
     request = request or RunRequest(out=out / "run", seed=seed)
     flight = fly(plan, request, (told.append,))
     return flight, told, sessions[0]
+
+
+def succeeded(*words, **params):
+    """A `drone_flight`, which must succeed."""
+    flight, told, session = drone_flight(*words, **params)
+    assert flight.summary["outcome"] == "succeeded", told
+    return flight, told, session
 
 
 def broken(session, breaks, watch):

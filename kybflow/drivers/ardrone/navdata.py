@@ -341,8 +341,8 @@ def demo(options: Mapping[int, bytes]) -> Demo | None:
 
 def write_demo(values: Demo, frame: int = 0) -> tuple[int, bytes]:
     data = _DEMO.pack(
-        values.phase << 16, values.battery, values.pitch, values.roll, values.heading, values.altitude,
-        *values.velocity,
+        values.phase << 16, values.battery, values.pitch, values.roll, values.heading,
+        values.altitude, *values.velocity,
     )  # fmt: skip
     return OptionTag.DEMO, (data + _U32.pack(frame & 0xFFFF_FFFF)).ljust(_DEMO_SIZE, b"\0")
 

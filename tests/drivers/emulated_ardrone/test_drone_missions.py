@@ -6,7 +6,8 @@ from __future__ import annotations
 from math import hypot
 
 import pytest
-from ardrone_flights import drone_flight, mission
+from ardrone_flights import drone_flight, mission, succeeded
+from short_flights import named
 
 from kybflow.api.flight import RunRequest
 from kybflow.core.geometry import heading_of
@@ -23,9 +24,9 @@ def asked(seconds, words):
     return RecordedCommand(round(seconds * NS), words, "alice", False)
 
 
-def flight(folder, *commands, **params):
+def flight(folder, *commands, fly=succeeded, **params):
     request = RunRequest(out=folder / "run", again=commands)
-    return drone_flight(mission(["a"], 6.0) + ON, folder, request=request, wifi_loss=0.0, **params)
+    return fly(mission(["a"], 6.0) + ON, folder, request=request, wifi_loss=0.0, **params)
 
 
 def answers(told):
@@ -36,8 +37,7 @@ def answers(told):
 def test_leds_play_for_the_mission_and_for_a_person_and_nothing_else_does(tmp_path):
     commands = (asked(9.0, "perform a leds_fire"), asked(9.5, "perform a flip_left"),
                 asked(9.6, "perform a somersault"))  # fmt: skip
-    done, told, session = flight(tmp_path, *commands)
-    assert done.summary["outcome"] == "succeeded", told
+    _, told, session = flight(tmp_path, *commands)
     assert answers(told) == [
         ("leds_blink_green", None),
         ("leds_fire", None),
@@ -52,8 +52,7 @@ def test_leds_play_for_the_mission_and_for_a_person_and_nothing_else_does(tmp_pa
 def test_with_permission_it_flips_in_flight_alone_and_flies_on(tmp_path):
     commands = (asked(2.5, "perform a flip_left"), asked(9.0, "perform a flip_left"),
                 asked(9.5, "perform a roll_dance"))  # fmt: skip
-    done, told, session = flight(tmp_path, *commands, maneuvers=True)
-    assert done.summary["outcome"] == "succeeded", told
+    _, told, session = flight(tmp_path, *commands, maneuvers=True)
     assert answers(told) == [
         ("flip_left", "it doesn't fly"),
         ("leds_blink_green", None),
@@ -71,8 +70,7 @@ def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
     text = text.replace(circle, "do: hover, for_time: 12 s")
     request = RunRequest(out=tmp_path / "run", again=(asked(9.0, f"perform a {CALIBRATE}"),))
     watch = []
-    done, told, _ = drone_flight(text, tmp_path, request=request, watch=watch, maneuvers=True)
-    assert done.summary["outcome"] == "succeeded", told
+    _, told, _ = succeeded(text, tmp_path, request=request, watch=watch, maneuvers=True)
     assert answers(told) == [(CALIBRATE, None)]
     headings = [heading_of(true.attitude) for seconds, true in watch if 9.0 < seconds < 16.0]
     assert {round(heading) for heading in headings} == {-3, -2, -1, 0, 1, 2, 3}
@@ -82,30 +80,24 @@ def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
 def test_who_lands_it_has_it_but_its_leds(tmp_path):
     commands = (asked(9.0, "land a"), asked(9.5, "perform a flip_left"),
                 asked(9.6, "perform a leds_red"))  # fmt: skip
-    _, told, _ = flight(tmp_path, *commands, maneuvers=True)
+    _, told, _ = flight(tmp_path, *commands, fly=drone_flight, maneuvers=True)
     refused, played = answers(told)[-2:]
     assert refused == ("flip_left", "the run ends: a person landed it")
     assert played == ("leds_red", None)
 
 
 def test_by_the_compass_it_flies_as_by_its_own_axes(tmp_path):
-    done, told, _ = flight(tmp_path, compass=1.5707963)  # the world's x axis points east
-    assert done.summary["outcome"] == "succeeded", told
+    done, *_ = flight(tmp_path, compass=1.5707963)  # the world's x axis points east
     assert done.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1
 
 
 def test_a_flood_of_acts_is_answered_and_ten_a_second_are_passed_on(tmp_path):
     commands = (asked(9.0 + 1e-4 * i, "perform a leds_fire") for i in range(300))
-    done, told, _ = flight(tmp_path, *commands, asked(10.5, "perform a leds_red"))
-    assert done.summary["outcome"] == "succeeded", told
+    _, told, _ = flight(tmp_path, *commands, asked(10.5, "perform a leds_red"))
     _, *flood, last = answers(told)
     why = "it was asked for 10 acts within a second"
     assert flood == [("leds_fire", None)] * 10 + [("leds_fire", why)] * 290
     assert last == ("leds_red", None)
-
-
-def named(told, name):
-    return [event for event in told if event.name == name]
 
 
 def test_a_drone_that_stops_its_rotors_is_told_with_the_cause(tmp_path):
@@ -131,8 +123,7 @@ def test_a_drone_with_an_empty_battery_lands_itself(tmp_path):
 def test_a_drone_in_emergency_is_reset_before_take_off(tmp_path):
     text = mission(["a"], 3.0)
     breaks = [(0.0, {"cutout": True}), (0.5, {"cutout": False})]
-    flight, told, _ = drone_flight(text, tmp_path, breaks=breaks)
-    assert flight.summary["outcome"] == "succeeded", told
+    _, told, _ = succeeded(text, tmp_path, breaks=breaks)
     assert named(told, "took_off")
 
 
@@ -198,8 +189,7 @@ OPERATOR = """t, x, y, z, turn, buttons, lost
 def test_an_operator_takes_a_drone_and_gives_it_back(tmp_path):
     (tmp_path / "operator.csv").write_text(OPERATOR, encoding="utf-8")
     seen = []
-    flight, told, _ = drone_flight(MISSION, tmp_path, watch=seen)
-    assert flight.summary["outcome"] == "succeeded", told
+    flight, told, _ = succeeded(MISSION, tmp_path, watch=seen)
     way = [e.fields["behavior"] for e in told if e.name == "behavior_started"]
     assert way == ["up", "turn", "hand", "turn", "down", "landed"]
     at = {round(seconds): truth for seconds, truth in seen}
