@@ -122,17 +122,14 @@ class DelayLine(Generic[T]):
         self._on_the_way: deque[tuple[Time, T]] = deque()
         self._last: Time = 0
 
-    def send(self, message: T, now: Time) -> None:
-        latency, jitter, loss = self._radio
-        if loss > 0.0 and self._generator.random() < loss:
-            return
-        late = latency + jitter * (2.0 * self._generator.random() - 1.0)
-        self._last = max(self._last, now + self.more + round(max(0.0, late) * NS))
-        self._on_the_way.append((self._last, message))
-
     def send_all(self, messages: Iterable[T], now: Time) -> None:
+        latency, jitter, loss = self._radio
         for message in messages:
-            self.send(message, now)
+            if loss > 0.0 and self._generator.random() < loss:
+                continue
+            late = latency + jitter * (2.0 * self._generator.random() - 1.0)
+            self._last = max(self._last, now + self.more + round(max(0.0, late) * NS))
+            self._on_the_way.append((self._last, message))
 
     def arrived(self, now: Time) -> list[T]:
         """Return the messages that have arrived since the last call."""
