@@ -24,9 +24,6 @@ from kybflow.world.vehicle_context import Airframe
 if TYPE_CHECKING:
     import random
 
-    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint, Radio
-    from kybflow.drivers.emulation.fleet import Fleet
-
 
 @params
 class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
@@ -89,13 +86,3 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
         from kybflow.drivers.emulated_ardrone.session import EmulatedDroneSession
 
         return EmulatedDroneSession(seats, generator)
-
-    @classmethod
-    def fleet(
-        cls, seats: Sequence[Seat], radio: Radio, generator: random.Random
-    ) -> Fleet[DroneEndpoint]:
-        """Return the opened drones for use by any client; the caller connects their ports. Raises
-        DriverError."""
-        from kybflow.drivers.emulated_ardrone.session import open_fleet
-
-        return open_fleet(seats, [radio] * len(seats), generator)
