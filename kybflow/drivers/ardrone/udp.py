@@ -51,7 +51,7 @@ class UdpWire(DroneWire):
         self._host, self._clock, self._period = host, clock, round(NS / rate)
         self._arrived: deque[Arrived] = deque(maxlen=MOST_HELD)
         self._file: bytes | None = None
-        self._trouble, self._taken = "", 0
+        self._taken: Time = 0
         self._failure: str | None = None
         self._over = False
         self._commands, self._data = _socket(host), _socket(host)
@@ -82,10 +82,6 @@ class UdpWire(DroneWire):
     def configuration(self) -> bytes | None:
         found, self._file = self._file, None
         return found
-
-    @property
-    def trouble(self) -> str:
-        return self._trouble
 
     def close(self) -> None:
         self._over = True
@@ -123,14 +119,14 @@ class UdpWire(DroneWire):
             try:
                 data, sender = self._data.recvfrom(LONGEST)
             except OSError as error:
-                self._trouble = _words(error)
+                self.trouble = _words(error)
                 continue
             if self.deaf:
                 continue
             now = self._clock()
             packet = self.gate.admit(data, sender == (self._host, NAVDATA), now)
             if packet is not None:
-                self._trouble = ""
+                self.trouble = ""
                 self._arrived.append((now, packet))
         time.sleep(max(0, due - self._clock()) / NS)
 
@@ -138,7 +134,7 @@ class UdpWire(DroneWire):
         try:
             through.sendto(data, (self._host, port))
         except OSError as error:
-            self._trouble = _words(error)
+            self.trouble = _words(error)
 
 
 class _ControlChannel:

@@ -161,12 +161,18 @@ class Gate:
 
 
 class DroneWire(ABC):
-    """The connection to one drone. stream: the commands. gate: the filter of navigation data. deaf,
-    mute: set by injected faults; received or sent datagrams are lost."""
+    """The connection to one drone.
+
+    stream: the commands.
+    gate: the filter of navigation data.
+    deaf, mute: set by injected faults; received or sent datagrams are lost.
+    trouble: why nothing can arrive; empty if no error is known.
+    """
 
     def __init__(self, clock: Callable[[], Time]) -> None:
         self.stream, self.gate = CommandStream(clock), Gate()
         self.deaf = self.mute = False
+        self.trouble = ""
 
     @abstractmethod
     def poll(self, now: Time) -> None:
@@ -188,11 +194,6 @@ class DroneWire(ABC):
     @abstractmethod
     def configuration(self) -> bytes | None:
         """Return the latest complete configuration once, otherwise None."""
-
-    @property
-    @abstractmethod
-    def trouble(self) -> str:
-        """The reason why nothing can arrive; empty if no error is known."""
 
     @abstractmethod
     def close(self) -> None: ...

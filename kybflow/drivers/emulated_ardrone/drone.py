@@ -140,6 +140,7 @@ class OnboardDrone:
 
     accepted: number of accepted commands that have no effect in the emulation, by name.
     ignored: number of ignored commands, by reason.
+    is_in_bootstrap: whether `general:navdata_demo` has not been written yet.
     is_lost: whether no client owns the drone.
     times_lost: how often the communication was lost.
     on_configuration: called when a client requests the configuration.
@@ -162,7 +163,7 @@ class OnboardDrone:
         self._sequence = -1
         self._last_received: Time | None = None
         self._warned = self._acknowledges = False
-        self._in_bootstrap = True
+        self.is_in_bootstrap = True
         self._emergency = self._toggle = False
         self._causes = DroneState(0)
         self._ids: Ids | None = None
@@ -223,8 +224,8 @@ class OnboardDrone:
             DroneState.ANGULAR_SPEED_CONTROL: self.flight.flies,
             DroneState.COMMAND_ACKNOWLEDGED: self._acknowledges,
             DroneState.DEMO: self.configuration.truth("general:navdata_demo"),
-            DroneState.BOOTSTRAP: self._in_bootstrap,
-            DroneState.COMMUNICATION_LOST: self.is_lost and not self._in_bootstrap,
+            DroneState.BOOTSTRAP: self.is_in_bootstrap,
+            DroneState.COMMUNICATION_LOST: self.is_lost and not self.is_in_bootstrap,
             DroneState.BATTERY_LOW: self.battery.remaining < LOW,
             DroneState.COMMUNICATION_WATCHDOG: self._warned,
             DroneState.EMERGENCY: self._emergency,
@@ -245,10 +246,6 @@ class OnboardDrone:
             max(0, round(1000.0 * self.estimator.height)),
             (forward, -left, -1000.0 * self.estimator.climb),
         )  # fmt: skip
-
-    @property
-    def is_in_bootstrap(self) -> bool:
-        return self._in_bootstrap
 
     def _execute(self, command: AtCommand) -> None:
         """Execute a command. Raises ValueError, TypeError or IndexError if its arguments are
@@ -283,7 +280,7 @@ class OnboardDrone:
             elif tilt_of_drone(self.estimator) < LEVEL_ENOUGH and not self.failures.cutout:
                 self._emergency, self._causes = False, DroneState(0)
         self._toggle = is_set
-        may_fly = self.battery.remaining >= LOW and not self._in_bootstrap
+        may_fly = self.battery.remaining >= LOW and not self.is_in_bootstrap
         if not bits & at.FLY:
             self.flight.land(self._now)
         elif not self._emergency and self.flight.phase is Phase.LANDED and may_fly:
@@ -315,7 +312,7 @@ class OnboardDrone:
         ids, self._ids = self._ids, None
         self._acknowledges = self.configuration.write(key, value, ids) or self._acknowledges
         if key.lower() == "general:navdata_demo":
-            self._in_bootstrap = False
+            self.is_in_bootstrap = False
         if key.lower() == "control:flight_anim":
             self.flight.perform(animation(value, self._now), self._now)
 

@@ -146,10 +146,6 @@ class DroneMemoryWire(DroneWire):
         found, self._ports.configuration = self._ports.configuration, None
         return None if found is None or self.deaf else found.removesuffix(END)
 
-    @property
-    def trouble(self) -> str:
-        return ""
-
     def close(self) -> None:
         """There is nothing to close."""
 
