@@ -149,7 +149,7 @@ class _ControlChannel:
         self._next: Time = 0
 
     def poll(self, now: Time) -> bytes | None:
-        """Return a configuration that is complete now, otherwise None. Never blocks."""
+        """Receive without blocking. Return a configuration that is complete now, or None."""
         if not self.wanted:
             return None
         if self._socket is None:

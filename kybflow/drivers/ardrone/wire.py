@@ -66,11 +66,11 @@ class CommandStream:
         self.hovered = self.ended = 0
 
     def hold(self, flies: bool, move: Move | None = None, *, emergency: bool = False) -> None:
-        """Send this command from now on."""
+        """Set the command to send in every period from now on."""
         self._held = Held(flies, emergency, move, self._clock())
 
     def post(self, *lines: Line) -> None:
-        """Send these lines once, in one datagram."""
+        """Queue command lines, which are sent once and in one datagram."""
         self._waiting.append(lines)
 
     def restart(self) -> None:
@@ -156,7 +156,7 @@ class Gate:
         return f"{total} datagrams were ignored: {counts}"
 
     def restart(self) -> None:
-        """Accept restarted sequence numbers, as after the communication watchdog."""
+        """Accept any sequence number next, since the drone may have restarted its numbers."""
         self._last = 0
 
 

@@ -94,14 +94,14 @@ class OnboardAutopilot:
         return self._control.thrust / self._most if self.state.armed else 0.0
 
     def boot_us(self, now: Time) -> int:
-        """Return the time since its boot, microseconds."""
+        """Return the time since the autopilot's boot, microseconds."""
         return (now + self._boot) // 1000
 
     def boot_ms(self, now: Time) -> int:
         return (now + self._boot) // 1_000_000 & 0xFFFF_FFFF
 
     def run_time(self, stamp_us: int) -> Time:
-        """Convert one of its own time stamps to the run's time."""
+        """Convert a time stamp of the autopilot's clock to the run's time."""
         return stamp_us * 1000 - self._boot
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:

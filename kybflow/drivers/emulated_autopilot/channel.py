@@ -92,7 +92,7 @@ class Channel:
         return self._default.get(name, 0.0)
 
     def interval(self, name: str) -> float:
-        """Return the interval between two of these messages, seconds; 0 if they are not sent."""
+        """Return the interval at which a message is sent, seconds; 0 if it is not sent."""
         return self._streams.get(name, (0, 0))[0] / NS
 
     def due(self, now: Time) -> list[str]:

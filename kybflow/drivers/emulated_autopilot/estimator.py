@@ -61,7 +61,7 @@ class SightingClock:
         self._ahead: Time | None = None if adopts is not None else 0
 
     def true_at(self, stamp: Time, now: Time) -> Time | None:
-        """Return when a pose was true; None if that is before the filter's history."""
+        """Return when a pose was measured; None if the pose is too old for the filter."""
         if self._ahead is None:
             self._ahead = now - stamp
         age = now - stamp - self._ahead

@@ -57,7 +57,7 @@ class EmulatedFlight:
         self._began: Time = 0
 
     def enter(self, now: Time) -> None:
-        """Begin a mode, in which the vehicle at first holds its position."""
+        """Enter the mode in force; at first the vehicle holds its position."""
         estimator = self._state.estimator
         vx, vy, vz = estimator.velocity
         x, y, z = estimator.position

@@ -166,7 +166,8 @@ class EmulatedLink(AutopilotLink):
 
 
 class EmulatedSession(Session):
-    """The session of a run with emulated autopilots. Raises DriverError as the simulator does."""
+    """The session of a run with emulated autopilots. Raises DriverError like
+    `SimulatedWorld`."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
         own = MavlinkParams.own_system

@@ -206,7 +206,7 @@ class EmulatedState:
         return self.wanted_at is not None and now - self.wanted_at <= timeout * NS
 
     def has_pilot(self, now: Time) -> bool:
-        """Return whether a transmitter is received."""
+        """Return whether the signal of a transmitter is being received."""
         return self.sticks is not None and now - self.sticks.time < PILOT_LOST
 
 

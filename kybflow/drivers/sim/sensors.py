@@ -113,7 +113,7 @@ class ImuErrors:
         self._ready = self._next
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
-        """From now on add a bias to a vehicle's errors, instead of the last one."""
+        """From now on add this bias to a vehicle's errors, in place of an earlier one."""
         self._biases[vehicle] = more
         self.block, self._ready = self._form(self._drawn + self._biases), self._next
 
