@@ -126,7 +126,12 @@ class OnboardAutopilot:
             self.state.estimator.aim(self._sensors.heading, now)
         self._find_home(now)
         self._fly(now, (now - self._stepped) / NS)
-        self._complain(now)
+        complains = self.firmware.complains and not self.state.armed
+        if complains and now - self._complained >= REPEATS:
+            self._complained = now
+            reason = self.firmware.refuses_arming(self.state, now)
+            if reason and not reason.endswith("not armable"):
+                self._say(f"PreArm: {reason.partition(': ')[2]}", CRITICAL)
         self._stepped = now
 
     def start(self, now: Time) -> None:
@@ -215,14 +220,6 @@ class OnboardAutopilot:
             seen = command._replace(attitude=multiply(self._body.attitude(), off))
             self._body.drive(seen, now)
             self.flight.watch(now, dt)
-
-    def _complain(self, now: Time) -> None:
-        if not self.firmware.complains or self.state.armed or now - self._complained < REPEATS:
-            return
-        self._complained = now
-        reason = self.firmware.refuses_arming(self.state, now)
-        if reason and not reason.endswith("not armable"):
-            self._say(f"PreArm: {reason.partition(': ')[2]}", CRITICAL)
 
     def _say(self, words: str, severity: int) -> None:
         self.texts.append((words, severity))
