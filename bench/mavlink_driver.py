@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import all as dialect
 
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
-from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
+from kybflow.drivers.emulated_autopilot.telemetry import MAKERS
 from kybflow.drivers.mavlink.protocol.framing import Packer
 from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.transport.address import read_address

@@ -23,10 +23,9 @@ from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.clock import SimulatedClock, WallClock
 
 if TYPE_CHECKING:
-    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
-    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint, Radio
     from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
-    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+    from kybflow.drivers.emulated_autopilot.session import MavlinkEndpoint
     from kybflow.sensors.vrpn.server import Server
 
 RATE, STILL_RATE = 250, 120
@@ -86,16 +85,13 @@ def autopilots(
     """Start autopilots that run one firmware. started: called with the name, system id and
     addresses of each. Raises DriverError."""
     from kybflow.drivers.emulated_autopilot.firmware import check_names, emulated_firmware
+    from kybflow.drivers.emulated_autopilot.session import open_fleet
     from kybflow.drivers.mavlink.transport import open_wire
 
     own = (_own_address(setup.firmware), *emulated_firmware(setup.firmware).stations)
     check_names(setup.firmware, setup.changes)
-    driver = load_catalog().get("drivers", "emulated_autopilot").cls
     with ExitStack() as stack:
-        setups = [setup] * len(seats)
-        fleet: Fleet[MavlinkEndpoint] = driver.fleet(
-            seats, setups, random.Random(seed), wires.system
-        )
+        fleet = open_fleet(seats, [setup] * len(seats), random.Random(seed), wires.system)
         stack.callback(fleet.close)
         for number, (seat, member) in enumerate(zip(seats, fleet.members, strict=True)):
             addresses = []
@@ -144,13 +140,13 @@ def drones(
     """Start AR.Drones, the first at the loopback address `host`, the others at the addresses after
     it. video: whether they send camera images. started: called with the name and address of each.
     Raises DriverError."""
-    from kybflow.drivers.emulated_ardrone import EmulatedArdrone
-    from kybflow.drivers.emulated_ardrone.onboard.video import DroneVideo
-    from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
+    from kybflow.drivers.emulated_ardrone.ports import SocketPorts, host_of
+    from kybflow.drivers.emulated_ardrone.session import open_fleet
+    from kybflow.drivers.emulated_ardrone.video import DroneVideo
 
     hosts = [host_of(number, host) for number in range(len(seats))]
     with ExitStack() as stack:
-        fleet = EmulatedArdrone.fleet(seats, radio, random.Random(seed))
+        fleet = open_fleet(seats, [radio] * len(seats), random.Random(seed))
         stack.callback(fleet.close)
         for seat, where, member in zip(seats, hosts, fleet.members, strict=True):
             endpoint, truth = member.onboard, member.vehicle.truth

@@ -8,7 +8,7 @@ import pytest
 from pages import blocks, page
 from toolchain import compiled
 
-from kybflow.drivers.ardrone.control.acts import ACTS
+from kybflow.drivers.ardrone.acts import ACTS
 
 PAGE = page("docs/ardrone.md")
 MINE, TARGETS, BY_HAND, RADIO, ON = blocks(PAGE)

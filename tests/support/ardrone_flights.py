@@ -8,10 +8,10 @@ from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.at import read_commands
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone.at import read_commands
+from kybflow.drivers.ardrone.wire import CommandStream
 from kybflow.drivers.emulated_ardrone import EmulatedArdrone
-from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
 
 HEAD = """kybflow: 1
 mission: drones
@@ -40,7 +40,7 @@ def mission(names, seconds):
     return HEAD + "".join(vehicles)
 
 
-def drone_flight(text, out, *, ages=None, request=None, seed=0, breaks=(), watch=None, **params):
+def drone_flight(text, out, *, request=None, seed=0, breaks=(), watch=None, **params):
     """The flight, its events, and the session. breaks: (seconds, failures of the drone `a`).
     watch: takes (seconds, truth) of the drone `a`, once a tick."""
     plan = compiled(out / "drones.yaml", text, target="emulated_ardrone", warns=True)
@@ -61,6 +61,13 @@ def drone_flight(text, out, *, ages=None, request=None, seed=0, breaks=(), watch
     request = request or RunRequest(out=out / "run", seed=seed)
     flight = fly(plan, request, (told.append,))
     return flight, told, sessions[0]
+
+
+def succeeded(*words, **params):
+    """A `drone_flight`, which must succeed."""
+    flight, told, session = drone_flight(*words, **params)
+    assert flight.summary["outcome"] == "succeeded", told
+    return flight, told, session
 
 
 def broken(session, breaks, watch):
@@ -86,7 +93,7 @@ class AgesOnReceipt:
 
     def __init__(self, monkeypatch):
         self.seconds, self.most_held, self._made = [], 0.0, {}
-        due, take = CommandStream.due, OnboardDrone._take
+        due, execute = CommandStream.due, OnboardDrone._execute
 
         def noting_due(stream):
             held, clock, judged = stream._held, stream._clock, []
@@ -103,11 +110,11 @@ class AgesOnReceipt:
                     self.most_held = max(self.most_held, (judged[0] - held.at) / NS)
             return sent
 
-        def noting_take(drone, command, now):
+        def noting_execute(drone, command):
             made, clock = self._made.get((command.sequence, command.arguments), (None, None))
             if made is not None:
                 self.seconds.append((clock() - made) / NS)
-            take(drone, command, now)
+            execute(drone, command)
 
         monkeypatch.setattr(CommandStream, "due", noting_due)
-        monkeypatch.setattr(OnboardDrone, "_take", noting_take)
+        monkeypatch.setattr(OnboardDrone, "_execute", noting_execute)

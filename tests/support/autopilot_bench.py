@@ -13,7 +13,7 @@ from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Imu, Pose, Position
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.firmware import as_built, emulated_firmware, prepared
-from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
+from kybflow.drivers.emulated_autopilot.session import MavlinkEndpoint
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_ned
@@ -47,12 +47,8 @@ class Bench:
         self.vehicle = self.world.links[place.context.vehicle]
         kinds = {Imu} | (set() if outside else {Position})
         self.vehicle.subscribe(frozenset(kinds))
-        body = SimulatedBody(
-            self.vehicle.send,
-            self.vehicle.controller.attitude,
-            self.vehicle.grip,
-            self.vehicle.truth,
-        )
+        v = self.vehicle
+        body = SimulatedBody(v.send, v.controller.attitude, v.grip, v.truth)
         changes = (
             prepared(self.firmware, place.context, 1, outside=outside, station=245)
             if is_prepared
@@ -95,6 +91,12 @@ class Bench:
         self.run(0.03)
         acks = [m for m in self.heard[before:] if m.get_type() == "COMMAND_ACK"]
         return next(m.result for m in acks if m.command == number)
+
+    def request(self, kind):
+        """The message of this kind that it sends on request."""
+        number = getattr(mavlink, f"MAVLINK_MSG_ID_{kind}")
+        assert self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
+        return self.last(kind)
 
     def mode(self, number):
         p = (1, number >> 16 & 0xFF, number >> 24) if self.px4 else (1, number)
@@ -158,16 +160,17 @@ class Bench:
     def texts(self):
         return "".join(m.text for m in self.heard if m.get_type() == "STATUSTEXT")
 
+    def set_origin(self):
+        self.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+
     def take_off(self, height=1.0):
-        """Into the mode that follows setpoints, armed, up."""
+        """Into the mode that follows setpoints, armed, up; the bench itself."""
         if self.px4:
             self.wanted = lambda: self.go(0.0, 0.0, height)
             self.run(1.5)
             assert self.mode(PX4_OFFBOARD) == ACCEPTED
         else:
-            self.say(
-                mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0)
-            )
+            self.set_origin()
             self.run(1.5)
             assert self.mode(GUIDED) == ACCEPTED
         assert self.arm() == ACCEPTED, self.texts()
@@ -175,3 +178,4 @@ class Bench:
             assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height) == ACCEPTED
         assert self.run(12.0, lambda: abs(self.height - height) < 0.15), self.height
         self.run(2.0)
+        return self

@@ -28,6 +28,12 @@ def world(*seats: Seat, seed=1):
     return Sim.open(seats or (seat(),), random.Random(seed))
 
 
+def opened(*seats: Seat, seed=1):
+    """A world, and its link `a`."""
+    session = world(*seats, seed=seed)
+    return session, session.links["a"]
+
+
 def push(world, link, seconds, command, start=0):
     """Send `command` for `seconds`; everything measured meanwhile, and the time after it."""
     measured, now = [], start
@@ -72,7 +78,6 @@ def lift(world, link, height=2.0, seconds=6.0, start=0):
 
 def in_flight(params=QUIET, height=1.5, seconds=4.0, seed=1):
     """A session, its link `a` hovering at about `height`, and the time."""
-    session = world(seat(params=params), seed=seed)
-    link = session.links["a"]
+    session, link = opened(seat(params=params), seed=seed)
     _, now = push(session, link, 0.5, STOPPED)
     return session, link, lift(session, link, height, seconds, now)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry
-from kybflow.drivers.ardrone.control.acts import ACTS
+from kybflow.drivers.ardrone.acts import ACTS
 from kybflow.drivers.ardrone.params import ArdroneLinkParams, ArdroneParams
 from kybflow.parts import Claim, Driver, Objection, Seat, Session
 from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel
@@ -58,7 +58,7 @@ class Ardrone(Driver[ArdroneParams]):
     def objection(
         cls, params: ArdroneParams, start: Vec3, payload: Parcel | None
     ) -> Objection | None:
-        from kybflow.drivers.ardrone.transport.udp import is_address
+        from kybflow.drivers.ardrone.udp import is_address
 
         if not is_address(params.host):
             return Objection("host", f"`{params.host}` is no IPv4 address")

@@ -1,32 +1,102 @@
-"""The link to one drone, and the session that holds the links of a run.
+"""The link to one drone with its preflight checks, and the session that holds the links of a run.
 
-`control.flight` decides which commands to send, `control.configuring` writes the configuration,
-`control.round_trips` measures the delay, `telemetry` decodes navigation data, and `transport` sends
-and receives datagrams.
+`flight` decides which commands to send, `configuring` writes the configuration and measures the
+delay, `telemetry` decodes navigation data, and `wire` and `udp` send and receive datagrams.
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import degrees
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Command, Measurement, Time
-from kybflow.drivers.ardrone.control.acts import ACTS, lasts, lines_of
-from kybflow.drivers.ardrone.control.configuring import Configuring, values_of
-from kybflow.drivers.ardrone.control.flight import FlightControl
-from kybflow.drivers.ardrone.control.moves import limits_of
-from kybflow.drivers.ardrone.control.round_trips import RoundTrips
-from kybflow.drivers.ardrone.preflight import checks, round_trip
-from kybflow.drivers.ardrone.protocol.at import Ids, comwdg, ftrim
-from kybflow.drivers.ardrone.protocol.configuration import identity
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.telemetry.measurements import Measurements
-from kybflow.drivers.ardrone.telemetry.status import DroneStatus
-from kybflow.drivers.ardrone.transport.udp import UdpWire
-from kybflow.drivers.ardrone.transport.wire import DroneWire
+from kybflow.drivers.ardrone.acts import ACTS, lasts, lines_of
+from kybflow.drivers.ardrone.at import Ids, comwdg, ftrim, identity
+from kybflow.drivers.ardrone.configuring import (
+    LONGEST_WATCHDOG,
+    VERSION,
+    WATCHDOG,
+    Configuring,
+    RoundTrips,
+    values_of,
+)
+from kybflow.drivers.ardrone.flight import FlightControl
+from kybflow.drivers.ardrone.navdata import DroneState, Packet, in_words
+from kybflow.drivers.ardrone.params import Limits, limits_of
+from kybflow.drivers.ardrone.telemetry import DroneStatus, Measurements
+from kybflow.drivers.ardrone.udp import UdpWire
+from kybflow.drivers.ardrone.wire import DroneWire
 from kybflow.parts import Check, Link, Seat, Session, StatusText
+from kybflow.world.vehicle_context import Airframe
+
+FRESH: Time = NS // 2
+LATER = 0.15
+"""Seconds by which a round trip may exceed the delay for which the gains are designed."""
+FIRMWARE = "2."
+"""Prefix of an AR.Drone 2.0's firmware version."""
+
+
+def checks(
+    status: DroneStatus,
+    configuring: Configuring,
+    limits: Limits,
+    airframe: Airframe,
+    trouble: str,
+    now: Time,
+) -> Iterator[Check]:
+    if status.last_received is None:
+        yield Check("navdata", False, trouble or "none has arrived")
+        return
+    age = now - status.last_received
+    yield Check("navdata", age < FRESH, f"{age / NS:.1f} s old")
+    emergency = "; ".join(in_words(status.state)) if status.is_in_emergency else ""
+    yield Check("emergency", not emergency, emergency or "none")
+    low = DroneState.BATTERY_LOW in status.state
+    charge = "unknown" if status.demo is None else f"{status.demo.battery} %"
+    yield Check("own battery", not low, f"{charge}{', which it reports as low' if low else ''}")
+    waits = configuring.pending
+    wrong = "" if waits else "; ".join(configuring.mismatches)
+    yield Check("configuration", not (waits or wrong), waits or wrong or "as written")
+    found = configuring.found or {}
+    version = found.get(VERSION, "unknown")
+    yield Check("firmware", version.startswith(FIRMWARE), version)
+    yield _watchdog(found.get(WATCHDOG))
+    fits = limits.tilt >= airframe.tilt - 1e-6
+    reason = f"{degrees(limits.tilt):.0f} deg, of which a command is a fraction"
+    if not fits:
+        most = degrees(airframe.tilt)
+        reason += f"; the airframe's tilt is {most:.0f} deg: give it or `euler_angle_max`"
+    yield Check("tilt", fits, reason, waits=False)
+
+
+def _watchdog(found: str | None) -> Check:
+    """Return the check that the drone lands soon after commands stop. found: the configured
+    timeout, seconds."""
+    try:
+        seconds = float(found) if found is not None else None
+    except ValueError:
+        seconds = None
+    if seconds is None:
+        return Check("watchdog", False, f"`{WATCHDOG}` is not known")
+    good = 0.0 < seconds <= LONGEST_WATCHDOG
+    words = f"it lands {seconds:g} s after the last command"
+    return Check("watchdog", good, words if good else f"{words}; {LONGEST_WATCHDOG:g} s at most")
+
+
+def round_trip(trips: RoundTrips, latency: float, now: Time) -> Check:
+    """Return the check that a round trip takes little longer than the delay for which the gains are
+    designed. latency: this delay, seconds."""
+    if trips.waits(now):
+        return Check("round trip", False, "no command is acknowledged yet")
+    if not trips.delay:
+        return Check("round trip", True, "unknown, so that `link_slow` is never raised")
+    words = f"a command and its answer take {trips.delay:.2f} s"
+    good = trips.delay <= latency + LATER
+    late = f"{words}, {latency + LATER:.2f} s at most with `latency: {latency:g} s`"
+    return Check("round trip", good, words if good else late)
+
 
 REQUEST_PERIOD: Time = NS // 5
 """Period of the requests for navigation data while none arrives."""

@@ -1,11 +1,12 @@
-"""The parameters of an AR.Drone, real or emulated."""
+"""The parameters of an AR.Drone, real or emulated, and the limits that they set."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from kybflow.core.params import param, params
 from kybflow.core.units import DEG, Angle, AngularRate, Duration, Frequency, Length, Speed
+from kybflow.world.vehicle_context import Airframe
 
 
 @params
@@ -83,3 +84,21 @@ class ArdroneParams(ArdroneLinkParams):
         "The drone's IPv4 address: 192.168.1.1 in its own network.",
         default="192.168.1.1", read_only=True,
     )  # fmt: skip
+
+
+class Limits(NamedTuple):
+    """What a full command (a fraction of 1) means. tilt: rad. climb: climb rate, m/s. turn: heading
+    rate, rad/s."""
+
+    tilt: float
+    climb: float
+    turn: float
+
+
+def limits_of(params: ArdroneLinkParams, airframe: Airframe) -> Limits:
+    """Return the limits to configure: the driver's parameters, or the airframe's limits by
+    default."""
+    p = params
+    tilt = airframe.tilt if p.euler_angle_max is None else p.euler_angle_max
+    climb = airframe.climb if p.control_vz_max is None else p.control_vz_max
+    return Limits(tilt, climb, p.control_yaw)

@@ -23,10 +23,6 @@ from kybflow.world.vehicle_context import Airframe, InnerLoop
 if TYPE_CHECKING:
     import random
 
-    from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
-    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
-    from kybflow.drivers.emulation.fleet import Fleet
-
 
 @params
 class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
@@ -36,11 +32,8 @@ class EmulatedArdroneParams(ArdroneLinkParams, SimParams):
     )  # fmt: skip
     wifi_jitter: Duration = param(
         "Largest deviation from that delay, uniformly distributed.",
-        default=0.01,
-        at_least=0.0,
-        at_most=0.2,
-        read_only=True,
-    )
+        default=0.01, at_least=0.0, at_most=0.2, read_only=True,
+    )  # fmt: skip
     wifi_loss: Ratio = param(
         "Share of datagrams that are lost.", default=0.01, at_least=0.0, at_most=0.9, read_only=True
     )
@@ -92,13 +85,3 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
         from kybflow.drivers.emulated_ardrone.session import EmulatedDroneSession
 
         return EmulatedDroneSession(seats, generator)
-
-    @classmethod
-    def fleet(
-        cls, seats: Sequence[Seat], radio: Radio, generator: random.Random
-    ) -> Fleet[DroneEndpoint]:
-        """Return the opened drones for use by any client; the caller connects their ports. Raises
-        DriverError."""
-        from kybflow.drivers.emulated_ardrone.session import open_fleet
-
-        return open_fleet(seats, [radio] * len(seats), generator)

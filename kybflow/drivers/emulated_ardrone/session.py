@@ -8,13 +8,17 @@ from collections.abc import Callable, Sequence
 
 from kybflow.core.signals import NS, Measurement, Time, Truth
 from kybflow.drivers.ardrone.link import ArdroneLink
-from kybflow.drivers.ardrone.transport.udp import UdpWire
-from kybflow.drivers.ardrone.transport.wire import DroneWire
-from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint
-from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
-from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
-from kybflow.drivers.emulated_ardrone.ports import DroneMemoryWire, MemoryPorts, Ports
-from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
+from kybflow.drivers.ardrone.udp import UdpWire
+from kybflow.drivers.ardrone.wire import DroneWire
+from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
+from kybflow.drivers.emulated_ardrone.endpoint import DroneEndpoint, Radio
+from kybflow.drivers.emulated_ardrone.ports import (
+    DroneMemoryWire,
+    MemoryPorts,
+    Ports,
+    SocketPorts,
+    host_of,
+)
 from kybflow.drivers.emulation.body import SimulatedBody
 from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
 from kybflow.parts import Link, Seat, Session

@@ -23,10 +23,6 @@ from kybflow.world.vehicle_context import Airframe, InnerLoop
 if TYPE_CHECKING:
     import random
 
-    from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
-    from kybflow.drivers.emulated_autopilot.messages.endpoint import MavlinkEndpoint
-    from kybflow.drivers.emulation.fleet import Fleet
-
     EmulatedName = str
 else:
     EmulatedName = Literal[firmware_names("emulated_autopilot")]
@@ -84,13 +80,3 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
         from kybflow.drivers.emulated_autopilot.session import EmulatedSession
 
         return EmulatedSession(seats, generator)
-
-    @classmethod
-    def fleet(
-        cls, seats: Sequence[Seat], plans: Sequence[SetupPlan], generator: random.Random, first: int
-    ) -> Fleet[MavlinkEndpoint]:
-        """Return the vehicles with their autopilots, for any client; the caller connects their
-        wires. first: the system id of the first vehicle. Raises DriverError."""
-        from kybflow.drivers.emulated_autopilot.session import open_fleet
-
-        return open_fleet(seats, plans, generator, first)

@@ -1,26 +1,27 @@
 """An emulated autopilot: it estimates, flies, changes modes, arms, and triggers failsafes.
 
-It never reads the simulator's truth. `messages.endpoint` connects it to MAVLink. Times are in the
-run's time; the autopilot's own clock started `boot` earlier.
+It never reads the simulator's truth. `session.MavlinkEndpoint` connects it to MAVLink. Times are in
+the run's time; the autopilot's own clock started `boot` earlier.
 """
 
 from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3, conjugate, multiply
 from kybflow.core.signals import NEVER, NS, Battery, Command, Imu, Measurement, Position, Time
-from kybflow.drivers.emulated_autopilot.control.flight import EmulatedFlight
-from kybflow.drivers.emulated_autopilot.control.payload import Outputs
 from kybflow.drivers.emulated_autopilot.estimator import EmulatedEstimator
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulated_autopilot.flight import EmulatedFlight
 from kybflow.drivers.emulated_autopilot.state import (
     CRITICAL,
     INFO,
     AutopilotFailures,
+    EmulatedParameters,
     EmulatedState,
+    Outputs,
     PilotSticks,
     Role,
 )
@@ -58,7 +59,7 @@ class OnboardAutopilot:
         is_bytewise = firmware.profile.integer_parameters_bytewise
         parameters = EmulatedParameters(firmware.parameters, changes or {}, bytewise=is_bytewise)
         estimator = EmulatedEstimator(
-            parameters, firmware.sources,
+            partial(firmware.sources, parameters),
             forgets=firmware.forgets, waits=firmware.waits, adopts=firmware.adopts,
         )  # fmt: skip
         self.failures = AutopilotFailures()
@@ -77,14 +78,11 @@ class OnboardAutopilot:
         self._body, self._boot = body, boot
         self._sensors = CompassAndBarometer(body.look, generator)
         self._most = context.airframe.max_thrust
-        parcel, place = context.payload, firmware.profile.output
-        self.outputs = Outputs(
-            self.state,
-            None if parcel is None else place(parcel.channel, True).number,
-            firmware.pulses,
-            parcel is not None and parcel.aboard,
-            body.move,
-        )
+        parcel = context.payload
+        place = firmware.profile.output
+        channel = None if parcel is None else place(parcel.channel, True).number
+        is_closed = parcel is not None and parcel.aboard
+        self.outputs = Outputs(self.state, channel, firmware.pulses, is_closed, body.move)
         self._control = PositionControl(context.airframe, 0.0)
         self.flight = EmulatedFlight(self.state, firmware, self._control)
         self._stepped: Time = 0
@@ -96,14 +94,14 @@ class OnboardAutopilot:
         return self._control.thrust / self._most if self.state.armed else 0.0
 
     def boot_us(self, now: Time) -> int:
-        """Return the time since its boot, microseconds."""
+        """Return the time since the autopilot's boot, microseconds."""
         return (now + self._boot) // 1000
 
     def boot_ms(self, now: Time) -> int:
         return (now + self._boot) // 1_000_000 & 0xFFFF_FFFF
 
     def run_time(self, stamp_us: int) -> Time:
-        """Convert one of its own time stamps to the run's time."""
+        """Convert a time stamp of the autopilot's clock to the run's time."""
         return stamp_us * 1000 - self._boot
 
     def add_measurement(self, measured: Measurement, now: Time) -> None:
@@ -128,7 +126,12 @@ class OnboardAutopilot:
             self.state.estimator.aim(self._sensors.heading, now)
         self._find_home(now)
         self._fly(now, (now - self._stepped) / NS)
-        self._complain(now)
+        complains = self.firmware.complains and not self.state.armed
+        if complains and now - self._complained >= REPEATS:
+            self._complained = now
+            reason = self.firmware.refuses_arming(self.state, now)
+            if reason and not reason.endswith("not armable"):
+                self._say(f"PreArm: {reason.partition(': ')[2]}", CRITICAL)
         self._stepped = now
 
     def start(self, now: Time) -> None:
@@ -197,7 +200,12 @@ class OnboardAutopilot:
             self.change(self.firmware.hold, now, asked=True)
         own = self.firmware.acts(state, now)
         if own is not None:
-            self._fail_over(own.mode, own.words, own.cause, now)
+            if own.mode is None:
+                self.stop(now, own.words)
+            else:
+                state.failed_over = own.cause
+                state.say(own.words, CRITICAL)
+                self.change(own.mode, now, asked=False)
         elif (
             state.failed_over == "setpoints"
             and state.flying.role is Role.HOLD
@@ -206,31 +214,12 @@ class OnboardAutopilot:
             state.failed_over = ""
             self.change(state.asked, now, asked=False)
         if state.armed:
-            self.commanded = self.flight.step(now, dt)
-            self._body.drive(self._for_the_loop(self.commanded), now)
+            self.commanded = command = self.flight.step(now, dt)
+            # relative to the attitude loop's own estimate; a real autopilot has only one estimator
+            off = multiply(conjugate(state.estimator.attitude.value), command.attitude)
+            seen = command._replace(attitude=multiply(self._body.attitude(), off))
+            self._body.drive(seen, now)
             self.flight.watch(now, dt)
-
-    def _for_the_loop(self, command: Command) -> Command:
-        """Return the command relative to the attitude loop's own estimate instead of the
-        autopilot's; a real autopilot has only one estimator."""
-        off = multiply(conjugate(self.state.estimator.attitude.value), command.attitude)
-        return command._replace(attitude=multiply(self._body.attitude(), off))
-
-    def _fail_over(self, mode: int | None, words: str, cause: str, now: Time) -> None:
-        if mode is None:
-            self.stop(now, words)
-            return
-        self.state.failed_over = cause
-        self.state.say(words, CRITICAL)
-        self.change(mode, now, asked=False)
-
-    def _complain(self, now: Time) -> None:
-        if not self.firmware.complains or self.state.armed or now - self._complained < REPEATS:
-            return
-        self._complained = now
-        reason = self.firmware.refuses_arming(self.state, now)
-        if reason and not reason.endswith("not armable"):
-            self._say(f"PreArm: {reason.partition(': ')[2]}", CRITICAL)
 
     def _say(self, words: str, severity: int) -> None:
         self.texts.append((words, severity))

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, norm, rotate
 from kybflow.core.signals import NS, Imu, Time
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
 from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
 VISION, FIX, PRESSURE = 4.0, 0.7, 1.5
@@ -62,7 +61,7 @@ class SightingClock:
         self._ahead: Time | None = None if adopts is not None else 0
 
     def true_at(self, stamp: Time, now: Time) -> Time | None:
-        """Return when a pose was true; None if that is before the filter's history."""
+        """Return when a pose was measured; None if the pose is too old for the filter."""
         if self._ahead is None:
             self._ahead = now - stamp
         age = now - stamp - self._ahead
@@ -82,20 +81,18 @@ class SightingClock:
 class EmulatedEstimator:
     """The estimator of one vehicle.
 
-    sources: reads the selected sensors from the parameters.
+    sources: returns the sensors that the parameters select.
     forgets: seconds without measurements after which the position is invalid.
     waits: seconds from the first GPS fix until there is a position.
     adopts: as in `SightingClock`."""
 
     def __init__(
-        self, parameters: EmulatedParameters, sources: Callable[[EmulatedParameters], Sources],
-        *, forgets: float, waits: float, adopts: int | None,
-    ) -> None:  # fmt: skip
+        self, sources: Callable[[], Sources], *, forgets: float, waits: float, adopts: int | None
+    ) -> None:
         self.attitude = AttitudeFilter(0.0)
         self.imu: Imu | None = None
         self.acceleration: Vec3 = ZERO
-        self._parameters, self._sources = parameters, sources
-        self._forgets, self._waits = forgets, waits
+        self._sources, self._forgets, self._waits = sources, forgets, waits
         self._observer = PositionObserver()
         self._clock = SightingClock(adopts)
         self._fixed: Time | None = None
@@ -147,7 +144,7 @@ class EmulatedEstimator:
 
     def see(self, pose: VisionPose, now: Time) -> None:
         """Correct the estimate with external vision."""
-        used = self._sources(self._parameters)
+        used = self._sources()
         at = self._clock.true_at(pose.time, now)
         if at is None:
             return
@@ -169,7 +166,7 @@ class EmulatedEstimator:
 
     def fix(self, position: Vec3, at: Time, now: Time) -> None:
         """Correct the estimate with a GPS position in the world."""
-        used = self._sources(self._parameters)
+        used = self._sources()
         if not used.gps or (used.vision and self.sees(now)):
             return
         if self._first_fix is None:
@@ -185,7 +182,7 @@ class EmulatedEstimator:
 
     def aim(self, heading: float, now: Time) -> None:
         """Correct the estimate with the compass heading."""
-        if self._sources(self._parameters).compass:
+        if self._sources().compass:
             self.attitude.see(heading)
             self._aimed = now
 
@@ -201,8 +198,9 @@ class EmulatedEstimator:
         self._pressure = (now, zero)
 
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
-        """Return the correction by a measurement, None if the measurement is rejected. The position
-        jumps to a measurement that is `anew` or that has stayed far off."""
+        """Return the offset by which to correct the position; None if the measurement is rejected.
+        anew: whether the position jumps to the measurement at once. It also jumps to measurements
+        that have been far off for `REJECTS`."""
         is_far = norm(off) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting

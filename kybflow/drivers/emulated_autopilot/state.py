@@ -1,17 +1,23 @@
-"""The state of an emulated autopilot, shared by its controllers, its firmware and its messages."""
+"""The state of an emulated autopilot, shared by its controllers, its firmware and its messages.
+
+If parameters that are integers are sent bytewise, the float in the message holds the bytes of an
+INT32 (param_type 6). Otherwise they are sent as plain floats, with their type in the type field.
+Pulses of outputs are in microseconds; a servo is open at pulses below `MIDDLE`.
+"""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.estimator import EmulatedEstimator
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
+from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulation.body import BatteryMonitor
 from kybflow.drivers.emulation.breaking import Failures
 from kybflow.drivers.emulation.control import PositionTarget
@@ -19,6 +25,65 @@ from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import Airframe
+
+REAL = mavlink.MAV_PARAM_TYPE_REAL32
+INTEGER = mavlink.MAV_PARAM_TYPE_INT32
+
+
+class EmulatedParameters:
+    """All parameters by name, in the order of their indices.
+
+    own: the firmware's defaults.
+    changes: values that differ from them.
+    bytewise: whether integers are sent bytewise.
+    dangling: names to which requests are never answered, for tests.
+    """
+
+    def __init__(
+        self, own: Mapping[str, float], changes: Mapping[str, float], *, bytewise: bool
+    ) -> None:
+        values = dict(sorted({**own, **changes}.items()))
+        self._bytewise = bytewise
+        known = {**values, **own}
+        self._integers = {name for name, value in known.items() if isinstance(value, int)}
+        self._values: dict[str, float] = {name: float(value) for name, value in values.items()}
+        self.dangling: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def get(self, name: str, default: float = 0.0) -> float:
+        return self._values.get(name, default)
+
+    def handle(self, message: Any) -> list[Any]:
+        """Return the replies to a PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; none for an
+        unknown name."""
+        kind = message.get_type()
+        if kind == "PARAM_REQUEST_LIST":
+            return [self._value_message(name) for name in self._values if name not in self.dangling]
+        name = message.param_id
+        name = (name.decode("ascii", "replace") if isinstance(name, bytes) else name).rstrip("\0")
+        if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
+            names = list(self._values)
+            name = names[message.param_index] if message.param_index < len(names) else ""
+        if name not in self._values or name in self.dangling:
+            return []
+        if kind == "PARAM_SET":
+            value = message.param_value
+            if self._bytewise and message.param_type == INTEGER:
+                value = struct.unpack("<i", struct.pack("<f", value))[0]
+            self._values[name] = float(value)
+        return [self._value_message(name)]
+
+    def _value_message(self, name: str) -> Any:
+        value, kind = self._values[name], INTEGER if name in self._integers else REAL
+        if self._bytewise and kind == INTEGER:
+            value = struct.unpack("<f", struct.pack("<i", round(value)))[0]
+        index = list(self._values).index(name)
+        return mavlink.MAVLink_param_value_message(
+            name.encode(), value, kind, len(self._values), index
+        )
+
 
 CRITICAL, WARNING = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING
 INFO = mavlink.MAV_SEVERITY_INFO
@@ -141,5 +206,64 @@ class EmulatedState:
         return self.wanted_at is not None and now - self.wanted_at <= timeout * NS
 
     def has_pilot(self, now: Time) -> bool:
-        """Return whether a transmitter is received."""
+        """Return whether the signal of a transmitter is being received."""
         return self.sticks is not None and now - self.sticks.time < PILOT_LOST
+
+
+MIDDLE = 1500
+ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
+UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
+FAILED: int = mavlink.MAV_RESULT_FAILED
+OUTPUT_COMMANDS = frozenset(
+    {
+        mavlink.MAV_CMD_DO_SET_SERVO, mavlink.MAV_CMD_DO_SET_RELAY,
+        mavlink.MAV_CMD_DO_SET_ACTUATOR, mavlink.MAV_CMD_DO_GRIPPER,
+    }
+)  # fmt: skip
+
+
+class Outputs:
+    """The outputs of one vehicle.
+
+    pulses: the current pulse of each output, by channel.
+    channel: the channel of the payload's servo; None without a payload.
+    servo_pulses: the pulse of an open servo, and that of a closed one.
+    closed: whether the payload's servo is closed at first.
+    move: opens or closes the payload's servo.
+    """
+
+    def __init__(
+        self,
+        state: EmulatedState,
+        channel: int | None,
+        servo_pulses: tuple[int, int],
+        closed: bool,
+        move: Callable[[bool, Time], None],
+    ) -> None:
+        self.state, self._channel, self._move = state, channel, move
+        self.pulses: dict[int, int] = {}
+        if channel is not None:
+            self.pulses[channel] = servo_pulses[closed]
+
+    def move_all(self, parameter: str, function: int, pulse: int, now: Time) -> bool:
+        """Move all outputs with this function; return whether there are any. parameter: the name of
+        the parameter that holds an output's function, with `{}` in place of the output's number."""
+        found = [
+            channel
+            for channel in range(1, 15)
+            if self.state.parameters.get(parameter.format(channel)) == function
+        ]
+        for channel in found:
+            self.move(channel, pulse, now)
+        return bool(found)
+
+    def move(self, channel: int, pulse: int, now: Time) -> None:
+        """Set the pulse of one output."""
+        before, self.pulses[channel] = self.pulses.get(channel), pulse
+        if channel != self._channel or before is None:
+            return
+        if (before < MIDDLE) != (pulse < MIDDLE):
+            try:
+                self._move(pulse < MIDDLE, now)
+            except Refused:
+                self.pulses[channel] = before

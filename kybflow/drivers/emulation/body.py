@@ -21,8 +21,8 @@ PERIOD: Time = NS // 20
 COMPASS_ERROR, COMPASS_NOISE = 3.0 * DEG, 0.5 * DEG
 """Standard deviations of the compass, radians: of its constant error, and of its noise."""
 PRESSURE_NOISE, PRESSURE_WANDERS, PRESSURE_LASTS = 0.03, 0.10, 60.0
-"""Of the barometric height: the standard deviations of its noise and of its drift, metres, and the
-drift's time constant, seconds."""
+"""Errors of the barometric height: the standard deviations of its noise and of its drift, metres,
+and the drift's time constant, seconds."""
 EMPTY, SPAN = 9.6, 3.0
 """The voltage of an empty three-cell battery, and how much higher that of a full one is."""
 

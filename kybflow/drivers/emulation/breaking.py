@@ -88,7 +88,7 @@ class BreakableLink:
         self._failures, self._generator = failures, generator
 
     def received(self, messages: Iterable[Message]) -> list[Message]:
-        """Return those of the messages that arrive."""
+        """Return the messages that arrive; failures may drop some or all of them."""
         if self._failures.deaf:
             return []
         return [message for message in messages if not self._is_lost()]

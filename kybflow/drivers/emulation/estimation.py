@@ -1,4 +1,4 @@
-"""The estimation of an emulated computer: an attitude filter and a position observer.
+"""State estimation on an emulated onboard computer: an attitude filter and a position observer.
 
 Attitude: the explicit complementary filter with bias of Mahony, Hamel and Pflimlin (IEEE TAC 2008,
 eq. 34), from gyroscope, accelerometer and a measured heading. In flight an accelerometer measures
@@ -12,7 +12,8 @@ the seconds since the last correction. With the innovation e and k = 1 - exp(-w 
 (1-k)^3 e, v += 1.5 k^2 (2 - k) / dt e, b += k^3 / dt^2 e (Brookner, "Tracking and Kalman Filtering
 Made Easy", 1998, sec. 1.3), so that after a long gap an offset is not taken for a speed. Between
 corrections p' = v, v' = a + b. A late measurement is compared with the position at its time.
-Metres, ENU."""
+Metres, ENU.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +51,8 @@ UP: Vec3 = (0.0, 0.0, 1.0)
 
 
 class AttitudeFilter:
-    """The attitude of one vehicle. `value`: the rotation from body to world. `rate`: the body rates
-    without the bias, rad/s."""
+    """The attitude of one vehicle. value: the rotation from body to world. rate: the turn rates in
+    body axes, without the gyroscope's bias, rad/s."""
 
     def __init__(self, heading: float) -> None:
         self.value: Quat = from_heading(heading)
@@ -65,8 +66,8 @@ class AttitudeFilter:
         return heading_of(self.value)
 
     def see(self, heading: float) -> None:
-        """Correct with a heading from vision or a compass, radians. The first one, and one more
-        than 1 rad off, is adopted at once."""
+        """Correct with a heading measured by vision or a compass, radians. The first heading, and
+        any that is more than 1 rad off, is adopted at once."""
         self._off = wrap(heading - self.heading)
         if not self._is_aimed or abs(self._off) > 1.0:
             turned = from_heading(self._off)
@@ -103,8 +104,8 @@ MOST_BIAS = 0.5
 
 
 class PositionObserver:
-    """The position of one vehicle, which starts at zero, at rest. `bias`: its acceleration beyond
-    that of the accelerometer, m/s^2 in the world."""
+    """The position of one vehicle, which starts at zero, at rest. bias: the acceleration that the
+    accelerometer fails to measure, m/s^2 in the world."""
 
     def __init__(self) -> None:
         self.position: Vec3 = ZERO

@@ -68,7 +68,7 @@ class Fleet(Generic[Onboard]):
     build: takes the index of a seat, the vehicle's body and its random generator; returns the
     computer, and whether the vehicle has GPS.
     period: the shortest interval between two steps of the computers.
-    Raises DriverError as the simulator does.
+    Raises DriverError like `SimulatedWorld`.
     """
 
     def __init__(

@@ -1,17 +1,40 @@
-"""Ideal vehicles: their links, batteries and payloads, the ground below them, and collisions."""
+"""Ideal vehicles: their motion, batteries and payloads, the ground below them, and collisions.
+
+Motion is in the world frame (ENU) and SI units.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, combinations
 from math import cos, pi, sin, sqrt
+from typing import NamedTuple
 
 from kybflow.core.errors import DriverError, Refused
-from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, distance, from_heading, rotate_back
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Quat,
+    Vec3,
+    add,
+    distance,
+    from_heading,
+    from_thrust_direction,
+    heading_of,
+    integrate,
+    norm,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+    wrap,
+)
 from kybflow.core.signals import (
     NS,
     Battery,
     Command,
+    CommandKind,
     Imu,
     Measurement,
     MeasurementKind,
@@ -19,15 +42,94 @@ from kybflow.core.signals import (
     Payload,
     Pose,
     Position,
+    Setpoint,
     Time,
     Truth,
 )
-from kybflow.drivers.kinematic.motion import KinematicState, moved, stopped
 from kybflow.parts import ActiveFaults, Link, Seat, Session
 from kybflow.parts.link import Touch
 from kybflow.world.ground import FLOOR
-from kybflow.world.shapes import Shape, Sphere
-from kybflow.world.vehicle_context import LEGS, BatteryCharge
+from kybflow.world.shapes import Sphere
+from kybflow.world.vehicle_context import LEGS, Airframe, BatteryCharge
+
+SPEED_RESERVE = 2.0
+"""Largest speed of a vehicle, as a multiple of its airframe's largest speed or climb rate,
+whichever is larger."""
+DOWN: Vec3 = (0.0, 0.0, -GRAVITY)
+
+
+class KinematicState(NamedTuple):
+    """The state of a vehicle. acceleration: the acceleration during the last tick."""
+
+    position: Vec3
+    velocity: Vec3 = ZERO
+    acceleration: Vec3 = ZERO
+    attitude: Quat = LEVEL
+    rates: Vec3 = ZERO
+
+    @property
+    def pull(self) -> float:
+        """Thrust over mass, m/s^2."""
+        ax, ay, az = self.acceleration
+        return norm((ax, ay, az + GRAVITY))
+
+
+def moved(
+    state: KinematicState, command: Command, airframe: Airframe, mass: float, dt: float
+) -> KinematicState:
+    """Return the state `dt` seconds later, ignoring the ground. mass: of the vehicle with its
+    payload, kg."""
+    if not command.armed:
+        return _pushed(state, DOWN, state.attitude, ZERO, dt)
+    if command.setpoint is not None:
+        return _following(state, command.kind, command.setpoint, airframe, dt)
+    attitude, rates = command.attitude, ZERO
+    if command.kind is CommandKind.RATES_THRUST:
+        attitude, rates = integrate(state.attitude, command.rates, dt), command.rates
+    elif command.heading is None:
+        attitude = from_thrust_direction(
+            rotate(attitude, (0.0, 0.0, 1.0)), heading_of(state.attitude)
+        )
+    pull = rotate(attitude, (0.0, 0.0, command.thrust / mass))
+    return _pushed(state, add(pull, DOWN), attitude, rates, dt)
+
+
+def stopped(before: KinematicState, position: Vec3, dt: float) -> KinematicState:
+    """Return the state of a vehicle that the ground has stopped at `position` during the tick."""
+    level = from_heading(heading_of(before.attitude))
+    return KinematicState(position, ZERO, scale(before.velocity, -1.0 / dt), level)
+
+
+def _pushed(
+    state: KinematicState, push: Vec3, attitude: Quat, rates: Vec3, dt: float
+) -> KinematicState:
+    (px, py, pz), (vx, vy, vz), (ax, ay, az) = state.position, state.velocity, push
+    half = 0.5 * dt * dt
+    place = (px + vx * dt + ax * half, py + vy * dt + ay * half, pz + vz * dt + az * half)
+    return KinematicState(place, (vx + ax * dt, vy + ay * dt, vz + az * dt), push, attitude, rates)
+
+
+def _following(
+    state: KinematicState, kind: CommandKind, wanted: Setpoint, airframe: Airframe, dt: float
+) -> KinematicState:
+    """Return the state after following a setpoint, which applies to the beginning of the tick."""
+    (ax, ay, az), rate = wanted.acceleration or ZERO, wanted.heading_rate
+    before = heading_of(state.attitude) if wanted.heading is None else wanted.heading
+    facing = from_thrust_direction((ax, ay, az + GRAVITY), wrap(before + rate * dt))
+    turn = (0.0, 0.0, rate)
+    start = wanted.position if kind is CommandKind.POSITION else state.position
+    speed = state.velocity if kind is CommandKind.ACCELERATION else wanted.velocity
+    target = _pushed(
+        KinematicState(start or state.position, speed or ZERO), (ax, ay, az), facing, turn, dt
+    )
+    way = sub(target.position, state.position)
+    most = SPEED_RESERVE * max(airframe.speed, airframe.climb) * dt
+    length = norm(way)
+    if length <= most:
+        return target
+    way = scale(way, most / length)
+    return KinematicState(add(state.position, way), scale(way, 1.0 / dt), ZERO, facing, turn)
+
 
 BATTERY_PERIOD: Time = NS // 10
 """Period of battery reports."""
@@ -37,8 +139,8 @@ touch."""
 NOISE = 1e-6
 """Alternating error of IMU samples, m/s^2, and poses, m, because two equal samples would count as
 stuck."""
-RIM = tuple((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8))
-"""Directions of the points on a vehicle's rim that are tested for collisions."""
+DISC = ((0.0, 0.0), *((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8)))
+"""The points of a vehicle's disc that are tested for collisions, in radii from its centre."""
 
 
 class IdealVehicle(Link):
@@ -88,7 +190,7 @@ class IdealVehicle(Link):
         self._command = command
 
     def cut(self, now: Time) -> None:
-        """Do nothing: disarmed commands follow."""
+        """Do nothing: the disarmed commands that follow stop the motors."""
 
     def grip(self, is_open: bool, now: Time) -> None:
         if self.context.payload is None:
@@ -218,18 +320,12 @@ class KinematicWorld(Session):
                 yield other, one.context.vehicle
         for vehicle in self._vehicles:
             place, arm = vehicle.state.position, vehicle.context.airframe.arm
+            x, y, z = place
             for name, shape in chain(vehicle.context.obstacles.items(), balls.items()):
-                if shape.distance(place) < arm and _intersects(shape, place, arm):
+                if shape.distance(place) < arm and any(
+                    shape.distance((x + arm * c, y + arm * s, z)) < 0.0 for c, s in DISC
+                ):
                     yield vehicle, name
-
-
-def _intersects(shape: Shape, place: Vec3, arm: float) -> bool:
-    """Return whether a vehicle's centre or the rim of its disc is inside a shape. arm: the disc's
-    radius."""
-    x, y, z = place
-    if shape.distance(place) < 0.0:
-        return True
-    return any(shape.distance((x + arm * c, y + arm * s, z)) < 0.0 for c, s in RIM)
 
 
 def _refuse() -> None:

@@ -95,10 +95,8 @@ class SimParams:
     )  # fmt: skip
     position_noise_up: Length = param(
         "Error of the height, standard deviation; half of its variance wanders too.",
-        default=0.5,
-        at_least=0.0,
-        read_only=True,
-    )
+        default=0.5, at_least=0.0, read_only=True,
+    )  # fmt: skip
     position_latency: Duration = param(
         "Delay until a position arrives.", default=0.12, at_least=0.0, at_most=1.0, read_only=True
     )
@@ -171,11 +169,8 @@ class SimParams:
     )  # fmt: skip
     command_jitter: Duration = param(
         "Standard deviation of that delay.",
-        default=0.003,
-        at_least=0.0,
-        at_most=0.1,
-        read_only=True,
-    )
+        default=0.003, at_least=0.0, at_most=0.1, read_only=True,
+    )  # fmt: skip
     mocap_misalignment: Angle = param(
         "Standard deviation of the angle about each axis between the body and its axes in motion"
         " capture.",
@@ -201,12 +196,7 @@ class SimParams:
 
 class Sim(Driver[SimParams]):
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
-    provides = frozenset(
-        {
-            Pose, Battery, Imu,
-            Position,
-        }
-    )  # fmt: skip
+    provides = frozenset({Pose, Battery, Imu, Position})
     simulated: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     grips: ClassVar[bool] = True

@@ -116,22 +116,11 @@ class Receiver:
         return min(due, now + WATCHDOG)
 
     def _check(self, now: Time, is_silent: bool) -> None:
-        """Update the estimates, and start the descent if commands have stopped."""
+        """Update the estimates of climb rate, bias and hover thrust, and start the descent if
+        commands have stopped."""
         self._add_thrust(now)
         self._updated_at, bias = now, self._bias
         gained, seconds = self._controller.gained()
-        self._update_estimates(gained, seconds)
-        if is_silent:
-            if abs(gained) < MOTION * seconds:
-                bias = self._bias
-            most, rest = self._airframe.max_thrust, self._controller.rest + bias
-            hover_error = HOVER_ERROR * exp(-2.0 * self._flown / AVERAGING_TIME)
-            self.descent = Descent(self._hover, most, self._climb, rest, hover_error)
-            self._ignores = True
-
-    def _update_estimates(self, gained: float, seconds: float) -> None:
-        """Update the estimates. gained: upward speed that the IMU has measured in flight since the
-        last update, m/s. seconds: the time since then."""
         keep, impulse = exp(-seconds / AVERAGING_TIME), self._impulse / NS
         self._impulse = 0.0
         if seconds > 0.0:
@@ -141,6 +130,13 @@ class Receiver:
                 share = seconds / min(self._flown + PRIOR_TIME, AVERAGING_TIME)
                 self._hover += share * (impulse / seconds - self._hover)
         self._climb = self._climb * exp(-seconds / CLIMB_MEMORY) + gained - self._bias * seconds
+        if is_silent:
+            if abs(gained) < MOTION * seconds:
+                bias = self._bias
+            most, rest = self._airframe.max_thrust, self._controller.rest + bias
+            hover_error = HOVER_ERROR * exp(-2.0 * self._flown / AVERAGING_TIME)
+            self.descent = Descent(self._hover, most, self._climb, rest, hover_error)
+            self._ignores = True
 
     def come_down(self, lift: float, dt: float) -> None:
         """Make one step of the descent, `dt` seconds long. lift: specific force along body z,

@@ -17,7 +17,7 @@ import numpy
 
 from kybflow.core.geometry import GRAVITY, LEVEL, Quat, Vec3, integrate, multiply
 from kybflow.core.signals import NS, Battery, Imu, Pose, Position, Time, Truth
-from kybflow.drivers.sim.steps.onboard_state import Numbers
+from kybflow.drivers.sim.steps.onboard import Numbers
 from kybflow.world.vehicle_context import Airframe, BatteryCharge
 
 Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
@@ -112,7 +112,7 @@ class ImuErrors:
         self._ready = self._next
 
     def bias(self, vehicle: int, more: Sequence[float]) -> None:
-        """From now on add a bias to a vehicle's errors, instead of the last one."""
+        """From now on add this bias to a vehicle's errors, in place of an earlier one."""
         self._biases[vehicle] = more
         self.block, self._ready = self._form(self._drawn + self._biases), self._next
 

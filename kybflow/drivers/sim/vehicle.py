@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy
 
+from kybflow.core.errors import DriverError
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, rotate, scale
 from kybflow.core.signals import (
     NS,
@@ -22,8 +23,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.air import GustyWind, Jet
-from kybflow.drivers.sim.lab import as_flown, build, lab
+from kybflow.drivers.sim.lab import GustyWind, Jet, as_flown, build, lab
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
     NOTHING,
@@ -37,8 +37,7 @@ from kybflow.drivers.sim.sensors import (
     draw,
     draw_blocks,
 )
-from kybflow.drivers.sim.steps.onboard import AttitudeController
-from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
+from kybflow.drivers.sim.steps.onboard import AttitudeController, Numbers, OnboardState
 from kybflow.drivers.sim.steps.rotors import constants
 from kybflow.parts import ActiveFaults, Link, Override, Seat
 from kybflow.parts.link import Touch
@@ -138,7 +137,11 @@ class SimulatedVehicle(Link):
                 capture.schedule.move_on()
         if battery.schedule.due <= now:
             self._arriving.append((now, battery.measure(now)))
-            self._load(now)
+            # the rotors' thrust drains the battery, which reduces their largest thrust
+            onboard, index = self._world.onboard, self._index
+            given = _total_thrust(onboard.rotors[index], self._thrusts())
+            battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
+            onboard.thrusts[index] = self._thrusts()
             battery.schedule.move_on()
         if self._receiver_due <= now:
             falling, self._receiver_due = self._receiver.descent, self._receiver.update(now)
@@ -193,14 +196,6 @@ class SimulatedVehicle(Link):
         """Return the vibration relative to that in hover. A rotor's imbalance grows with the square
         of its speed, and so in proportion to its thrust."""
         return thrust / (self.body.mass * GRAVITY)
-
-    def _load(self, now: Time) -> None:
-        """Drain the battery according to the rotors' thrust, and reduce their largest thrust
-        accordingly."""
-        onboard, index, battery = self._world.onboard, self._index, self.battery
-        given = _total_thrust(onboard.rotors[index], self._thrusts())
-        battery.charge.drain(given, 1.0 / battery.schedule.rate if now else 0.0)
-        onboard.thrusts[index] = self._thrusts()
 
     def _thrusts(self) -> Numbers:
         """Return each rotor's largest thrust at the battery's current charge."""
@@ -298,6 +293,15 @@ def _total_thrust(rotors: Numbers, most: Numbers) -> float:
     a, b, c, d = rotors
     fa, fb, fc, fd = most
     return a * fa + b * fb + c * fc + d * fd
+
+
+def physics_rate(seats: Sequence[Seat]) -> int:
+    """Return the physics rate of all vehicles in a world, Hz. Raises DriverError if they differ."""
+    rates = {seat.params.physics for seat in seats}
+    if len(rates) != 1:
+        raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
+    rate: int = round(rates.pop())
+    return rate
 
 
 def jets_of(vehicles: Sequence[SimulatedVehicle]) -> list[Jet]:

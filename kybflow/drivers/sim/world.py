@@ -18,14 +18,14 @@ from kybflow.drivers.sim.model import (
     OBSTACLE,
     PARCEL,
     BuiltAirframe,
+    FallingParcel,
     loaded,
     world_text,
 )
-from kybflow.drivers.sim.parcels import FallingParcel
 from kybflow.drivers.sim.sensors import NOTHING
-from kybflow.drivers.sim.steps.onboard_state import OnboardState
+from kybflow.drivers.sim.steps.onboard import OnboardState
 from kybflow.drivers.sim.steps.stepper import rows, stepper
-from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of
+from kybflow.drivers.sim.vehicle import TOUCH_GAP, SimulatedVehicle, jets_of, physics_rate
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 
@@ -49,10 +49,7 @@ class SimulatedWorld(Session):
     if MuJoCo rejects the model, or if the simulation diverges."""
 
     def __init__(self, seats: Sequence[Seat], generator: random.Random) -> None:
-        rates = {seat.params.physics for seat in seats}
-        if len(rates) != 1:
-            raise DriverError(f"vehicles in one world need one physics rate, found {sorted(rates)}")
-        self._rate: int = round(rates.pop())
+        self._rate = physics_rate(seats)
         self.onboard = OnboardState(len(seats), rows())
         self._vehicles = [
             SimulatedVehicle(self, i, seat, generator) for i, seat in enumerate(seats)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from kybflow.drivers.ardrone import Ardrone
-from kybflow.drivers.ardrone.control.acts import ACTS, CALIBRATE, FLIGHTS, LEDS, lasts, lines_of
+from kybflow.drivers.ardrone.acts import ACTS, CALIBRATE, FLIGHTS, LEDS, lasts, lines_of
+from kybflow.drivers.ardrone.at import Ids, datagrams
 from kybflow.drivers.ardrone.params import ArdroneParams
-from kybflow.drivers.ardrone.protocol.at import Ids, datagrams
 
 IDS = Ids("11111111", "22222222", "33333333")
 

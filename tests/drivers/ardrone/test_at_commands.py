@@ -1,4 +1,4 @@
-"""AT commands: the bytes that a drone takes, and what is read of anybody's bytes."""
+"""AT commands and the configuration: what a drone takes, and what any bytes are read as."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.ardrone.protocol import at
+from kybflow.drivers.ardrone import at
 
 KNOWN = [
     (-0.8, -1085485875), (0.1, 1036831949), (-0.1, -1110651699), (0.05, 1028443341),
@@ -39,12 +39,8 @@ def test_a_float_is_sent_as_the_integer_of_its_bits(value, bits):
 
 
 @pytest.mark.parametrize(("line", "sent"), LINES, ids=[str(line.name) for line, _ in LINES])
-def test_the_bytes_of_each_command(line, sent):
+def test_each_command_is_written_and_read(line, sent):
     assert line.numbered(7) == sent
-
-
-@pytest.mark.parametrize(("line", "sent"), LINES, ids=[str(line.name) for line, _ in LINES])
-def test_what_is_sent_is_read(line, sent):
     (read,) = at.read_commands(sent)
     assert (read.name, read.sequence, len(read.arguments)) == (line.name, 7, len(line.arguments))
 
@@ -90,3 +86,24 @@ def test_bits_of_nothing_are_not_a_number(bits):
 @given(st.binary(max_size=1200))
 def test_no_bytes_raise(data):
     at.read_commands(data)
+
+
+def test_a_configuration_comes_back():
+    values = {"general:num_version_soft": "2.4.8", "control:euler_angle_max": "2.0943952e-01"}
+    assert at.read_configuration(at.write_configuration(values)) == values
+
+
+@pytest.mark.parametrize(
+    ("asked", "found", "same"),
+    [
+        ("TRUE", "TRUE", True), ("TRUE", "true", True), ("TRUE", "FALSE", False),
+        ("3000", "3000", True), ("0.21", "2.1000001e-01", True), ("0.21", "2.2e-01", False),
+        ("x", "3", False),
+    ],
+)  # fmt: skip
+def test_a_value_that_is_read_back(asked, found, same):
+    assert at.agrees(asked, found) is same
+
+
+def test_an_identity_is_eight_digits():
+    assert len(at.identity("kybflow")) == 8

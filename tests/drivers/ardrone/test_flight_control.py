@@ -1,20 +1,20 @@
-"""What a drone is told by REF and PCMD, and what it is refused."""
+"""What a drone is told by REF and PCMD, in its own directions, and what it is refused."""
 
 from __future__ import annotations
+
+from math import pi
 
 import pytest
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.geometry import LEVEL, ZERO, from_euler, from_heading, multiply
 from kybflow.core.signals import NS, Command, CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.ardrone.control.flight import FlightControl
-from kybflow.drivers.ardrone.control.moves import Limits
-from kybflow.drivers.ardrone.protocol import at
-from kybflow.drivers.ardrone.protocol.navdata import options as opt
-from kybflow.drivers.ardrone.protocol.navdata.packet import Packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
-from kybflow.drivers.ardrone.telemetry.status import DroneStatus
-from kybflow.drivers.ardrone.transport.stream import CommandStream
+from kybflow.drivers.ardrone import at, navdata
+from kybflow.drivers.ardrone.flight import FlightControl, move_of
+from kybflow.drivers.ardrone.navdata import DroneState, Packet, Phase
+from kybflow.drivers.ardrone.params import Limits
+from kybflow.drivers.ardrone.telemetry import DroneStatus
+from kybflow.drivers.ardrone.wire import CommandStream
 
 RISING = Command(
     LEVEL, 4.1, ZERO, 0.0, True, CommandKind.TILT_CLIMB,
@@ -30,7 +30,7 @@ class Drone:
         self.flight = FlightControl(self.status, self.stream, Limits(0.2, 0.7, 1.75), 5.0)
 
     def says(self, phase, state=DroneState.FLYING):
-        demo = opt.write_demo(opt.Demo(phase, 80, 0.0, 0.0, 0.0, 0, ZERO))
+        demo = navdata.write_demo(navdata.Demo(phase, 80, 0.0, 0.0, 0.0, 0, ZERO))
         self.status.receive(Packet(state, 1, 0, dict([demo])), 0)
         return self
 
@@ -133,3 +133,34 @@ def test_a_drone_that_loops_by_itself_is_lost():
     drone.flight.send(RISING, 0)
     drone.says(Phase.LOOPING).flight.watch(1)
     assert drone.flight.override is not None
+
+
+LIMITS = Limits(0.2, 0.7, 1.75)
+
+
+def command(roll=0.0, pitch=0.0, heading=0.0, climb=0.0, turn=0.0):
+    setpoint = Setpoint(SetpointKind.VELOCITY, velocity=(0.0, 0.0, climb))
+    attitude, rates = from_euler(roll, pitch, heading), (0.0, 0.0, turn)
+    return Command(attitude, 4.1, rates, heading, True, CommandKind.TILT_CLIMB, setpoint)
+
+
+@pytest.mark.parametrize("heading", [0.0, pi / 2, -2.5])
+def test_signs_are_the_drones(heading):
+    move = move_of(command(roll=0.1, pitch=0.05, heading=heading, climb=0.35, turn=0.875), LIMITS)
+    assert move.right == pytest.approx(0.5)
+    assert move.backward == pytest.approx(-0.25, abs=1e-2)  # nose down goes forward
+    assert move.up == pytest.approx(0.5)
+    assert move.clockwise == pytest.approx(-0.5)  # to the left is anticlockwise
+
+
+def test_no_more_than_all_is_asked_for():
+    move = move_of(command(roll=-1.0, pitch=1.0, climb=-5.0, turn=-9.0), LIMITS)
+    assert move == (-1.0, -1.0, -1.0, 1.0, True)
+
+
+@pytest.mark.parametrize("heading", [0.0, pi / 2, -2.5])
+def test_by_the_compass_the_world_s_axis_is_ahead(heading):
+    toward_x = multiply(from_euler(0.0, 0.1, 0.0), from_heading(heading))
+    told = command()._replace(attitude=toward_x, heading=heading)
+    move = move_of(told, LIMITS, by_compass=True)
+    assert (move.right, move.backward) == pytest.approx((0.0, -0.5), abs=1e-6)

@@ -9,10 +9,19 @@ from ardrone_recordings import parsed_by_npm, recording
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.drivers.ardrone.protocol.navdata import options as opt
-from kybflow.drivers.ardrone.protocol.navdata.layouts import LAYOUTS, OptionTag, decoded
-from kybflow.drivers.ardrone.protocol.navdata.packet import Malformed, read_packet, write_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase, in_words, phase_of
+from kybflow.drivers.ardrone import navdata
+from kybflow.drivers.ardrone.navdata import (
+    LAYOUTS,
+    DroneState,
+    Malformed,
+    OptionTag,
+    Phase,
+    decoded,
+    in_words,
+    phase_of,
+    read_packet,
+    write_packet,
+)
 
 BOOTSTRAP = bytes.fromhex("88776655100c804f0100000000000000ffff0800a6020000")
 """As a real drone's, captured and published."""
@@ -22,7 +31,7 @@ SIZES = {
     24: 72, 25: 32, 26: 8,
 }  # fmt: skip
 """Of each option with its head, by the headers of Parrot's SDK and a C compiler."""
-DEMO = opt.Demo(Phase.FLYING, 87, 1500.0, -2500.0, 90000.0, 950, (120.0, -40.0, 3.0))
+DEMO = navdata.Demo(Phase.FLYING, 87, 1500.0, -2500.0, 90000.0, 950, (120.0, -40.0, 3.0))
 
 
 def test_the_bootstrap_packet_of_a_real_drone():
@@ -41,17 +50,21 @@ def test_the_fields_of_an_option_fill_it(tag):
 
 
 def test_the_demo_option_comes_back():
-    assert opt.demo(dict([opt.write_demo(DEMO)])) == DEMO
-    assert len(opt.write_demo(DEMO)[1]) + 4 == 148
+    assert navdata.demo(dict([navdata.write_demo(DEMO)])) == DEMO
+    assert len(navdata.write_demo(DEMO)[1]) + 4 == 148
 
 
 def test_time_and_sensors_come_back():
-    felt = opt.PhysMeasures((10.0, -20.0, -1000.0), (1.0, 2.0, 3.0))
+    felt = navdata.PhysMeasures((10.0, -20.0, -1000.0), (1.0, 2.0, 3.0))
     options = dict(
-        [opt.write_time(3_000_001), opt.write_phys_measures(felt), opt.write_raw_measures(11_686)]
+        [
+            navdata.write_time(3_000_001),
+            navdata.write_phys_measures(felt),
+            navdata.write_raw_measures(11_686),
+        ]
     )
-    assert opt.drone_time(options) == pytest.approx(3.000001)
-    assert opt.phys_measures(options) == felt
+    assert navdata.drone_time(options) == pytest.approx(3.000001)
+    assert navdata.phys_measures(options) == felt
     assert (
         decoded(OptionTag.RAW_MEASURES, options[OptionTag.RAW_MEASURES])["battery_millivolts"]
         == 11_686
@@ -88,9 +101,9 @@ def test_options_of_any_size_are_read_as_far_as_they_go(contents, draw):
     assert packet.state == state
     for tag, data in packet.options.items():
         decoded(tag, data)
-    opt.demo(packet.options)
-    opt.phys_measures(packet.options)
-    opt.drone_time(packet.options)
+    navdata.demo(packet.options)
+    navdata.phys_measures(packet.options)
+    navdata.drone_time(packet.options)
 
 
 def test_states_in_words():
@@ -108,7 +121,7 @@ def test_every_option_of_a_real_recording():
     assert sorted(packet.options) == list(range(28))
     for tag, data in packet.options.items():
         assert len(decoded(tag, data)) == len(LAYOUTS[tag]), OptionTag(tag).name
-    found = opt.demo(packet.options)
+    found = navdata.demo(packet.options)
     assert found is not None
     assert found.phase is Phase.LANDED
     assert decoded(2, packet.options[2])["battery_millivolts"] == 11686

@@ -11,12 +11,11 @@ from waiting import until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.at import HOVER, Move, read_commands
-from kybflow.drivers.ardrone.protocol.navdata.packet import write_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState
-from kybflow.drivers.ardrone.transport.udp import MOST_PER_PERIOD, UdpWire, is_address
-from kybflow.drivers.ardrone.transport.wire import NAVDATA_REQUEST
-from kybflow.drivers.emulated_ardrone.sockets import SocketPorts, host_of
+from kybflow.drivers.ardrone.at import HOVER, Move, read_commands
+from kybflow.drivers.ardrone.navdata import DroneState, write_packet
+from kybflow.drivers.ardrone.udp import MOST_PER_PERIOD, UdpWire, is_address
+from kybflow.drivers.ardrone.wire import NAVDATA_REQUEST
+from kybflow.drivers.emulated_ardrone.ports import SocketPorts, host_of
 
 
 @pytest.fixture
@@ -27,6 +26,15 @@ def played():
     yield ports, wire
     wire.close()
     ports.close()
+
+
+def connect(ports, wire):
+    """Let the wire ask for navigation data, and the ports answer it."""
+    wire.ask()
+    asked = []
+    until(lambda: asked.extend(ports.requests()) or asked, "to ask")
+    assert asked[0][0] == NAVDATA_REQUEST
+    ports.answer(asked[0][1])
 
 
 def heard(ports):
@@ -50,11 +58,7 @@ def test_the_newest_command_is_sent_until_it_is_too_old(played):
 
 def test_navigation_data_and_configurations_arrive(played):
     ports, wire = played
-    wire.ask()
-    until(
-        lambda: [ports.answer(who) for data, who in ports.requests() if data == NAVDATA_REQUEST],
-        "to ask",
-    )
+    connect(ports, wire)
     ports.send(write_packet(DroneState.DEMO, 1))
     until(lambda: wire.take(0), "a packet")
     wire.listen_for_configuration()
@@ -67,8 +71,7 @@ def test_navigation_data_and_configurations_arrive(played):
 
 def test_a_flood_from_elsewhere_is_counted_and_the_drone_is_still_heard(played):
     ports, wire = played
-    wire.ask()
-    until(lambda: [ports.answer(who) for _, who in ports.requests()], "to ask")
+    connect(ports, wire)
     ports.send(write_packet(DroneState.DEMO, 5))
     until(lambda: wire.take(0), "a packet")
     chance, target = random.Random(0), ports._listener
@@ -139,8 +142,7 @@ def test_of_a_flood_no_more_than_its_share_is_taken_in_a_period(played):
 
 def test_stamps_rise_however_late_a_tick_is(played):
     ports, wire = played
-    wire.ask()
-    until(lambda: [ports.answer(who) for _, who in ports.requests()], "to ask")
+    connect(ports, wire)
     stamps, sent = [], 0
     for now in (NS, NS, NS - 8_000_000):  # the last one is late: its time is behind the clock
         ports.send(write_packet(DroneState.DEMO, sent := sent + 1))

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from ardrone_flights import AgesOnReceipt, drone_flight, mission
+from ardrone_flights import AgesOnReceipt, mission, succeeded
 from served_drones import served
 from waiting import HANGS, until
 
@@ -104,8 +104,7 @@ def check_connection(rate, seconds, out, monkeypatch):
     ages = AgesOnReceipt(monkeypatch)
     bad = {"wifi_latency": 0.02, "wifi_jitter": 0.02, "wifi_loss": 0.05}
     request, text = RunRequest(out=out / "run"), patient(["a", "b", "c"], seconds)
-    flight, told, session = drone_flight(text, out, request=request, rate=rate, network=True, **bad)
-    assert flight.summary["outcome"] == "succeeded", told
+    _, told, session = succeeded(text, out, request=request, rate=rate, network=True, **bad)
     assert "link_lost" not in [event.name for event in told]
     assert not any(link.drone.times_lost for link in session.links.values())
     assert 0.0 < ages.most_held <= HELD
@@ -119,10 +118,8 @@ def test_over_sockets_it_flies_as_in_memory(tmp_path):
         out = tmp_path / str(network)
         out.mkdir()
         request = RunRequest(out=out / "run")
-        flight, told, _ = drone_flight(
-            patient(["a", "b"], 16.0), out, request=request, network=network
-        )
-        assert flight.summary["outcome"] == "succeeded", told
+        text = patient(["a", "b"], 16.0)
+        flight, *_ = succeeded(text, out, request=request, network=network)
         records = flight.summary["vehicles"].values()
         errors.append([r["position_error_m"]["mean"] for r in records])
     for memory, sockets in zip(*errors, strict=True):

@@ -9,12 +9,10 @@ import pytest
 from sim_worlds import QUIET, seat
 
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol import at
-from kybflow.drivers.ardrone.protocol.at import Ids
-from kybflow.drivers.ardrone.protocol.navdata.options import demo
-from kybflow.drivers.ardrone.protocol.navdata.packet import read_packet
-from kybflow.drivers.ardrone.protocol.navdata.state import DroneState, Phase
-from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+from kybflow.drivers.ardrone import at
+from kybflow.drivers.ardrone.at import Ids
+from kybflow.drivers.ardrone.navdata import DroneState, Phase, demo, read_packet
+from kybflow.drivers.emulated_ardrone.endpoint import Radio
 from kybflow.drivers.emulated_ardrone.ports import MemoryPorts
 from kybflow.drivers.emulated_ardrone.session import PERIOD, open_fleet
 
@@ -84,9 +82,6 @@ class DroneBench:
         self.fly(at.ref(True), at.pcmd(at.HOVER))
         assert self.run(10.0, self.is_in(Phase.HOVERING)), self.demo
         return self
-
-
-__all__ = ["DroneBench", "DroneState", "Phase", "Radio", "at"]
 
 
 def test_it_is_in_bootstrap_until_it_is_configured():

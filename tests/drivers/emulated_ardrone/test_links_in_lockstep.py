@@ -5,15 +5,15 @@ from __future__ import annotations
 from math import hypot
 
 import pytest
-from ardrone_flights import AgesOnReceipt, drone_flight, mission
+from ardrone_flights import AgesOnReceipt, drone_flight, mission, succeeded
 from toolchain import compiled
 
 from kybflow.api.flight import RunRequest
 from kybflow.api.opening import pace_of
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
-from kybflow.drivers.ardrone.protocol.navdata.state import Phase
-from kybflow.drivers.emulated_ardrone.onboard.drone import OnboardDrone
+from kybflow.drivers.ardrone.navdata import Phase
+from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
 
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 
@@ -21,8 +21,7 @@ FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 @pytest.mark.parametrize("rate", [30, 200])
 def test_a_bad_link_disconnects_nobody(rate, tmp_path, monkeypatch):
     ages = AgesOnReceipt(monkeypatch)
-    flight, told, session = drone_flight(mission(["a"], 10.0), tmp_path, ages=ages, **bad(rate))
-    assert flight.summary["outcome"] == "succeeded", told
+    *_, session = succeeded(mission(["a"], 10.0), tmp_path, **bad(rate))
     check_connection(session, ages)
 
 
@@ -31,8 +30,7 @@ def test_a_bad_link_disconnects_nobody(rate, tmp_path, monkeypatch):
 def test_three_drones_for_a_minute_on_bad_links(rate, tmp_path, monkeypatch):
     ages = AgesOnReceipt(monkeypatch)
     text = mission(["a", "b", "c"], 60.0)
-    flight, told, session = drone_flight(text, tmp_path, ages=ages, **bad(rate))
-    assert flight.summary["outcome"] == "succeeded", told
+    flight, _, session = succeeded(text, tmp_path, **bad(rate))
     check_connection(session, ages)
     for record in flight.summary["vehicles"].values():
         assert record["position_error_m"]["mean"] < 0.1
@@ -66,8 +64,7 @@ def test_commands_that_arrive_late_land_it(late, tmp_path):
 @pytest.mark.parametrize("way", ["both", "to_vehicle"])
 def test_wifi_that_is_lost_for_a_second_is_not_called_slow(way, tmp_path):
     fault = f"faults:\n  - {{at: 12 s, on: a, inject: link_cut, way: {way}, for: 1 s}}\n"
-    flight, told, _ = drone_flight(mission(["a"], 15.0) + fault, tmp_path)
-    assert flight.summary["outcome"] == "succeeded", told
+    _, told, _ = succeeded(mission(["a"], 15.0) + fault, tmp_path)
     assert "link_slow" not in [event.name for event in told]
 
 
@@ -82,8 +79,7 @@ def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path,
 
     monkeypatch.setattr(OnboardDrone, "_check_watchdogs", noting)
     text = mission(["a"], 15.0) + FAULT.format(at="12 s", lasts="1 s")
-    flight, told, session = drone_flight(text, tmp_path)
-    assert flight.summary["outcome"] == "succeeded", told
+    _, told, session = succeeded(text, tmp_path)
     assert not session.links["a"].drone.times_lost
     assert "link_lost" not in [event.name for event in told]
     assert any(12.0 < seconds < 13.0 for seconds in still)
@@ -93,9 +89,8 @@ def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path,
 
 def test_a_drone_that_lost_everybody_on_the_ground_is_connected_again(tmp_path):
     breaks = [(0.3, {"deaf": True, "silent": True}), (3.3, {"deaf": False, "silent": False})]
-    flight, told, session = drone_flight(mission(["a"], 3.0), tmp_path, breaks=breaks)
+    *_, session = succeeded(mission(["a"], 3.0), tmp_path, breaks=breaks)
     assert session.links["a"].drone.times_lost == 1
-    assert flight.summary["outcome"] == "succeeded", told
 
 
 def test_wifi_that_is_lost_for_good_lands_that_drone_and_the_other_finishes(tmp_path):
@@ -122,12 +117,8 @@ def test_the_same_seed_flies_the_same_flight(tmp_path):
 
 def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
     text, needs = mission(["a"], 3.0), "driver: {use: emulated_ardrone, network: true}"
-    plan = compiled(
-        tmp_path / "drones.yaml",
-        f"{text}targets: {{there: {{all: {{{needs}}}}}}}\n",
-        target="there",
-        warns=True,
-    )
+    text += f"targets: {{there: {{all: {{{needs}}}}}}}\n"
+    plan = compiled(tmp_path / "drones.yaml", text, target="there", warns=True)
     assert pace_of(plan, None) == pace_of(plan, 1.0) == 1.0
     with pytest.raises(DriverError, match="fly with `--speed 1` or without `--speed`"):
         pace_of(plan, 4.0)
@@ -136,7 +127,6 @@ def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
 def test_it_flies_on_the_fusion_of_its_imu_and_motion_capture(tmp_path):
     fused = "estimators: [{use: fusion, healthy: spread < 5 cm}]\n    behaviors:"
     text = mission(["a"], 6.0).replace("behaviors:", fused, 1)
-    flight, told, _ = drone_flight(text, tmp_path, **bad(50))
-    assert flight.summary["outcome"] == "succeeded", told
+    flight, told, _ = succeeded(text, tmp_path, **bad(50))
     assert not {"part_failed", "position_refused"} & {event.name for event in told}
     assert flight.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1

@@ -16,10 +16,7 @@ from toolchain import MISSIONS, compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Odometry, Pose
-from kybflow.drivers.emulated_autopilot import (
-    EmulatedAutopilot,
-    EmulatedAutopilotParams,
-)
+from kybflow.drivers.emulated_autopilot import EmulatedAutopilot, EmulatedAutopilotParams
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 
 

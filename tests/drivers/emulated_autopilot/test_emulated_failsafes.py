@@ -1,6 +1,8 @@
-"""What an emulated autopilot does by itself, when it was seen to on firmware, in its seconds."""
+"""What an emulated autopilot does by itself and what it refuses, as it was seen on firmware."""
 
 from __future__ import annotations
+
+import struct
 
 import pytest
 
@@ -14,12 +16,19 @@ from autopilot_bench import (  # noqa: E402
     PX4_LAND,
     PX4_OFFBOARD,
     PX4_RETURN,
+    STABILIZE,
     VELOCITY,
     Bench,
 )
-from framing import ACCEPTED  # noqa: E402
+from framing import (  # noqa: E402
+    ACCEPTED,
+    FAILED,
+    REJECTED,
+)
 
 from kybflow.core.signals import NS  # noqa: E402
+from kybflow.drivers.mavlink.control.arming import FORCED  # noqa: E402
+from kybflow.drivers.mavlink.telemetry.received_status import READY  # noqa: E402
 
 
 def after(bench, becomes, most=20.0):
@@ -31,8 +40,6 @@ def after(bench, becomes, most=20.0):
 
 def setting(bench, name, value):
     if bench.px4:
-        import struct
-
         value = struct.unpack("<f", struct.pack("<i", value))[0]
     kind = 6 if bench.px4 else 9
     bench.say(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind))
@@ -43,8 +50,7 @@ def setting(bench, name, value):
     ("action", "mode"), [(0, PX4_RETURN), (4, PX4_LAND), (5, PX4_HOLD), (3, PX4_RETURN)]
 )
 def test_px4_leaves_offboard_half_a_second_after_the_last_set_point(action, mode):
-    bench = Bench("px4")
-    bench.take_off(1.0)
+    bench = Bench("px4").take_off(1.0)
     setting(bench, "COM_OBL_RC_ACT", action)
     bench.wanted = None
     assert 0.4 < after(bench, lambda: bench.pilot.state.mode != PX4_OFFBOARD) < 0.65
@@ -53,8 +59,7 @@ def test_px4_leaves_offboard_half_a_second_after_the_last_set_point(action, mode
 
 
 def test_px4_as_it_comes_climbs_to_return():
-    bench = Bench("px4")
-    bench.take_off(1.0)
+    bench = Bench("px4").take_off(1.0)
     setting(bench, "COM_OBL_RC_ACT", 0)
     bench.wanted = lambda: bench.go(3.5, 0.0, 2.0)
     bench.run(7.0)
@@ -63,8 +68,7 @@ def test_px4_as_it_comes_climbs_to_return():
 
 
 def test_px4_in_hold_goes_on_when_set_points_are_back():
-    bench = Bench("px4")
-    bench.take_off(1.0)
+    bench = Bench("px4").take_off(1.0)
     setting(bench, "COM_OBL_RC_ACT", 5)
     wanted, bench.wanted = bench.wanted, None
     bench.run(2.0)
@@ -75,8 +79,7 @@ def test_px4_in_hold_goes_on_when_set_points_are_back():
 
 
 def test_px4_lands_disarms_after_two_seconds_and_its_mode_is_the_last_that_was_asked_for():
-    bench = Bench("px4")
-    bench.take_off(1.0)
+    bench = Bench("px4").take_off(1.0)
     bench.wanted = None
     assert bench.run(10.0, lambda: bench.pilot.state.is_down)
     assert bench.pilot.state.armed
@@ -101,8 +104,7 @@ def test_ardupilot_holds_a_position_for_ever_and_stops_a_velocity():
 
 
 def test_ardupilot_drops_set_points_in_other_modes():
-    bench = Bench("ardupilot")
-    bench.take_off(1.0)
+    bench = Bench("ardupilot").take_off(1.0)
     assert bench.mode(BRAKE) == ACCEPTED
     bench.run(1.0)
     bench.wanted = lambda: bench.go(1.0, 0.0, 1.0)
@@ -112,8 +114,7 @@ def test_ardupilot_drops_set_points_in_other_modes():
 
 @pytest.mark.parametrize(("is_prepared", "mode"), [(True, LAND), (False, GUIDED)])
 def test_ardupilot_minds_the_heartbeat_of_its_station_only_where_it_is_told_to(is_prepared, mode):
-    bench = Bench("ardupilot")
-    bench.take_off(1.0)
+    bench = Bench("ardupilot").take_off(1.0)
     if not is_prepared:
         setting(bench, "FS_GCS_ENABLE", 0.0)
     bench.wanted = lambda: bench.go(0.0, 0.0, 1.0)
@@ -127,8 +128,7 @@ def test_ardupilot_minds_the_heartbeat_of_its_station_only_where_it_is_told_to(i
     [("px4", 1.0, 5.0), pytest.param("ardupilot", 7.2, 7.9, marks=pytest.mark.thorough)],
 )
 def test_without_vision_it_lands_blindly_and_late(name, forgets, gives_up):
-    bench = Bench(name)
-    bench.take_off(1.5)
+    bench = Bench(name).take_off(1.5)
     estimator, state = bench.pilot.state.estimator, bench.pilot.state
     bench.pilot.failures.blind = True
     lost = after(bench, lambda: not estimator.has_position(bench.now))
@@ -140,8 +140,7 @@ def test_without_vision_it_lands_blindly_and_late(name, forgets, gives_up):
 
 
 def test_a_jump_of_vision_is_not_believed_at_once_unless_it_is_told():
-    bench = Bench("px4")
-    bench.take_off(1.0)
+    bench = Bench("px4").take_off(1.0)
     bench.shift = (1.0, 0.0, 0.0)
     bench.run(0.5)
     assert bench.pilot.state.estimator.position[0] == pytest.approx(0.0, abs=0.1)
@@ -163,25 +162,20 @@ def test_armed_and_left_alone_on_the_ground_it_disarms(name, seconds):
     assert after(bench, lambda: not bench.pilot.state.armed) == pytest.approx(seconds, abs=0.2)
 
 
-def test_a_low_battery_lands_where_the_parameters_say_so():
-    bench = Bench("px4")
-    bench.take_off(1.0)
-    setting(bench, "COM_LOW_BAT_ACT", 2)
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "mode"),
+    [("px4", "COM_LOW_BAT_ACT", 2, PX4_LAND), ("ardupilot", "BATT_FS_LOW_ACT", 1.0, LAND)],
+)
+def test_a_low_battery_lands_where_the_parameters_say_so(name, parameter, value, mode):
+    bench = Bench(name).take_off(1.0)
+    setting(bench, parameter, value)
     bench.pilot.failures.battery = 0.06
     bench.run(0.1)
-    assert bench.pilot.state.mode == PX4_LAND
-
-    bench = Bench("ardupilot")
-    bench.take_off(1.0)
-    setting(bench, "BATT_FS_LOW_ACT", 1.0)
-    bench.pilot.failures.battery = 0.06
-    bench.run(0.1)
-    assert bench.pilot.state.mode == LAND
+    assert bench.pilot.state.mode == mode
 
 
 def test_a_pilot_takes_over():
-    bench = Bench("ardupilot")
-    bench.take_off(1.0)
+    bench = Bench("ardupilot").take_off(1.0)
     bench.pilot.give_to_pilot("loiter")
     bench.wanted = lambda: bench.go(1.0, 0.0, 1.0)
     bench.run(3.0)
@@ -201,3 +195,122 @@ def test_silent_and_deaf_are_one_way_each():
     bench.run(0.5)
     assert len(bench.heard) > heard
     assert bench.last("COMMAND_ACK") is None
+
+
+NO_SUCH_MODE = 42
+
+
+def px4_in_offboard():
+    bench = Bench("px4")
+    bench.wanted = lambda: bench.go(0.0, 0.0, 1.0)
+    bench.run(2.0)
+    assert bench.mode(PX4_OFFBOARD) == ACCEPTED
+    return bench
+
+
+def ardupilot_in_guided(has_origin=True):
+    bench = Bench("ardupilot")
+    if has_origin:
+        bench.set_origin()
+    bench.run(2.0)
+    assert bench.mode(GUIDED) == ACCEPTED
+    return bench
+
+
+def test_px4_takes_offboard_without_set_points_but_is_not_armed_then():
+    bench = Bench("px4")
+    bench.run(2.0)
+    assert bench.mode(PX4_OFFBOARD) == ACCEPTED
+    assert bench.last("HEARTBEAT").custom_mode == PX4_OFFBOARD
+    assert bench.arm() == REJECTED
+    assert "No offboard signal" in bench.texts()
+
+
+def test_px4_without_a_position_is_not_armed():
+    bench = px4_in_offboard()
+    bench.sees = False
+    bench.run(1.5)
+    assert bench.arm() == REJECTED
+    assert "No valid local position estimate" in bench.texts()
+    bench.run(1.0)
+    assert bench.last("HEARTBEAT").system_status == 0
+
+
+def test_px4_in_hold_wants_a_global_position():
+    bench = Bench("px4")
+    bench.run(2.0)
+    assert bench.pilot.state.mode == PX4_HOLD
+    assert bench.arm() == REJECTED
+    assert "No valid global position estimate" in bench.texts()
+
+
+def test_px4_is_not_armed_in_the_mode_that_lands():
+    bench = px4_in_offboard()
+    assert bench.mode(PX4_LAND) == ACCEPTED
+    assert bench.arm() == REJECTED
+
+
+@pytest.mark.parametrize(
+    ("ready", "result", "broken", "words"),
+    [
+        (px4_in_offboard, REJECTED, {"tilt": 35.0}, "Attitude failure"),
+        (px4_in_offboard, REJECTED, {"battery": 0.05}, "low battery"),
+        (px4_in_offboard, REJECTED, {"refuse": "Preflight Fail: Accel"}, "Preflight Fail: Accel"),
+        (ardupilot_in_guided, FAILED, {"tilt": 35.0}, "Arm: Leaning"),
+        (ardupilot_in_guided, FAILED, {"battery": 0.05}, "PreArm: Battery 1 low voltage failsafe"),
+        (ardupilot_in_guided, FAILED, {"refuse": "PreArm: Compass"}, "PreArm: Compass"),
+    ],
+)
+def test_it_says_what_is_wrong(ready, result, broken, words):
+    bench = ready()
+    for name, value in broken.items():
+        setattr(bench.pilot.failures, name, value)
+    assert bench.arm() == result
+    assert words in bench.texts()
+
+
+def test_ardupilot_wants_vision_and_then_an_origin():
+    bench = ardupilot_in_guided(has_origin=False)
+    assert bench.last("EKF_STATUS_REPORT") is None, "it streams nothing unasked"
+    assert bench.arm() == FAILED
+    assert "AHRS: waiting for home" in bench.texts()
+    bench.sees = False
+    bench.run(1.0)
+    assert bench.arm() == FAILED
+    assert "VisOdom: not healthy" in bench.texts()
+
+
+def test_ardupilots_health_depends_on_its_mode():
+    bench = Bench("ardupilot", outside=False, is_prepared=False)
+    bench.run(3.0)
+    assert bench.mode(STABILIZE) == ACCEPTED
+    assert bench.request("SYS_STATUS").onboard_control_sensors_health & READY
+    assert bench.mode(GUIDED) == ACCEPTED
+    assert bench.arm() == FAILED
+    assert "Need Position Estimate" in bench.texts()
+    assert not bench.request("SYS_STATUS").onboard_control_sensors_health & READY
+
+
+def test_ardupilot_repeats_why_every_thirty_seconds():
+    bench = Bench("ardupilot")
+    bench.sees = False
+    bench.run(61.0)
+    assert bench.texts().count("PreArm: VisOdom: not healthy") == 2
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_a_plain_disarming_is_refused_in_the_air_and_a_forced_one_is_not(name):
+    bench = Bench(name).take_off(1.0)
+    assert bench.disarm() == (REJECTED if bench.px4 else FAILED)
+    assert bench.disarm(FORCED) == ACCEPTED
+    bench.run(1.0)
+    assert bench.height < 0.1
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_a_mode_that_it_has_not_is_refused_and_any_can_be_barred_with_given_words(name):
+    bench = Bench(name)
+    assert bench.mode(NO_SUCH_MODE) not in (ACCEPTED, None)
+    bench.pilot.failures.bar = "Mode change failed: because"
+    assert bench.mode(PX4_LAND if bench.px4 else GUIDED) in (REJECTED, FAILED)
+    assert "because" in bench.texts()

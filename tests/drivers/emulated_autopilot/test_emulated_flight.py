@@ -45,8 +45,7 @@ def landing(bench):
 
 @BOTH
 def test_it_arms_climbs_follows_positions_and_velocities_and_lands(name):
-    bench = Bench(name)
-    bench.take_off(1.0)
+    bench = Bench(name).take_off(1.0)
     bench.wanted = lambda: bench.go(1.0, 0.5, 1.5)
     bench.run(6.0)
     assert bench.truth.position == pytest.approx((1.0, 0.5, 1.5), abs=0.05)
@@ -62,16 +61,14 @@ def test_it_arms_climbs_follows_positions_and_velocities_and_lands(name):
 def test_the_same_seed_gives_the_same_flight(name):
     flights = []
     for _ in range(2):
-        bench = Bench(name, params=SimParams(), seed=3)
-        bench.take_off(1.0)
+        bench = Bench(name, params=SimParams(), seed=3).take_off(1.0)
         flights.append(bench.truth)
     assert flights[0] == flights[1]
 
 
 @PX4_QUICKLY
 def test_it_flies_with_an_imu_that_is_noisy_and_biased_on_a_model_that_is_wrong(name):
-    bench = Bench(name, params=SimParams(gust=0.3), seed=5)
-    bench.take_off(1.0)
+    bench = Bench(name, params=SimParams(gust=0.3), seed=5).take_off(1.0)
     bench.wanted = lambda: bench.go(1.0, 1.0, 1.0)
     bench.run(6.0)
     assert bench.truth.position == pytest.approx((1.0, 1.0, 1.0), abs=0.15)
@@ -79,8 +76,7 @@ def test_it_flies_with_an_imu_that_is_noisy_and_biased_on_a_model_that_is_wrong(
 
 @ARDUPILOT_QUICKLY
 def test_heading_goes_by_neds_yaw(name):
-    bench = Bench(name)
-    bench.take_off(1.0)
+    bench = Bench(name).take_off(1.0)
     bench.wanted = lambda: bench.go(0.0, 0.0, 1.0, yaw=0.0)
     bench.run(8.0)
     assert heading_of(bench.truth.attitude) == pytest.approx(pi / 2, abs=0.05)
@@ -88,8 +84,7 @@ def test_heading_goes_by_neds_yaw(name):
 
 @PX4_QUICKLY
 def test_an_attitude_and_a_thrust_are_followed(name):
-    bench = Bench(name)
-    bench.take_off(2.0)
+    bench = Bench(name).take_off(2.0)
     turn = attitude_to_ned(from_euler(0.1, 0.0, 0.0))
     hover = FRAME.hover_thrust / FRAME.max_thrust
     bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
@@ -102,8 +97,7 @@ def test_an_attitude_and_a_thrust_are_followed(name):
 
 
 def test_body_rates_turn_it():
-    bench = Bench("px4")
-    bench.take_off(2.0)
+    bench = Bench("px4").take_off(2.0)
     hover = FRAME.hover_thrust / FRAME.max_thrust
     bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
         0, 1, 1, 128, [1, 0, 0, 0], 0, 0, -0.5, hover
@@ -114,8 +108,7 @@ def test_body_rates_turn_it():
 
 
 def test_ardupilot_takes_thrust_for_a_climb_rate_unless_it_is_told_otherwise():
-    bench = Bench("ardupilot")
-    bench.take_off(1.0)
+    bench = Bench("ardupilot").take_off(1.0)
     bench.say(mavlink.MAVLink_param_set_message(1, 1, b"GUID_OPTIONS", 0.0, 9))
     level = attitude_to_ned(from_euler(0.0, 0.0, 0.0))
     bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
@@ -148,7 +141,7 @@ def test_it_flies_on_its_own_gps(name):
 
 def test_ardupilot_leaves_the_ground_by_its_take_off_alone():
     bench = Bench("ardupilot")
-    bench.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+    bench.set_origin()
     bench.run(1.5)
     assert bench.mode(GUIDED) == ACCEPTED
     takes_off = (mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 1.0)
@@ -175,8 +168,7 @@ def test_px4_takes_off_by_its_mode_armed_before_or_after(first):
 
 @ARDUPILOT_QUICKLY
 def test_it_holds_where_it_is_in_its_holding_mode(name):
-    bench = Bench(name)
-    bench.take_off(1.0)
+    bench = Bench(name).take_off(1.0)
     bench.wanted = lambda: bench.go(0.5, 0.0, 0.0, mask=VELOCITY)
     bench.run(2.0)
     assert bench.mode(PX4_HOLD if bench.px4 else BRAKE) == ACCEPTED
@@ -189,8 +181,7 @@ def test_it_holds_where_it_is_in_its_holding_mode(name):
 @ARDUPILOT_QUICKLY
 def test_on_the_floor_a_landing_follows_no_position_any_more(name):
     """After one that drifts it would slide over the floor for seconds, and tip over."""
-    bench = Bench(name)
-    bench.take_off(1.0)
+    bench = Bench(name).take_off(1.0)
 
     def is_down():
         if bench.height < 0.3:
@@ -206,8 +197,7 @@ def test_on_the_floor_a_landing_follows_no_position_any_more(name):
 @BOTH
 def test_a_landing_that_begins_in_a_climb_holds_its_place_on_the_way_down(name):
     """What only stops climbing has touched nothing; level, it would go with the wind."""
-    bench = Bench(name, params=replace(PLAIN, wind=(2.0, 0.0, 0.0)))
-    bench.take_off(1.0)
+    bench = Bench(name, params=replace(PLAIN, wind=(2.0, 0.0, 0.0))).take_off(1.0)
     bench.wanted = lambda: bench.go(0.0, 0.0, 2.0, mask=VELOCITY)
     bench.run(1.5)
     x, _, _ = bench.truth.position
@@ -216,8 +206,7 @@ def test_a_landing_that_begins_in_a_climb_holds_its_place_on_the_way_down(name):
 
 
 def test_loiter_without_a_pilot_sinks():
-    bench = Bench("ardupilot")
-    bench.take_off(2.5)
+    bench = Bench("ardupilot").take_off(2.5)
     assert bench.mode(5) == ACCEPTED
     bench.run(0.7)
     assert bench.truth.velocity[2] < -1.0
@@ -225,8 +214,7 @@ def test_loiter_without_a_pilot_sinks():
 
 @PX4_QUICKLY
 def test_a_position_without_yaw_is_followed_too(name):
-    bench = Bench(name)
-    bench.take_off(1.0)
+    bench = Bench(name).take_off(1.0)
     bench.wanted = lambda: bench.go(0.5, 0.0, 1.0, mask=POSITION)
     bench.run(4.0)
     assert bench.truth.position == pytest.approx((0.5, 0.0, 1.0), abs=0.05)

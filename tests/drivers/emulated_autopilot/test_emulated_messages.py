@@ -15,11 +15,12 @@ from sim_worlds import QUIET, seat  # noqa: E402
 
 from kybflow.core.errors import DriverError  # noqa: E402
 from kybflow.drivers.emulated_autopilot.firmware import emulated_firmware  # noqa: E402
-from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS  # noqa: E402
 from kybflow.drivers.emulated_autopilot.state import AutopilotFailures  # noqa: E402
+from kybflow.drivers.emulated_autopilot.telemetry import MAKERS  # noqa: E402
 from kybflow.drivers.emulation.breaking import read_break  # noqa: E402
 from kybflow.drivers.mavlink.firmware import profile_of  # noqa: E402
 from kybflow.drivers.mavlink.transport.router import heartbeat  # noqa: E402
+from kybflow.parts import Seat  # noqa: E402
 from kybflow.world.vehicle_context import Parcel  # noqa: E402
 
 BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
@@ -171,8 +172,7 @@ def test_it_keeps_time_and_has_no_missions(name):
 def test_odometry_counts_in_its_own_frames_alone():
     bench = Bench("ardupilot")
     bench.sees = False
-    message = bench.vision((0.0, 0.0, 0.0), frame=1)
-    bench.say(message)
+    bench.say(bench.vision((0.0, 0.0, 0.0), frame=1))
     bench.run(0.1)
     assert bench.pilot.state.estimator.unseen(bench.now) is None
     bench.say(bench.vision((0.0, 0.0, 0.0)))
@@ -195,9 +195,7 @@ def test_mocap_messages_are_fused_by_ardupilot_alone(name, is_fused):
 def test_its_simulator_tells_the_truth_on_request(name, kind):
     place = seat(at=(1.0, 2.0, 0.0), heading=0.5, params=QUIET)
     bench = Bench(name, context=place)
-    number = getattr(mavlink, f"MAVLINK_MSG_ID_{kind}")
-    assert bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
-    told, origin = bench.last(kind), bench.firmware.origin
+    told, origin = bench.request(kind), bench.firmware.origin
     degrees = (told.lat_int, told.lon_int) if kind == "SIM_STATE" else (told.lat, told.lon)
     height = told.alt if kind == "SIM_STATE" else told.alt * 1e-3
     local = origin.local(degrees[0] * 1e-7, degrees[1] * 1e-7, height)
@@ -208,32 +206,25 @@ def test_its_simulator_tells_the_truth_on_request(name, kind):
 def test_a_local_position_is_north_east_down(name):
     place = seat(at=(1.0, 2.0, 0.0), params=QUIET)
     bench = Bench(name, context=place)
-    bench.say(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000, 0))
+    bench.set_origin()
     bench.run(1.0)
-    number = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
-    assert bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
-    told = bench.last("LOCAL_POSITION_NED")
+    told = bench.request("LOCAL_POSITION_NED")
     assert (told.x, told.y, told.z) == pytest.approx((2.0, 1.0, 0.0), abs=0.02)
 
 
-def carrying(name, **changes):
+def carrying(name):
     context, params = seat(params=QUIET)
     parcel = Parcel(mass=0.1, size=0.05)
-    return Bench(
-        name, context=seat(params=params)._replace(context=context._replace(payload=parcel))
-    )
+    return Bench(name, context=Seat(context._replace(payload=parcel), params))
 
 
 def test_ardupilots_servo_lets_the_parcel_go():
-    bench = carrying("ardupilot")
-    bench.take_off(1.0)
+    bench = carrying("ardupilot").take_off(1.0)
     assert bench.command(mavlink.MAV_CMD_DO_SET_ACTUATOR, -1) == UNSUPPORTED
     assert bench.command(mavlink.MAV_CMD_DO_SET_SERVO, 9, 1100) == ACCEPTED
     bench.run(1.5)
     assert bench.truth.payload[2] < 0.1
-    number = mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW
-    assert bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number) == ACCEPTED
-    assert bench.last("SERVO_OUTPUT_RAW").servo9_raw == 1100
+    assert bench.request("SERVO_OUTPUT_RAW").servo9_raw == 1100
 
 
 def test_px4s_gripper_moves_only_while_it_is_armed_whatever_it_acknowledges():
@@ -252,8 +243,7 @@ def test_px4s_gripper_moves_only_while_it_is_armed_whatever_it_acknowledges():
 @pytest.mark.parametrize("text", ["blind@20", "battery=0.1", "refuse=no, never@3.5", "heal@1"])
 def test_what_fails_can_be_written(text):
     what = read_break(text, AutopilotFailures)
-    bench = Bench("px4")
-    what.apply(bench.pilot.failures)
+    what.apply(AutopilotFailures())
     assert what.at == round(float(text.partition("@")[2] or 0.0) * 1e9)
 
 

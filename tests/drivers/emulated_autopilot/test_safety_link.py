@@ -1,5 +1,5 @@
-"""The link is cut or slow, setpoints stall, the program dies: the vehicle is safe on its own, and
-on return goes on or lands as the mission says."""
+"""The link is cut or slow, setpoints stall, motion capture is wrong, the program dies: the vehicle
+is safe, and on return goes on or lands as the mission says."""
 
 from __future__ import annotations
 
@@ -9,17 +9,7 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
-from dry_runs import (
-    AUTOPILOTS,
-    DRIVER,
-    HEIGHT,
-    LANDS,
-    UP,
-    WRONG,
-    DryRun,
-    fault,
-    supervised,
-)
+from dry_runs import AUTOPILOTS, DRIVER, HEIGHT, LANDS, UP, WRONG, DryRun, fault, supervised
 from short_flights import down, hold, up
 
 HIGH, HIGH_AT = 2.2, 12.0
@@ -186,3 +176,36 @@ def test_a_hiccup_is_no_slow_link_nor_is_one_that_is_a_little_late(
     assert flight.is_safe()
     assert flight.path == ["up", "hold", "down", "landed"]
     assert flight.events("link_slow") == []
+
+
+BOUND = 0.3
+"""Seconds; of the supervisor `estimate`."""
+DRIFT = 1.2
+"""Metres, blind from 0.6 m to the ground."""
+
+
+@pytest.mark.parametrize(
+    "autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.thorough)]
+)
+def test_motion_capture_lost_for_good(autopilot, tmp_path):
+    flight = DryRun(autopilot, tmp_path, faults=[fault("mocap_dropout")])
+    lost = flight.only("estimate_lost")
+    since_last_pose = lost.fields["value"]
+    assert BOUND < since_last_pose < BOUND + 0.3
+    assert since_last_pose < BOUND + 0.025, "the watch is asked 50 times a second"
+    assert flight.at("failsafe_started") - WRONG < since_last_pose
+    assert flight.path == ["up", "hold", "land_blind", "fault"]
+    assert flight.only("land_mode_started")
+    assert flight.is_safe(wide=DRIFT)
+
+
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+@pytest.mark.thorough
+def test_an_estimate_that_jumps_by_a_metre_is_not_followed(autopilot, tmp_path):
+    flight = DryRun(autopilot, tmp_path, faults=[fault("mocap_jump")])
+    jumped = flight.only("body_jumped")
+    assert jumped.fields["value"] == pytest.approx(1.0, abs=0.02)
+    assert flight.at("body_jumped") - WRONG < 0.05
+    assert flight.path == ["up", "hold", "land_blind", "fault"]
+    assert flight.only("land_mode_started")
+    assert flight.is_safe(wide=DRIFT)

@@ -1,4 +1,4 @@
-"""A person with a transmitter, or with a keyboard; and rotors that are cut."""
+"""A person with a transmitter, or with a keyboard, or with commands; and rotors that are cut."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="pymavlink is not installed")
 
+from commanders import Asked, People
 from dry_runs import (
+    AUTOPILOTS,
     DRIVER,
     FOLLOWS,
     HEIGHT,
@@ -14,14 +16,18 @@ from dry_runs import (
     LINE,
     WRONG,
     DryRun,
+    opening,
     supervised,
 )
+from fingers import Person
 from framing import REQUEST
-from short_flights import NoParams
+from plans import part, plan, state, vehicle
+from short_flights import NoParams, down, hold, named, path, up
 
+from kybflow.api.flight import RunRequest, fly
 from kybflow.core.signals import NS, Alarm, Reaction
 from kybflow.drivers.mavlink.protocol.framing import NUMBERS
-from kybflow.dsl.plan import PartPlan
+from kybflow.dsl.plan import PartPlan, TransitionPlan
 from kybflow.parts import Supervisor
 
 SWITCH = {"px4": ("POSCTL", "POSITION"), "ardupilot": ("LOITER", "LOITER")}
@@ -148,3 +154,84 @@ def test_cut_stops_its_rotors_in_the_air(autopilot, tmp_path):
     assert first.position[2] > 0.8 * HEIGHT
     assert (first.mode, flight.only("failsafe_started").at) == (FOLLOWS[autopilot], LINE)
     assert flight.path == ["up", "hold", "fault"]
+
+
+TAKEN = 17.0
+SOMEBODYS = "somebody else has control, until `operator.resume`"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_person_starts_pauses_takes_back_and_lands_it(autopilot, tmp_path):
+    own, opened = opening(autopilot)
+    go = TransitionPlan(target="up", event="operator.go")
+    idle = state("idle", part("behaviors", "wait_on_ground"), go)
+    states = [idle, up("hold", 0.6), hold(60.0, "down"), down()]
+    one = vehicle("a", states, driver=own, tracker=part("trackers", "on_board"))
+    people = People(
+        Asked(5.0, "emit operator.go"), Asked(14.0, "pause"), Asked(15.0, "resume"),
+        Asked(TAKEN + 1.0, "switch a down"), Asked(TAKEN + 1.5, "land"),
+        Asked(TAKEN + 2.0, "resume a"), Asked(TAKEN + 6.0, "land"),
+    )  # fmt: skip
+
+    def pilots(engine):
+        if engine.seconds() >= TAKEN and not given:
+            given.append(opened[0].links["a"].onboard.give_to_pilot(SWITCH[autopilot][0]))
+
+    given, told = [], []
+    request = RunRequest(out=tmp_path / "run")
+    observers = (people.look, pilots)
+    flown = fly(plan(one, time_limit=90.0), request, (told.append,), observers, (people.serve,))
+    assert people.answers == [
+        ("emit operator.go", True, ""), ("pause", True, ""), ("resume", True, ""),
+        ("switch a down", False, SOMEBODYS), ("land", False, SOMEBODYS),
+        ("resume a", True, ""), ("land", True, ""),
+    ]  # fmt: skip
+    [taken], [back] = named(told, "control_taken"), named(told, "control_returned")
+    assert taken.fields["reason"] == f"a pilot took over: {SWITCH[autopilot][1]}"
+    assert 0.0 <= back.time / NS - TAKEN - 2.0 < 1.5
+    assert path(told, "a") == ["idle", "up", "hold", "auto_land", "landed"]
+    assert named(told, "foreign_command") == []
+    assert flown.exit_code == 0
+
+
+GO, PILOT_TAKES, ASKED_BACK = 3.0, 9.0, 11.0
+"""Seconds: of `operator.go`, of the pilot's take-over, and of `resume`."""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_person_lets_it_go_and_asks_it_back_from_a_pilot(autopilot, tmp_path):
+    person, offered = Person(), []
+
+    def takes_over(flight):
+        flight.pilot.give_to_pilot(SWITCH[autopilot][0])
+
+    def asks_back(flight):
+        person.see(flight.engine)
+        offered.extend(offer.name for offer in person.commander.offers)
+        person.press(flight.engine, "resume", "enter")
+
+    go = TransitionPlan(target="up", event="operator.go")
+    idle = state("idle", part("behaviors", "wait_on_ground"), go)
+    flight = DryRun(
+        autopilot,
+        tmp_path,
+        states=[idle, up("hold", HEIGHT), hold(5.0, "down"), down()],
+        deeds=[
+            (GO, lambda flight: person.press(flight.engine, "operator.go", "enter")),
+            (PILOT_TAKES, takes_over),
+            (ASKED_BACK, asks_back),
+        ],
+        servers=(person.commander.serve,),
+    )
+    assert 0.0 <= flight.at("control_taken") - PILOT_TAKES < 0.1
+    assert offered == ["pause", "resume", "stop"]
+    assert 0.0 <= flight.at("control_returned") - ASKED_BACK < 1.5
+    assert flight.path == ["idle", "up", "hold", "down", "landed"]
+    assert [e.fields["command"] for e in flight.events("command_given")] == [
+        "emit operator.go",
+        "resume",
+    ]
+    assert flight.flown.exit_code == 0
+    assert flight.is_safe()

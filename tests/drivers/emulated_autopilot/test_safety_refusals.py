@@ -54,7 +54,7 @@ def broken(**failures):
     return deed
 
 
-def mission(**arrows):
+def mission():
     climb = replace(up("hold"), at=UP)
     failed = TransitionPlan(target="ground", cause="failed")
     climb = replace(climb, transitions=(*climb.transitions, failed))

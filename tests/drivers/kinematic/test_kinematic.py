@@ -24,7 +24,7 @@ from kybflow.core.signals import (
     SetpointKind,
 )
 from kybflow.drivers.kinematic import Kinematic, KinematicParams
-from kybflow.drivers.kinematic.motion import SPEED_RESERVE
+from kybflow.drivers.kinematic.world import SPEED_RESERVE
 from kybflow.parts import Seat
 from kybflow.parts.link import Touch
 from kybflow.world.shapes import Box, Cylinder

@@ -19,7 +19,7 @@ from kybflow.core.errors import DriverError
 from kybflow.core.geometry import ZERO, norm
 from kybflow.core.signals import Imu
 from kybflow.drivers.rotorpy import Rotorpy, RotorpyParams
-from kybflow.drivers.rotorpy.plant import Plant
+from kybflow.drivers.rotorpy.world import Plant
 from kybflow.drivers.sim.lab import as_flown
 from kybflow.parts import Effect
 from kybflow.parts.link import Touch
@@ -166,8 +166,7 @@ def test_the_same_seed_flies_a_mission_to_the_same_bytes(tmp_path: Path) -> None
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("calm", "seed"),
-    [("true", 0), ("false", 0), pytest.param("false", 1, marks=pytest.mark.slow)],
+    ("calm", "seed"), [("true", 0), ("false", 0), pytest.param("false", 1, marks=pytest.mark.slow)]
 )
 def test_the_eight_is_flown_on_it_with_a_drag_that_nobody_knows(
     tmp_path: Path, calm: str, seed: int

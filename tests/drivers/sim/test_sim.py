@@ -10,7 +10,7 @@ from math import exp
 
 import numpy
 import pytest
-from sim_worlds import FRAME, PERIOD, QUIET, lift, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, lift, opened, push, seat, thrust, world
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, ZERO, from_euler, from_heading, heading_of, tilt_of
@@ -58,8 +58,7 @@ def test_hover_holds_level_on_an_imu_with_noise_and_bias():
 
 
 def test_an_attitude_command_is_followed_without_seeing_the_truth():
-    session = world()
-    link = session.links["a"]
+    session, link = opened()
     now = lift(session, link)
     push(session, link, 0.5, thrust(11.5, from_euler(0.1, 0.0, 0.0)), now)
     assert tilt_of(link.truth().attitude) == pytest.approx(0.1, abs=0.02)
@@ -67,8 +66,7 @@ def test_an_attitude_command_is_followed_without_seeing_the_truth():
 
 
 def test_heading_comes_from_the_command_because_an_imu_cannot_see_it():
-    session = world()
-    link = session.links["a"]
+    session, link = opened()
     now = lift(session, link)
     for _ in range(500):
         link.send(thrust(11.0, heading=heading_of(link.truth().attitude) + 0.2), now)
@@ -78,8 +76,7 @@ def test_heading_comes_from_the_command_because_an_imu_cannot_see_it():
 
 
 def test_a_sender_that_knows_no_heading_leaves_the_one_that_is_flown():
-    session = world(seat(heading=2.0))
-    link = session.links["a"]
+    session, link = opened(seat(heading=2.0))
     _, now = push(session, link, 3.0, thrust(11.5, from_heading(2.0), 2.0))
     push(session, link, 3.0, thrust(10.9, from_euler(0.05, 0.0, 0.0), None), now)
     assert heading_of(link.truth().attitude) == pytest.approx(2.0, abs=0.05)
@@ -89,8 +86,7 @@ def test_a_sender_that_knows_no_heading_leaves_the_one_that_is_flown():
 
 def test_a_bias_of_the_gyroscope_is_felt_and_learnt():
     def yaw_after(params, seconds):
-        session = world(seat(params=params), seed=3)
-        link = session.links["a"]
+        session, link = opened(seat(params=params), seed=3)
         now = lift(session, link)
         for _ in range(round(seconds * 250)):
             link.send(thrust(10.9, heading=None), now)
@@ -114,8 +110,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not():
 
 def test_how_far_the_engine_steps_at_once_does_not_matter():
     def flight(period):
-        session = world(seat(params=SimParams()))
-        link = session.links["a"]
+        session, link = opened(seat(params=SimParams()))
         link.send(thrust(12.0), 0)
         for now in range(period, NS + 1, period):
             session.advance(now)
@@ -136,8 +131,7 @@ def test_another_vehicle_far_away_changes_neither_noise_nor_flight():
 
 def test_mocap_has_its_own_rate_latency_and_noise():
     params = replace(QUIET, mocap_position_noise=0.002, mocap_attitude_noise=0.01)
-    session = world(seat(params=params))
-    link = session.links["a"]
+    session, link = opened(seat(params=params))
     poses, now = [], 0
     for _ in range(250 * 8):
         now += PERIOD
@@ -167,8 +161,7 @@ def test_nobody_is_sent_an_imu_who_has_not_subscribed_to_it():
 
 
 def test_an_imu_is_the_average_since_the_last_one():
-    session = world(seat(params=replace(QUIET, physics=1000.0)))
-    link = session.links["a"]
+    session, link = opened(seat(params=replace(QUIET, physics=1000.0)))
     link.subscribe(IMU)
     link.subscribe(frozenset())
     felt, now = imus(session, link, 1.0, Command(LEVEL, 0.0, ZERO, None, armed=False))
@@ -180,8 +173,7 @@ def test_an_imu_is_the_average_since_the_last_one():
 
 
 def test_the_sum_of_what_an_imu_felt_is_the_speed_that_was_gained():
-    session = world()
-    link = session.links["a"]
+    session, link = opened()
     now = lift(session, link, seconds=3.0)
     link.subscribe(IMU)
     before = link.truth().velocity[2]
@@ -193,8 +185,7 @@ def test_the_sum_of_what_an_imu_felt_is_the_speed_that_was_gained():
 
 def test_an_imu_has_the_noise_and_bias_that_the_controller_lives_with():
     params = SimParams(model_error=0.0, gyro_bias=0.01, accelerometer_bias=0.2)
-    session = world(seat(params=params), seed=5)
-    link = session.links["a"]
+    session, link = opened(seat(params=params), seed=5)
     link.subscribe(IMU)
     felt, _ = imus(session, link, 8.0, Command(LEVEL, 0.0, ZERO, None, armed=False))
     turns = [m.angular_velocity[0] for m in felt[250:]]
@@ -207,8 +198,7 @@ def test_an_imu_has_the_noise_and_bias_that_the_controller_lives_with():
 
 def test_who_listens_to_the_imu_changes_nothing_of_the_flight():
     def flight(kinds):
-        session = world(seat(params=SimParams()))
-        link = session.links["a"]
+        session, link = opened(seat(params=SimParams()))
         link.subscribe(kinds)
         push(session, link, 1.0, thrust(12.0))
         return link.truth()
@@ -218,8 +208,7 @@ def test_who_listens_to_the_imu_changes_nothing_of_the_flight():
 
 def test_a_pose_is_true_at_its_stamp_also_between_two_steps():
     quiet = replace(QUIET, mocap_position_noise=0.0, mocap_attitude_noise=0.0, mocap_latency=0.0)
-    session = world(seat(params=quiet))
-    link = session.links["a"]
+    session, link = opened(seat(params=quiet))
     link.send(thrust(18.0), 0)
     states, poses = {}, []
     for now in range(NS // 500, NS, NS // 500):
@@ -234,8 +223,7 @@ def test_a_pose_is_true_at_its_stamp_also_between_two_steps():
 
 
 def test_thrust_follows_its_command_with_the_rotors_lag_and_saturates():
-    session = world(seat(params=replace(QUIET, battery=1.0)))
-    link = session.links["a"]
+    session, link = opened(seat(params=replace(QUIET, battery=1.0)))
     _, now = push(session, link, 0.3, thrust(4.0))
     link.send(thrust(100.0), now)
     session.advance(now + NS // 500 * 10)
@@ -248,8 +236,7 @@ def test_thrust_follows_its_command_with_the_rotors_lag_and_saturates():
 
 def test_rotor_drag_is_mass_normalised_and_wind_relative():
     def slowing(wind):
-        session = world(seat(params=replace(QUIET, wind=wind)))
-        link = session.links["a"]
+        session, link = opened(seat(params=replace(QUIET, wind=wind)))
         now = lift(session, link, seconds=3.0)
         session.data.qvel[:3] = (2.0, 0.0, 0.0)
         push(session, link, 0.1, thrust(10.9), now)
@@ -277,8 +264,7 @@ def test_gusts_shake_a_hover():
 
 def test_the_battery_empties_in_the_airframes_endurance_and_thrust_sags_with_it():
     frame = replace(FRAME, endurance=60.0)
-    session = world(seat(airframe=frame))
-    link = session.links["a"]
+    session, link = opened(seat(airframe=frame))
     first, now = push(session, link, 0.2, thrust(0.0))
     now = lift(session, link, seconds=12.0, start=now)
     last, now = push(session, link, 0.2, thrust(frame.mass * 9.81 * 1.1), now)

@@ -6,7 +6,7 @@ import statistics
 from dataclasses import replace
 
 import pytest
-from sim_worlds import PERIOD, QUIET, STOPPED, in_flight, push, seat, thrust, world
+from sim_worlds import PERIOD, QUIET, STOPPED, in_flight, opened, push, seat, thrust, world
 
 from kybflow.core.geometry import sub
 from kybflow.core.signals import NS, Imu, Position
@@ -24,8 +24,7 @@ def positions(params: SimParams = QUIET, seconds: float = 10.0, seed: int = 1) -
 
 
 def test_they_come_at_their_rate_late_and_only_where_they_are_wanted():
-    session = world()
-    link = session.links["a"]
+    session, link = opened()
     measured, now = push(session, link, 1.0, STOPPED)
     assert not any(isinstance(m, Position) for m in measured)
     link.subscribe(WANTED)
@@ -42,8 +41,7 @@ def test_they_come_at_their_rate_late_and_only_where_they_are_wanted():
 
 
 def test_what_a_tick_reads_is_in_order():
-    session = world(seat(params=replace(QUIET, position_latency=0.12)))
-    link = session.links["a"]
+    session, link = opened(seat(params=replace(QUIET, position_latency=0.12)))
     link.subscribe(WANTED | {Imu})
     now = 0
     for _ in range(250):

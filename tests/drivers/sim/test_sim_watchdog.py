@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from sim_worlds import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, push, seat, thrust, world
+from sim_worlds import FRAME, PERIOD, QUIET, STOPPED, in_flight, lift, opened, push, seat, thrust
 
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS
@@ -29,8 +29,7 @@ def cut_after(seconds, seed, height=1.0, bias=0.0, since=4.0, calm=False):
     """The link is cut after so long a hover, begun before the IMU has rested for long; since so
     many seconds the accelerometer is wrong by `bias`, m/s^2. The greatest height from then on over
     the last, the fastest descent above the floor, and the last height."""
-    session = world(seat(params=SimParams(calm=calm)), seed=seed)
-    link = session.links["a"]
+    session, link = opened(seat(params=SimParams(calm=calm)), seed=seed)
     _, now = push(session, link, 0.04, STOPPED)
     now = lift(session, link, height, seconds - since, now)
     link.faults.begin(Effect(accelerometer_bias=(0.0, 0.0, bias)), now)
@@ -113,8 +112,7 @@ def test_the_watchdog_knows_how_fast_it_climbs(climb):
 
 @pytest.mark.parametrize("error", [-1.0, 1.0])
 def test_it_takes_an_error_of_its_accelerometer_at_rest_for_no_motion(error):
-    session = world(seat(params=SimParams()))
-    link = session.links["a"]
+    session, link = opened(seat(params=SimParams()))
     link.faults.begin(Effect(accelerometer_bias=(0.0, 0.0, error)), 0)
     _, now = push(session, link, 0.5, STOPPED)
     now = lift(session, link, 1.5, 4.0, now)

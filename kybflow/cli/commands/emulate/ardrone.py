@@ -55,8 +55,8 @@ def command(
     """
     from kybflow.api.emulation import drones
     from kybflow.core.errors import DriverError
-    from kybflow.drivers.emulated_ardrone.onboard.drone import DroneFailures
-    from kybflow.drivers.emulated_ardrone.onboard.radio import Radio
+    from kybflow.drivers.emulated_ardrone.drone import DroneFailures
+    from kybflow.drivers.emulated_ardrone.endpoint import Radio
 
     def started(name: str, where: str) -> None:
         echo(f"{name} (AR.Drone) is at {where}; Ctrl-C ends it")

@@ -18,11 +18,15 @@ from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
 from kybflow.core.text import did_you_mean
 from kybflow.drivers import firmware_names
-from kybflow.drivers.emulated_autopilot.control.payload import Outputs
-from kybflow.drivers.emulated_autopilot.control.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.estimator import Sources
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
-from kybflow.drivers.emulated_autopilot.state import EmulatedState, FailsafeAction, FlightMode
+from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
+from kybflow.drivers.emulated_autopilot.state import (
+    EmulatedParameters,
+    EmulatedState,
+    FailsafeAction,
+    FlightMode,
+    Outputs,
+)
 from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, profile_of
 from kybflow.drivers.mavlink.protocol.frames import Tangent

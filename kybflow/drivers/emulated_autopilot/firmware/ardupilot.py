@@ -5,20 +5,18 @@ from __future__ import annotations
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS, Time
 from kybflow.core.units import DEG
-from kybflow.drivers.emulated_autopilot.control.payload import (
-    ACCEPTED,
-    FAILED,
-    UNSUPPORTED,
-    Outputs,
-)
 from kybflow.drivers.emulated_autopilot.estimator import Sources
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_number
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
 from kybflow.drivers.emulated_autopilot.state import (
+    ACCEPTED,
+    FAILED,
     INFO,
+    UNSUPPORTED,
+    EmulatedParameters,
     EmulatedState,
     FailsafeAction,
     FlightMode,
+    Outputs,
     Role,
 )
 from kybflow.drivers.emulation.control import Speeds

@@ -5,11 +5,18 @@ from __future__ import annotations
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS, Time
 from kybflow.core.units import DEG
-from kybflow.drivers.emulated_autopilot.control.payload import ACCEPTED, UNSUPPORTED, Outputs
 from kybflow.drivers.emulated_autopilot.estimator import Sources
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_number
-from kybflow.drivers.emulated_autopilot.parameters import EmulatedParameters
-from kybflow.drivers.emulated_autopilot.state import EmulatedState, FailsafeAction, FlightMode, Role
+from kybflow.drivers.emulated_autopilot.state import (
+    ACCEPTED,
+    UNSUPPORTED,
+    EmulatedParameters,
+    EmulatedState,
+    FailsafeAction,
+    FlightMode,
+    Outputs,
+    Role,
+)
 from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent

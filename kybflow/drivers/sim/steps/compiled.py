@@ -20,8 +20,14 @@ import numpy
 from llvmlite import binding
 
 from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, imu_sample
-from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
-from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
+from kybflow.drivers.sim.steps.onboard import (
+    Numbers,
+    OnboardState,
+    control,
+    estimate,
+    shares,
+    smooth,
+)
 from kybflow.drivers.sim.steps.rotors import push
 
 FAILURES = (ImportError, AttributeError, OSError, RuntimeError)

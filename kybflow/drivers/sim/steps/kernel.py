@@ -15,8 +15,7 @@ from numba.core.errors import NumbaError
 from numba.cpython.unsafe.tuple import tuple_setitem
 
 from kybflow.drivers.sim.sensors import imu_sample
-from kybflow.drivers.sim.steps.onboard import control, estimate, smooth
-from kybflow.drivers.sim.steps.onboard_state import LONGEST
+from kybflow.drivers.sim.steps.onboard import LONGEST, control, estimate, smooth
 from kybflow.drivers.sim.steps.rotors import push
 
 

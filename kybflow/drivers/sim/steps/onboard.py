@@ -1,5 +1,7 @@
 """The simulated autopilot: attitude estimation from a simulated IMU, attitude control and mixer.
 
+`OnboardState` holds the state of all vehicles between physics steps.
+
 The attitude comes from gyroscope and accelerometer by the explicit complementary filter with bias
 of Mahony, Hamel and Pflimlin (IEEE TAC 2008, eq. 34). Its heading follows the estimate of the
 sender of commands, as an autopilot's heading follows external vision. If the sender doesn't know
@@ -27,8 +29,9 @@ weak rotor stays level and in the air, but spins.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, sqrt, tau
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.geometry import (
     GRAVITY,
@@ -41,8 +44,52 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command
-from kybflow.drivers.sim.steps.onboard_state import LONGEST, Numbers, OnboardState
 from kybflow.world.vehicle_context import DAMPING, INTEGRAL, Airframe
+
+Numbers = tuple[float, ...]
+LONGEST = 50
+"""The longest dead time of the on-board loop, in physics steps."""
+
+
+class Rows(Protocol):
+    """Rows of numbers, one for each vehicle, by the vehicle's index in the world."""
+
+    def __getitem__(self, vehicle: int) -> Numbers: ...
+    def __setitem__(self, vehicle: int, numbers: Numbers) -> None: ...
+
+
+class OnboardState:
+    """The on-board state of `count` vehicles. steps: number of physics steps made. is_slow: whether
+    any on-board loop filters its gyroscope or has a dead time.
+
+    setpoints, filters, loops, gains, gyros: setpoints, estimates, control states, gains and
+    gyroscope filters of `onboard`. asked: controls delayed by the dead time, `LONGEST` rows per
+    vehicle. delays: index of the next of these rows, and their number. controls, rotors, thrusts,
+    winds, pushes, constants: the arguments of `rotors.push`.
+    """
+
+    def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
+        self.count, self.steps, self.is_slow = count, 0, False
+        widths = (10, 8, 7, 14, 7, 2, 4, 4, 4, 3, 6, 5)
+        self.tables = [*(rows(count, width) for width in widths), rows(count * LONGEST, 4)]
+        self.setpoints: Rows
+        self.setpoints, self.filters, self.loops, self.gains, self.gyros, *rest = self.tables
+        self.delays: Rows
+        self.asked: Rows
+        self.delays, self.controls, self.rotors, self.thrusts, *rest = rest
+        self.winds, self.pushes, self.constants, self.asked = rest
+
+    def delayed(self, vehicle: int, wanted: Numbers) -> Numbers:
+        """Return the controls that reach a vehicle's rotors now, and queue `wanted` for the dead
+        time."""
+        place, count = self.delays[vehicle]
+        if count == 0.0:
+            return wanted
+        here = vehicle * LONGEST + int(place)
+        arrived, self.asked[here] = self.asked[here], wanted
+        self.delays[vehicle] = ((place + 1.0) % count, count)
+        return arrived
+
 
 LEVELLING = 0.10
 """Gain of the accelerometer's correction of the attitude, 1/s; a quarter of its square is the gain
@@ -128,7 +175,10 @@ class AttitudeController:
             self._held = None
             turn = AIMING * wrap(heading - heading_of(self.attitude()))
         else:
-            attitude = self._holding(attitude)
+            # only the tilt counts, at the heading held since the sender's heading became unknown
+            if self._held is None:
+                self._held = heading_of(self.attitude())
+            attitude = multiply(from_heading(self._held - heading_of(attitude)), attitude)
         if armed is not self.armed:
             lifted, steps = self._since()
             rested = armed and steps * self._dt >= CALIBRATION
@@ -142,13 +192,6 @@ class AttitudeController:
         """Return the estimated attitude, body to world."""
         w, x, y, z, _, _, _, _ = self._onboard.filters[self._index]
         return (w, x, y, z)
-
-    def _holding(self, attitude: Quat) -> Quat:
-        """Return the tilt of `attitude` at the heading held since the sender's heading became
-        unknown."""
-        if self._held is None:
-            self._held = heading_of(self.attitude())
-        return multiply(from_heading(self._held - heading_of(attitude)), attitude)
 
 
 def _share(cut_off: float, dt: float) -> float:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from math import exp, sqrt
 
 from kybflow.drivers.sim.model import BuiltAirframe
-from kybflow.drivers.sim.steps.onboard_state import Numbers
+from kybflow.drivers.sim.steps.onboard import Numbers
 from kybflow.world.vehicle_context import Airframe
 
 

@@ -13,8 +13,14 @@ import numpy
 
 from kybflow.core.errors import described
 from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, imu_sample
-from kybflow.drivers.sim.steps.onboard import control, estimate, shares, smooth
-from kybflow.drivers.sim.steps.onboard_state import Numbers, OnboardState
+from kybflow.drivers.sim.steps.onboard import (
+    Numbers,
+    OnboardState,
+    control,
+    estimate,
+    shares,
+    smooth,
+)
 from kybflow.drivers.sim.steps.rotors import push
 
 _PACK, _SIZE = struct.Struct("6d").pack_into, 6 * 8
