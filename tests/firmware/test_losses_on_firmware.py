@@ -122,7 +122,7 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
     def look(engine: Engine) -> None:
         if not cut and flies(engine, 5.0):
             cut.append(engine.clock.now)
-        wires.cut(bool(cut) and engine.clock.now - cut[0] < seconds * NS)
+        wires.is_cut = bool(cut) and engine.clock.now - cut[0] < seconds * NS
 
     plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
     flight, told, engine = full_flight(plan, tmp_path, look)

@@ -24,9 +24,8 @@ from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind
 from kybflow.drivers.mavlink.control.arming import FORCED
 from kybflow.drivers.mavlink.firmware import profile_of
-from kybflow.drivers.mavlink.link import AutopilotLink
+from kybflow.drivers.mavlink.link import AutopilotLink, MavlinkSession, open_session
 from kybflow.drivers.mavlink.params import MavlinkParams
-from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.telemetry.received_status import ARMED, READY
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Seat

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 REAL = mavlink.MAV_PARAM_TYPE_REAL32
 INTEGER = mavlink.MAV_PARAM_TYPE_INT32

@@ -92,7 +92,7 @@ class Mavlink(Driver[MavlinkParams]):
     def objection(
         cls, params: MavlinkParams, start: Vec3, payload: Parcel | None
     ) -> Objection | None:
-        from kybflow.drivers.mavlink.transport.address import read_address
+        from kybflow.drivers.mavlink.transport.wire import read_address
 
         try:
             if params.address is not None:
@@ -109,6 +109,6 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        from kybflow.drivers.mavlink.session import open_session
+        from kybflow.drivers.mavlink.link import open_session
 
         return open_session(seats)

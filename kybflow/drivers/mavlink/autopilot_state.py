@@ -13,14 +13,13 @@ program that is killed leaves the rates as they are."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from typing import TYPE_CHECKING
 
 from kybflow.core.signals import NS, MeasurementKind, Time
 from kybflow.drivers.mavlink.control import others
 from kybflow.drivers.mavlink.control.others import OtherCommanders
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 from kybflow.drivers.mavlink.telemetry import received_status
 from kybflow.drivers.mavlink.telemetry import truth as ground_truth
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
@@ -36,9 +35,6 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, heartbeat
 from kybflow.parts import Seat, StatusText
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
 
 SHORTEST: Time = 3 * NS // 10
 """The longest interval without a message that doesn't count as a silence."""

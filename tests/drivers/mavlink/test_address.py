@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.transport.address import Address, read_address
+from kybflow.drivers.mavlink.transport.wire import Address, read_address
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_bad_one_says_what_to_write(text: str, way_out: str) -> None:
 def test_neither_pymavlink_nor_pyserial_is_needed_to_read_one() -> None:
     program = (
         "import sys\nsys.modules['pymavlink'] = sys.modules['serial'] = None\n"
-        "from kybflow.drivers.mavlink.transport.address import read_address\n"
+        "from kybflow.drivers.mavlink.transport.wire import read_address\n"
         "print(read_address('udpin:1'))"
     )
     done = subprocess.run(

@@ -10,8 +10,7 @@ from framing import SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.control.modes import Modes
-from kybflow.drivers.mavlink.control.requests import CommandRequests
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 

@@ -50,11 +50,11 @@ class Datagrams(Wire):
     def is_open(self, sender: Any) -> bool:
         return sender not in self.gone
 
-    def _receive(self, now: int) -> Received:
+    def receive(self, now: int) -> Received:
         coming, self.coming = self.coming, []
         return coming
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         self.sent.append((to, data))
 
 

@@ -41,12 +41,12 @@ class Answering(Wire):
 
     def close(self) -> None: ...
 
-    def _receive(self, now: Time) -> Received:
+    def receive(self, now: Time) -> Received:
         came = list(self.coming)
         self.coming.clear()
         return came
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         self.sent.append((data, to))
 
 

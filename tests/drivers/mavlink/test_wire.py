@@ -13,10 +13,14 @@ from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.transport import open_wire
-from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.sockets import MOST_AT_ONCE, Pipe, TcpServer, UdpIn
-from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
+from kybflow.drivers.mavlink.transport.sockets import (
+    MOST_AT_ONCE,
+    Pipe,
+    TcpServer,
+    UdpIn,
+    open_wire,
+)
+from kybflow.drivers.mavlink.transport.wire import Address, Wire, memory_wires
 
 HOST = "127.0.0.1"
 

@@ -78,7 +78,7 @@ def _systems_at(address: str, own_system: int, key: Path | None) -> str:
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.discovery import Discovery
     from kybflow.drivers.mavlink.protocol.signing import read_key
-    from kybflow.drivers.mavlink.transport import open_wire
+    from kybflow.drivers.mavlink.transport.sockets import open_wire
 
     try:
         with closing(open_wire(address)) as wire:

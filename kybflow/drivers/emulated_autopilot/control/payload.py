@@ -10,7 +10,7 @@ from collections.abc import Callable
 from kybflow.core.errors import Refused
 from kybflow.core.signals import Time
 from kybflow.drivers.emulated_autopilot.state import EmulatedState
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 MIDDLE = 1500
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED

@@ -10,7 +10,7 @@ from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.messages.channel import Channel
 from kybflow.drivers.emulated_autopilot.messages.handlers import MessageHandlers
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 CHUNK = 50

@@ -15,7 +15,6 @@ from kybflow.drivers.emulated_autopilot.messages.channel import AUTOPILOT, Chann
 from kybflow.drivers.emulated_autopilot.messages.telemetry import MAKERS
 from kybflow.drivers.emulated_autopilot.state import CRITICAL, PilotSticks, Role
 from kybflow.drivers.emulation.control import PositionTarget
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
     Tangent,
     attitude_from_ned,
@@ -23,6 +22,7 @@ from kybflow.drivers.mavlink.protocol.frames import (
     heading_from_ned,
     to_ned,
 )
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 RELATIVE = (
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,

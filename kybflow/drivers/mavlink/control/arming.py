@@ -24,11 +24,10 @@ from collections.abc import Callable
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.mavlink.control.modes import Modes
-from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes, Retries
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 
 ARM_DISARM, TAKEOFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF

@@ -23,9 +23,8 @@ from kybflow.drivers.mavlink.control.arming import (
     PreflightMode,
     raised,
 )
-from kybflow.drivers.mavlink.control.modes import Modes
 from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDetector
-from kybflow.drivers.mavlink.control.requests import CommandRequests
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry.received_status import (

@@ -23,16 +23,13 @@ from __future__ import annotations
 from collections import deque
 from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.control.requests import name_of
 from kybflow.drivers.mavlink.protocol.codec import NO_ACCELERATION, NO_POSITION, NO_VELOCITY
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 STREAMS = MappingProxyType({"POSITION_TARGET_LOCAL_NED": 4.0})
 """The streams that are read, Hz."""

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from kybflow.core.signals import NS, Command, Time
-from kybflow.drivers.mavlink.control.modes import Modes
+from kybflow.drivers.mavlink.control.requests import Modes
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.telemetry.received_status import (
     NOTICE,

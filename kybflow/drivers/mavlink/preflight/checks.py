@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Estimate, Time
-from kybflow.drivers.mavlink.control.modes import Modes
+from kybflow.drivers.mavlink.control.requests import Modes
 from kybflow.drivers.mavlink.firmware import firmware_by
 from kybflow.drivers.mavlink.preflight.required_parameters import RequiredParameters
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS, mavlink
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE
-from kybflow.drivers.mavlink.transport.address import read_address
+from kybflow.drivers.mavlink.transport.wire import read_address
 from kybflow.parts import Check
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ unset gives None."""
 from __future__ import annotations
 
 from itertools import takewhile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, conjugate, rotate, scale, to_euler
 from kybflow.core.signals import (
@@ -39,7 +39,6 @@ from kybflow.core.signals import (
     Sticks,
     Time,
 )
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
     Anchor,
     Tangent,
@@ -54,10 +53,7 @@ from kybflow.drivers.mavlink.protocol.frames import (
     to_ned,
     with_heading,
 )
-from kybflow.drivers.mavlink.protocol.framing import LAYOUTS
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, Message, mavlink
 
 ODOMETRY = LAYOUTS[mavlink.MAVLINK_MSG_ID_ODOMETRY]
 POSITION_TARGET = LAYOUTS[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED]

@@ -20,8 +20,15 @@ from operator import attrgetter, itemgetter
 from typing import Any, ClassVar
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE, Signing
+
+try:
+    from pymavlink.dialects.v20 import all as dialect
+except ImportError as missing:
+    raise DriverError("MAVLink needs pymavlink: pip install 'kybflow[mavlink]'") from missing
+
+mavlink = dialect
+"""The messages and constants of MAVLink. No other module imports pymavlink."""
 
 Message = Any
 """A message object of pymavlink, or a `FieldTuple` with the same attributes: `get_type()`,

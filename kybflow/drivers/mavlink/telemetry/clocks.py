@@ -19,8 +19,7 @@ from collections import deque
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 MS: Time = NS // 1000
 BACK: Time = NS

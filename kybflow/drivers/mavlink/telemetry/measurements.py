@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Set
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from kybflow.core.signals import (
     NS,
@@ -29,8 +28,8 @@ from kybflow.core.signals import (
     Time,
 )
 from kybflow.drivers.mavlink.protocol import codec
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
 from kybflow.drivers.mavlink.telemetry.received_status import (
     LandedState,
@@ -38,9 +37,6 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     ReceivedText,
 )
 from kybflow.world.vehicle_context import VehicleContext
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
 
 MOTION = ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED")
 """The messages that hold the autopilot's own estimate."""

@@ -13,13 +13,9 @@ import struct
 from collections.abc import Iterable, Mapping
 from math import isnan
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 TRIES = 3
 FIRST_WAIT: Time = NS // 2

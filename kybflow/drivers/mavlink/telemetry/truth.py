@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from math import sqrt
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import (
     GRAVITY,
@@ -41,11 +40,9 @@ from kybflow.drivers.mavlink.protocol.frames import (
     from_frd,
     from_ned,
 )
+from kybflow.drivers.mavlink.protocol.framing import Message
 from kybflow.drivers.sim.model import mount
 from kybflow.world.vehicle_context import Parcel, VehicleContext
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
 
 STREAMS = MappingProxyType({"SIM_STATE": 50.0, "HIL_STATE_QUATERNION": 50.0})
 """The messages that hold the truth, Hz; each firmware's simulator sends one of them."""

@@ -11,16 +11,11 @@ the autopilot's filter knows better, is left to that filter."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from kybflow.core.geometry import add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Estimate, Odometry, Time
 from kybflow.drivers.mavlink.protocol import codec
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Anchor
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 OLDEST = 0.1
 """An estimate older than this, seconds, is not sent."""

@@ -16,7 +16,6 @@ from typing import Any
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.framing import (
     NUMBERS,
     ONBOARD,
@@ -24,10 +23,10 @@ from kybflow.drivers.mavlink.protocol.framing import (
     Message,
     Packer,
     Parser,
+    mavlink,
 )
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.address import to_ask
-from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
+from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire, to_ask
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 """The component id of the autopilot itself."""

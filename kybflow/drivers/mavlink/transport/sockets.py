@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.wire import Received, Wire
+from kybflow.drivers.mavlink.transport.wire import Address, Received, Wire, read_address
 
 MOST_AT_ONCE = 1000
 MOST_BYTES = 1 << 16
@@ -85,7 +84,7 @@ class UdpIn(_Udp):
         self.port: int = self._socket.getsockname()[1]
         self._newest: Any = None
 
-    def _receive(self, now: Time) -> Received:
+    def receive(self, now: Time) -> Received:
         came: list[tuple[bytes, Any]] = []
         left = MOST_BYTES
         try:
@@ -100,7 +99,7 @@ class UdpIn(_Udp):
             self._newest, self._trouble = came[-1][1], None
         return came
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         """Send to `to`, or to the newest sender if it is None."""
         if (to := to or self._newest) is None:
             return
@@ -121,7 +120,7 @@ class UdpOut(_Udp):
         self._socket.setblocking(False)
         self._socket.connect(resolved(address))
 
-    def _receive(self, now: Time) -> Received:
+    def receive(self, now: Time) -> Received:
         came: list[tuple[bytes, Any]] = []
         left = MOST_BYTES
         for _ in range(MOST_AT_ONCE):
@@ -138,7 +137,7 @@ class UdpOut(_Udp):
             self._trouble = None
         return came
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         for _ in range(2):  # the first call may report an earlier failure
             try:
                 self._socket.send(data)
@@ -227,7 +226,7 @@ class ReopeningWire(Wire):
         self._pipe = None
         self._end()
 
-    def _receive(self, now: Time) -> Received:
+    def receive(self, now: Time) -> Received:
         self._now = now
         try:
             pipe = self._pipe or self._open(now)
@@ -239,7 +238,7 @@ class ReopeningWire(Wire):
             self._pause = SOON
         return ((data, None),) if data else ()
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         if self._pipe is None:
             return
         try:
@@ -342,7 +341,7 @@ class TcpServer(Wire):
     def is_open(self, sender: Any) -> bool:
         return sender in self._clients
 
-    def _receive(self, now: Time) -> Received:
+    def receive(self, now: Time) -> Received:
         self._accept()
         came: list[tuple[bytes, Any]] = []
         for sender, (_, pipe) in list(self._clients.items()):
@@ -353,7 +352,7 @@ class TcpServer(Wire):
                 self._drop(sender)
         return came
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         """Send to `to`, or to every client if it is None."""
         for sender in list(self._clients) if to is None else [to]:
             if sender not in self._clients:
@@ -427,3 +426,15 @@ class SerialLine(ReopeningWire):
 
     def _words(self, error: OSError) -> str:
         return _WAYS_OUT.get(error.errno or 0, os_error(error))
+
+
+def open_wire(address: str | Address) -> Wire:
+    """Open the wire to an address. Raises DriverError if it cannot work: a port in use, an unknown
+    host, pyserial missing. A device or simulator that may still appear is reported by `trouble`
+    instead."""
+    place = read_address(address) if isinstance(address, str) else address
+    kinds: dict[str, Callable[[Address], Wire]] = {
+        "tcp": TcpClient, "tcpin": TcpServer, "udpin": UdpIn, "udpout": UdpOut,
+        "serial": SerialLine,
+    }  # fmt: skip
+    return kinds[place.kind](place)
