@@ -187,7 +187,7 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
         if costs.profile is not None and costs.flown:
             costs.profile.enable()
 
-    def noted(wire: MemoryWire, data: bytes, to: Any) -> None:
+    def noted(wire: MemoryWire, data: bytes, to: Any = None) -> None:
         send(wire, data, to)
         traffic.sent(data)
 

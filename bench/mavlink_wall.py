@@ -51,7 +51,7 @@ class Timed(Mavlink):
         wire = open_wire(address)
         send = wire.send
 
-        def timed(data: bytes, to: Any) -> None:
+        def timed(data: bytes, to: Any = None) -> None:
             send(data, to)
             if data[7] == SET_POINT and not data[8]:
                 cls.left[data[SYSTEM]].append(1e3 * perf_counter())

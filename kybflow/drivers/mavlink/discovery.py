@@ -1,4 +1,5 @@
-"""Discovery of autopilots outside a mission: which are at an address, and their parameters.
+"""Autopilots outside a mission: which are at an address, and the setup of their parameters with
+`kybflow mavlink setup`.
 
 An autopilot may be silent until it receives a message, and PX4 sends texts only to ground stations;
 therefore a ground station's heartbeat is sent once a second.
@@ -7,10 +8,11 @@ therefore a ground station's heartbeat is sent once a second.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Literal, NamedTuple
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
@@ -138,3 +140,79 @@ class Discovery:
                     f"system {system} at {self._wire.address} fell silent: is it still powered and"
                     " in reach?"
                 )
+
+
+RowState = Literal["right", "written", "WRONG", "MISSING", "REFUSED"]
+
+
+class ParameterRow(NamedTuple):
+    """One setting as it was found.
+
+    found: the autopilot's value, None if it has no such parameter.
+    needs: a description of the value needed.
+    reason: why the autopilot refused the written value."""
+
+    setting: Needed
+    found: float | None
+    needs: str
+    state: RowState
+    reason: str = ""
+
+    @property
+    def is_right(self) -> bool:
+        return self.state in ("right", "written")
+
+
+class ParameterSetup:
+    """The parameters that a firmware needs. own: our system id. simulator: whether it is the
+    firmware's own simulator, which has a few more. names: all parameters to read, including
+    dangerous ones."""
+
+    def __init__(self, profile: FirmwareProfile, own: int, *, simulator: bool) -> None:
+        self.profile, self._own = profile, own
+        self.settings = [s for s in profile.indoors if simulator or not s.simulator_only]
+        dangers = (danger.name for danger in profile.dangers)
+        self.names = tuple(dict.fromkeys((*(s.name for s in self.settings), *dangers)))
+
+    def wrong(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values to write, by name. values: the autopilot's values."""
+        return {
+            s.name: s.wanted(self._own, values[s.name])
+            for s in self.settings
+            if s.name in values and not s.accepts(values[s.name], self._own)
+        }
+
+    def rows(
+        self, parameters: AutopilotParameters, written: Mapping[str, float]
+    ) -> list[ParameterRow]:
+        """Return one row per setting. written: the written values, by name."""
+        return [
+            self._row(setting, parameters, setting.name in written) for setting in self.settings
+        ]
+
+    def dangers(self, values: Mapping[str, float]) -> list[str]:
+        """Return descriptions of the dangers that no setting removes."""
+        cured = {setting.name for setting in self.settings}
+        rest = {name: value for name, value in values.items() if name not in cured}
+        return list(self.profile.dangers_in(rest, self._own, indoors=True).values())
+
+    def _row(
+        self, setting: Needed, parameters: AutopilotParameters, was_written: bool
+    ) -> ParameterRow:
+        found = parameters.values.get(setting.name)
+        needs = self._needs(setting)
+        reason = parameters.refused.get(setting.name, "")
+        setting = setting._replace(name=parameters.called(setting.name))
+        if found is None:
+            return ParameterRow(setting, None, needs, "REFUSED" if reason else "MISSING", reason)
+        if setting.accepts(found, self._own):
+            return ParameterRow(setting, found, needs, "written" if was_written else "right")
+        return ParameterRow(setting, found, needs, "REFUSED" if was_written else "WRONG", reason)
+
+    def _needs(self, setting: Needed) -> str:
+        value = f"{self._own if setting.value == OWN else setting.value:g}"
+        if setting.rule == "at_most":
+            return f"at most {value}"
+        if setting.rule == "bits":
+            return f"with bits {value}"
+        return " or ".join((value, *(f"{other:g}" for other in setting.allowed)))

@@ -22,13 +22,14 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.mavlink.autopilot_state import AutopilotState, KeepAlive
-from kybflow.drivers.mavlink.control import payload, setpoints
+from kybflow.drivers.mavlink.autopilot_state import AutopilotState, KeepAlive, LineCapacity
+from kybflow.drivers.mavlink.control import hover_throttle, payload
+from kybflow.drivers.mavlink.control.hover_throttle import HoverThrottle
 from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
 from kybflow.drivers.mavlink.control.payload import PayloadGrip
-from kybflow.drivers.mavlink.control.setpoints import HoverThrottle, compensated
+from kybflow.drivers.mavlink.control.setpoints import SetpointStream, compensated
 from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency, profile_of
-from kybflow.drivers.mavlink.preflight.checks import LineCapacity, PreflightChecks
+from kybflow.drivers.mavlink.preflight import PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.protocol.signing import read_key
@@ -61,9 +62,10 @@ class AutopilotLink(Link):
         context, params = seat.context, seat.params
         autopilot = self.autopilot = AutopilotState(seat, profile, port, truth)
         resumes = params.after_failsafe == "resume"
+        self._stream = SetpointStream(params.rate)
         self.offboard = OffboardControl(
-            profile, autopilot.status, autopilot.requests, params.arming_time, params.rate, resumes,
-            self._holding,
+            profile, autopilot.status, autopilot.requests, self._stream, params.arming_time,
+            resumes, self._holding,
         )  # fmt: skip
         self._checks = PreflightChecks(autopilot, self.offboard.modes, params)
         self._drift = FrameDrift()
@@ -73,7 +75,7 @@ class AutopilotLink(Link):
         self._hover = HoverThrottle(
             profile.hover_parameter, context.airframe.hover_thrust, profile.raises
         )
-        autopilot.port.want(setpoints.STREAMS)
+        autopilot.port.want(hover_throttle.STREAMS)
         self._vision = ExternalVision(params.vision_rate, autopilot.target)
         self._watched, self._shared = self._checks.names(), params.shared
         names = [*self._checks.names(), profile.hover_parameter]
@@ -227,7 +229,7 @@ class AutopilotLink(Link):
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """Return the streams to request, Hz, by message name. kinds: the measurements with which
         the vehicle is flown."""
-        rates = {**self.autopilot.streams(kinds), **setpoints.STREAMS}
+        rates = {**self.autopilot.streams(kinds), **hover_throttle.STREAMS}
         if self._grip is not None:
             rates |= payload.STREAMS
         sent = self.autopilot.profile.streams
@@ -235,7 +237,7 @@ class AutopilotLink(Link):
 
     def _stream_setpoint(self, now: Time) -> None:
         """Send the newest setpoint if it is due."""
-        command, autopilot = self.offboard.stream.due(now), self.autopilot
+        command, autopilot = self._stream.due(now), self.autopilot
         if command is None:
             return
         anchor = self._drift.anchor if autopilot.is_outside else autopilot.telemetry.anchor

@@ -14,7 +14,8 @@ from scripted_autopilot import RESTING, Bench, at, pushed
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.mavlink.control.arming import LIFTED, raised
+from kybflow.drivers.mavlink.control.arming import LIFTED
+from kybflow.drivers.mavlink.control.setpoints import raised
 
 STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 MOVING = Setpoint(

@@ -10,7 +10,7 @@ from scripted_autopilot import Bench, at, estimate, mavlink
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
-from kybflow.drivers.mavlink.control.setpoints import USUAL, HoverThrottle
+from kybflow.drivers.mavlink.control.hover_throttle import USUAL, HoverThrottle
 
 MS = 1_000_000
 FLOATS = ("float", "double")

@@ -17,8 +17,7 @@ from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time
-    from kybflow.drivers.mavlink.discovery import Discovery
-    from kybflow.drivers.mavlink.preflight.required_parameters import ParameterRow, ParameterSetup
+    from kybflow.drivers.mavlink.discovery import Discovery, ParameterRow, ParameterSetup
 
     Firmware = str
 else:
@@ -55,8 +54,8 @@ def command(
       kybflow mavlink setup --vehicle px4 --system 2 --simulator --write
       kybflow mavlink setup --vehicle ardupilot --address serial:/dev/ttyUSB0:57600
     """
+    from kybflow.drivers.mavlink.discovery import ParameterSetup
     from kybflow.drivers.mavlink.firmware import profile_of
-    from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 
     profile = profile_of(vehicle)
     first, place = profile.default_address(1), address or profile.default_address(system or 1)

@@ -1,4 +1,4 @@
-"""Arming, lift-off and disarming.
+"""Arming and disarming.
 
 Arming waits for these conditions in order, checking all of them anew in every tick: setpoints are
 being sent (if the autopilot requires them before the mode), the autopilot is in the mode in which
@@ -7,23 +7,14 @@ own take-off or by setpoints above the ground. A condition that is lost again is
 until the arming timeout.
 
 An autopilot reports its readiness only for its current mode; therefore the preflight also puts a
-disarmed vehicle into the mode in which it will fly (`PreflightMode`).
-
-An autopilot ends its own take-off on the ground if it is commanded down, and the mission's first
-setpoints are at ground level. So `LiftOff` holds back positions until they are above the vehicle,
-and accelerations until they no longer point down, for at most five seconds.
-
-A vehicle that takes off by setpoints gets `raised` ones until it has lifted off: a higher position,
-or a growing upward acceleration, since the autopilot's hover throttle may be set too low.
-Horizontally it follows the command, against the wind."""
+disarmed vehicle into the mode in which it will fly (`PreflightMode`)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO, Vec3
-from kybflow.core.signals import NS, Command, CommandKind, Time
+from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes, Retries
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
@@ -222,99 +213,3 @@ class PreflightMode:
             self._left = None
             self._modes.again()
         return "" if self._follows(now) else self._modes.trouble
-
-
-LIFTS: Time = 5 * NS
-"""How long downward commands are held back at most."""
-LOW = 0.3
-"""Height above the ground, metres, below which the vehicle may be landing."""
-PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
-"""An upward acceleration: its initial value, m/s^2, its growth, m/s^3, and its maximum, m/s^2."""
-
-
-class LiftOff:
-    """The lift-off of one vehicle: holds back commands that would keep it on the ground, for at
-    most `LIFTS`. hold: returns the command that holds the vehicle still at its position, None while
-    that is unknown."""
-
-    def __init__(self, hold: Callable[[], Command | None]) -> None:
-        self._hold = hold
-        self._until: Time | None = None
-        self._floor: float | None = None
-        self._stood: Time = 0
-
-    @property
-    def height(self) -> float | None:
-        """The vehicle's own height, metres; None while unknown."""
-        holding = self._hold()
-        position = None if holding is None else _position(holding)
-        return None if position is None else position[2]
-
-    @property
-    def is_low(self) -> bool:
-        """Whether the vehicle is near the height at which it last stood disarmed, and so may be
-        landing."""
-        height = self.height
-        return height is not None and self._floor is not None and height - self._floor < LOW
-
-    def stand(self, now: Time) -> None:
-        """Record that the vehicle is disarmed; called once a tick while it is."""
-        self._stood = now
-        height = self.height
-        self._floor = self._floor if height is None else height
-
-    def armed_for(self, now: Time) -> float:
-        """Return for how many seconds the vehicle has been armed."""
-        return (now - self._stood) / NS
-
-    def begin(self, now: Time) -> None:
-        """Begin to hold commands back, because the vehicle is taking off."""
-        self._until = now + LIFTS
-
-    def end(self) -> None:
-        self._until = None
-
-    def holds_back(self, command: Command, now: Time) -> bool:
-        """Return whether a command must wait until the vehicle has lifted off."""
-        if self._until is None:
-            return False
-        if now >= self._until or not self._is_downward(command):
-            self._until = None
-        return self._until is not None
-
-    def _is_downward(self, command: Command) -> bool:
-        push = _acceleration(command)
-        if push is not None:
-            return push[2] < 0.0
-        target, height = _position(command), self.height
-        return target is not None and height is not None and target[2] < height
-
-
-def raised(command: Command, height: float, seconds: float) -> Command:
-    """Return the command that lifts the vehicle. A position command becomes a hover `height` metres
-    higher. An acceleration command keeps its horizontal part and gets an upward acceleration that
-    grows with `seconds`. Other commands are returned unchanged."""
-    setpoint, position = command.setpoint, _position(command)
-    if setpoint is None:
-        return command
-    if position is not None:
-        x, y, z = position
-        place = (x, y, z + height)
-        higher = setpoint._replace(position=place, velocity=ZERO, acceleration=ZERO, jerk=ZERO)
-        return command._replace(setpoint=higher)
-    if (asked := _acceleration(command)) is not None:
-        push = (asked[0], asked[1], min(PUSH + GROWTH * seconds, HARDEST))
-        return command._replace(setpoint=setpoint._replace(acceleration=push, jerk=ZERO))
-    return command
-
-
-def _position(command: Command) -> Vec3 | None:
-    if command.kind is not CommandKind.POSITION or command.setpoint is None:
-        return None
-    return command.setpoint.position
-
-
-def _acceleration(command: Command) -> Vec3 | None:
-    if command.kind is not CommandKind.ACCELERATION or command.setpoint is None:
-        return None
-    return command.setpoint.acceleration

@@ -18,14 +18,12 @@ from kybflow.drivers.mavlink.control.arming import (
     LEAD,
     Arming,
     Disarming,
-    LiftOff,
     MotorStop,
     PreflightMode,
-    raised,
 )
 from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDetector
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
-from kybflow.drivers.mavlink.control.setpoints import SetpointStream
+from kybflow.drivers.mavlink.control.setpoints import LiftOff, SetpointStream, raised
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.telemetry.received_status import (
     LandedState,
@@ -62,7 +60,7 @@ class OffboardControl:
     """Offboard control of one vehicle.
 
     arming_time: seconds that arming may take.
-    rate: the setpoint rate, Hz.
+    stream: the setpoints to send; the link sends those that are due.
     resumes: whether control is taken back without a request after the vehicle's own failsafe, once
     the link is good.
     hold: returns the command that holds the vehicle still at its position, None while that is
@@ -72,12 +70,13 @@ class OffboardControl:
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
-        arming_time: float, rate: float, resumes: bool, hold: Callable[[], Command | None],
+        stream: SetpointStream, arming_time: float, resumes: bool,
+        hold: Callable[[], Command | None],
     ) -> None:  # fmt: skip
         self.override: Override | None = None
         self.goal = OffboardGoal.NONE
         self.modes = Modes(profile, status, requests)
-        self.stream = SetpointStream(rate)
+        self.stream = stream
         self.detector = OverrideDetector(status, self.modes)
         self._profile, self._status, self._requests = profile, status, requests
         self._arming_time, self._resumes, self._hold = arming_time, resumes, hold
