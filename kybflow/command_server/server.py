@@ -295,7 +295,12 @@ class _Loop:
 
     def _answer(self, connection: ConnectedClient, request: Request) -> None:
         connection.is_restricted = connection.is_restricted and self._is_full
-        if connection.is_restricted and not _is_unrestricted(request):
+        is_safe = (
+            is_for_anyone(request.order)
+            if isinstance(request, OrderRequest)
+            else isinstance(request, Introduction)
+        )
+        if connection.is_restricted and not is_safe:
             self._server.refused[TOO_MANY] += not connection.was_refused
             connection.was_refused = True
             connection.send(protocol.answer(request.id, Answer(False, f"refused: {TOO_MANY}")))
@@ -392,10 +397,3 @@ class _Loop:
             time.sleep(ROUND)
             for connection in self._connections:
                 connection.flush()
-
-
-def _is_unrestricted(request: Request) -> bool:
-    """Return whether a restricted client may make this request."""
-    if isinstance(request, OrderRequest):
-        return is_for_anyone(request.order)
-    return isinstance(request, Introduction)

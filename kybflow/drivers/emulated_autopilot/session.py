@@ -102,7 +102,7 @@ class EmulatedSession(Session):
         self._fleet = open_fleet(seats, plans, generator)
         self._links: list[EmulatedLink] = []
         wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
-        self._router = Router({ours.address: ours for ours, _ in wires}, own, None)
+        self._router = Router({ours.address: ours for ours, _ in wires}, own)
         for seat, (ours, theirs), emulated in zip(seats, wires, self._fleet.members, strict=True):
             emulated.onboard.connect(theirs)
             port = self._router.port(ours.address, emulated.onboard.autopilot.system)

@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
+from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
@@ -41,7 +42,8 @@ class Discovery:
         self.parameters: dict[int, AutopilotParameters] = {}
         self.now: Time = 0
         self._wire, self._system, self._own = wire, system, own_system
-        self._router = Router({wire.address: wire}, own_system, key)
+        signing = None if key is None else Signing(key)
+        self._router = Router({wire.address: wire}, own_system, signing)
         first = system or (1 if own_system != 1 else 2)
         self._asked = self._router.port(wire.address, first)
         self._ports: dict[int, Port] = {first: self._asked}

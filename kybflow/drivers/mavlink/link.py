@@ -1,6 +1,6 @@
-"""The link to one autopilot.
+"""The links to a run's autopilots, and the session that polls the wires to them once a tick.
 
-`update` handles the messages that arrived (`AutopilotState`), decides what to command
+`AutopilotLink.update` handles the messages that arrived (`AutopilotState`), decides what to command
 (`control.offboard`), and sends what is due: setpoints, and the keep-alive of the link."""
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency, profile_o
 from kybflow.drivers.mavlink.preflight import PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.framing import mavlink
-from kybflow.drivers.mavlink.protocol.signing import read_key
+from kybflow.drivers.mavlink.protocol.signing import Signing, read_key
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
@@ -303,7 +303,11 @@ def open_session(
 ) -> MavlinkSession:
     """Open the wires and links of these seats. opener: opens the wire to an address. Raises
     DriverError after closing everything again."""
-    places = [_place(seat, number) for number, seat in enumerate(seats, start=1)]
+    places: list[tuple[FirmwareProfile, str, int]] = []
+    for number, seat in enumerate(seats, start=1):
+        profile = profile_of(seat.params.autopilot)
+        system = seat.params.system or number
+        places.append((profile, seat.params.address or profile.default_address(system), system))
     groups: dict[Group, dict[str, Wire]] = {}
     owners: dict[str, Group] = {}
     session = MavlinkSession()
@@ -318,7 +322,7 @@ def open_session(
             if address not in wires:
                 wires[address] = session.opened(opener(address))
         routers = {
-            (own, key): Router(wires, own, None if key is None else read_key(Path(key)))
+            (own, key): Router(wires, own, None if key is None else Signing(read_key(Path(key))))
             for (own, key), wires in groups.items()
         }
         session.routers = tuple(routers.values())
@@ -361,11 +365,3 @@ class MavlinkSession(Session):
         finally:
             for wire in self._wires:
                 wire.close()
-
-
-def _place(seat: Seat, number: int) -> tuple[FirmwareProfile, str, int]:
-    """Return a vehicle's profile, address and system id. number: its position in the mission, from
-    1."""
-    profile = profile_of(seat.params.autopilot)
-    system = seat.params.system or number
-    return profile, seat.params.address or profile.default_address(system), system

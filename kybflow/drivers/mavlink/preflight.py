@@ -104,20 +104,16 @@ class PreflightChecks:
         if unready is None:
             self._checks_at = None
             return Check("autopilot", True, "ready to arm")
-        self._request_checks(now)
-        words = status.words(max(now - REPEATED, 0))
-        reason = f"{unready}: {words}" if words else unready
-        return Check(
-            "autopilot", False, f"{reason}; {status.unhealthy}" if status.unhealthy else reason
-        )
-
-    def _request_checks(self, now: Time) -> None:
-        """Request the autopilot's own checks, so that it reports what is wrong."""
         if self._checks_at is None:
             self._checks_at = now + UNREADY
         elif now >= self._checks_at:
             self._checks_at = now + AGAIN
             self._requests.ask(mavlink.MAV_CMD_RUN_PREARM_CHECKS, now=now)
+        words = status.words(max(now - REPEATED, 0))
+        reason = f"{unready}: {words}" if words else unready
+        return Check(
+            "autopilot", False, f"{reason}; {status.unhealthy}" if status.unhealthy else reason
+        )
 
 
 class RequiredParameters:
@@ -150,7 +146,14 @@ class RequiredParameters:
             reason = f"it does not report {reaction}, what it does once this program is dead"
             reason += self._autopilot.ignored_because or ": does it receive our messages?"
             return Check("watchdog", False, reason, waits=False)
-        return Check("watchdog", True, self._reaction() + self._missing(names))
+        found = self._parameters.values[reaction]
+        setting = next(s for s in self._profile.indoors if s.name == reaction)
+        effect = (
+            f"{reaction} is {found:g}, which is not dangerous here"
+            if self._is_wrong(setting)
+            else setting.does(found)
+        )
+        return Check("watchdog", True, effect + self._missing(names))
 
     def set_up(self) -> Check:
         """Check that the autopilot is set up for flight without GPS."""
@@ -202,13 +205,6 @@ class RequiredParameters:
         found = self._profile.dangers_in(values, self._own, indoors=self._is_outside)
         called = self._parameters.called
         return {name: words.replace(name, called(name), 1) for name, words in found.items()}
-
-    def _reaction(self) -> str:
-        name, values = self._profile.reaction, self._parameters.values
-        setting = next(s for s in self._profile.indoors if s.name == name)
-        if not self._is_wrong(setting):
-            return setting.does(values[name])
-        return f"{name} is {values[name]:g}, which is not dangerous here"
 
     def _table(self, wrong: Sequence[Needed]) -> Iterator[str]:
         """Yield one line per parameter: its name, the value found, the value needed, and the

@@ -67,7 +67,7 @@ def systems(port: Port) -> list[int]:
 
 
 def opened(wire: Wire, *ids: int, key: bytes | None = None) -> tuple[Router, list[Port]]:
-    hub = Router({wire.address: wire}, 245, key)
+    hub = Router({wire.address: wire}, 245, None if key is None else Signing(key))
     return hub, [hub.port(wire.address, system) for system in ids]
 
 
@@ -259,7 +259,7 @@ def test_what_nobody_takes_is_bounded() -> None:
 
 def test_two_wires_are_signed_as_two_links() -> None:
     ends = [memory_wires(name) for name in "ab"]
-    hub = Router({wire.address: wire for wire, _ in ends}, 245, KEY)
+    hub = Router({wire.address: wire for wire, _ in ends}, 245, Signing(KEY))
     for wire, _ in ends:
         hub.port(wire.address, 1).send(HEARTBEAT)
     sent: Sequence[bytes] = [there.receive(0)[0][0] for _, there in ends]

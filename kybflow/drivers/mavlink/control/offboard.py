@@ -216,7 +216,11 @@ class OffboardControl:
         elif self.override is not None:
             self._wait_or_recover(self.override, age, now)
         elif self.goal is OffboardGoal.DISARM:
-            self._keep_disarmed(now)
+            ours = self._disarming.is_under_way or now - self._since < MODE_TIMEOUT
+            if self._status.armed and not ours:
+                self._lose_control(Override(f"somebody armed it: {self.modes.reported}"))
+            else:
+                self._disarming.step(now)
         elif self.goal is OffboardGoal.FOLLOW:
             self._watch_control(now)
 
@@ -235,13 +239,6 @@ class OffboardControl:
         if self._arming is not None:
             self._arming.drop()
             self._arming = None
-
-    def _keep_disarmed(self, now: Time) -> None:
-        ours = self._disarming.is_under_way or now - self._since < MODE_TIMEOUT
-        if self._status.armed and not ours:
-            self._lose_control(Override(f"somebody armed it: {self.modes.reported}"))
-        else:
-            self._disarming.step(now)
 
     def _watch_control(self, now: Time) -> None:
         """Detect that the vehicle no longer follows setpoints, or no longer lands, as requested."""
@@ -272,14 +269,11 @@ class OffboardControl:
             back.end()
         if back.is_unasked and is_stable:
             self.reclaim(now)
-        if back.is_under_way:
-            self._recover(override, now)
-
-    def _recover(self, override: Override, now: Time) -> None:
-        """Request control until the vehicle follows, is disarmed, or the time limit is reached."""
-        refused = self._recovery.timed_out(now)
+        if not back.is_under_way:
+            return
+        refused = back.timed_out(now)
         if refused or not self._status.armed:
             self.override = override._replace(refused=refused)
-            self._recovery.end()
-        elif self._recovery.step(now):
+            back.end()
+        elif back.step(now):
             self._begin(OffboardGoal.FOLLOW, now)

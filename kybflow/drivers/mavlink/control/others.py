@@ -113,10 +113,15 @@ class OtherCommanders:
 
     def _is_ours(self, target: _Target, now: Time) -> bool:
         last = self._sent[-1][0] if self._sent else now
-        return any(
-            (now - sent <= SENT or sent == last) and _is_near(target, _target(ours))
-            for sent, ours in reversed(self._sent)
-        )
+        for sent, message in reversed(self._sent):
+            if now - sent > SENT and sent != last:
+                break
+            ours = _target(message)
+            if ours is None or ours.field != target.field:
+                continue
+            if distance(target.value, ours.value) <= NEAR[target.field]:
+                return True
+        return False
 
     def answered(self, message: Message, now: Time) -> None:
         """Check a COMMAND_ACK for a command from another system."""
@@ -173,9 +178,3 @@ def _target(message: Message) -> _Target | None:
 def _rests(target: _Target) -> bool:
     field, value = target
     return (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)
-
-
-def _is_near(target: _Target, ours: _Target | None) -> bool:
-    if ours is None or target.field != ours.field:
-        return False
-    return distance(target.value, ours.value) <= NEAR[target.field]

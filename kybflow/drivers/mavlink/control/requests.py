@@ -12,7 +12,6 @@ the effect in what the autopilot reports."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Literal
 
 from kybflow.core.signals import NS, Time
@@ -125,10 +124,19 @@ class CommandRequests:
         if any(request.command == command for request in self._replaced):
             self._replaced = [r for r in self._replaced if r.command != command]
             return
+        result = message.result
         for request in self._waiting:
-            if request.command == command and request.sent and not request.refusal:
-                _answer(request, message.result, now)
-                break
+            if request.command != command or not request.sent or request.refusal:
+                continue
+            if result == ACCEPTED:
+                request.end("accepted")
+            elif result == IN_PROGRESS:
+                request.is_in_progress = True
+                request.next = now + PROGRESS
+            else:
+                request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
+                request.next = now + WORDS_LATE
+            break
         self._tidy()
 
     def due(self, now: Time) -> list[Message]:
@@ -141,7 +149,15 @@ class CommandRequests:
             if now >= request.next:
                 self._expire(request)
         self._tidy()
-        return [self._send(request, now) for request in self._turns() if now >= request.next]
+        messages = []
+        first: set[int] = set()
+        for request in self._waiting:
+            if request.refusal or request.command in first:
+                continue  # it waits for its reason, or for an older request of the command
+            first.add(request.command)
+            if now >= request.next:
+                messages.append(self._send(request, now))
+        return messages
 
     def _expire(self, request: CommandRequest) -> None:
         """End the request if it was refused or has timed out."""
@@ -154,15 +170,6 @@ class CommandRequests:
         elif request.sent >= request.attempts:
             tries = "once" if request.sent == 1 else f"{request.sent} times"
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
-
-    def _turns(self) -> Iterator[CommandRequest]:
-        """Yield the first request of each command, except refused ones, which only wait for their
-        reason."""
-        seen: set[int] = set()
-        for request in self._waiting:
-            if not request.refusal and request.command not in seen:
-                seen.add(request.command)
-                yield request
 
     def _send(self, request: CommandRequest, now: Time) -> Message:
         request.next = now + request.wait
@@ -181,17 +188,6 @@ def name_of(command: int) -> str:
     """Return a command's name in MAVLink, such as `DO_SET_MODE`."""
     entry = mavlink.enums["MAV_CMD"].get(command)
     return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
-
-
-def _answer(request: CommandRequest, result: int, now: Time) -> None:
-    if result == ACCEPTED:
-        request.end("accepted")
-    elif result == IN_PROGRESS:
-        request.is_in_progress = True
-        request.next = now + PROGRESS
-    else:
-        request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
-        request.next = now + WORDS_LATE
 
 
 SHOWN = 1.5
@@ -221,7 +217,12 @@ class Retries:
         shows."""
         request = self._request
         if request is not None and request.outcome != "waiting":
-            self._answered(request, now)
+            self._request = None
+            accepted = request.outcome == "accepted"
+            self.refusal = "" if accepted else request.words
+            pause = max(self._pause, self._shown) if accepted else self._pause
+            self._due = now + round(pause * NS)
+            self._pause = min(2.0 * self._pause, self._most)
         if self._request is None and (self._due is None or now >= self._due):
             self._request = self._requests.ask(
                 self._command,
@@ -235,14 +236,6 @@ class Retries:
         """Withdraw an unanswered request, so that it is not sent again."""
         if self._request is not None and self._request.outcome == "waiting":
             self._request.end("silent", "it was withdrawn")
-
-    def _answered(self, request: CommandRequest, now: Time) -> None:
-        self._request = None
-        accepted = request.outcome == "accepted"
-        self.refusal = "" if accepted else request.words
-        pause = max(self._pause, self._shown) if accepted else self._pause
-        self._due = now + round(pause * NS)
-        self._pause = min(2.0 * self._pause, self._most)
 
 
 class Modes:

@@ -24,7 +24,7 @@ from __future__ import annotations
 from itertools import takewhile
 from typing import NamedTuple
 
-from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, conjugate, rotate, scale, to_euler
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, conjugate, rotate, scale, to_euler
 from kybflow.core.signals import (
     NS,
     Battery,
@@ -161,19 +161,14 @@ def _attitude_target(
     if command.kind is CommandKind.RATES_THRUST:
         mask, attitude, rates = NO_ATTITUDE, LEVEL, to_frd(command.rates)
     else:
-        mask, attitude, rates = NO_RATES, _wanted(command, anchor, own_heading), ZERO
+        mask, attitude, rates = NO_RATES, anchor.attitude_from_world(command.attitude), ZERO
+        if command.heading is None and own_heading is not None:
+            attitude = with_heading(command.attitude, own_heading)
         thrust *= lean(attitude) if throttle.raised else 1.0
         attitude = attitude_to_ned(attitude)
     return mavlink.MAVLink_set_attitude_target_message(
         boot_ms, *target, mask, attitude, *rates, throttle.share(thrust)
     )
-
-
-def _wanted(command: Command, anchor: Anchor, own_heading: float | None) -> Quat:
-    """Return the commanded attitude in the autopilot's frame, FLU to ENU."""
-    if command.heading is None and own_heading is not None:
-        return with_heading(command.attitude, own_heading)
-    return anchor.attitude_from_world(command.attitude)
 
 
 def _covariance(spread: float) -> tuple[float, ...]:

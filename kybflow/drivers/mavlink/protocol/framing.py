@@ -139,20 +139,6 @@ class FieldTuple(tuple[Any, ...]):
         return int(self[-1])
 
 
-def _tuple_of(made: Any) -> type[FieldTuple]:
-    """Return the `FieldTuple` subclass for a message class of pymavlink."""
-    members: dict[str, Any] = {"__slots__": (), "_made": made}
-    members |= {"_name": made.msgname, "_number": made.id}
-    start = 0
-    for name, length, count in zip(
-        made.ordered_fieldnames, made.lengths, made.array_lengths, strict=True
-    ):
-        span = slice(start, start + length) if count else start
-        members[name] = property(_list_at(span) if isinstance(span, slice) else itemgetter(span))
-        start += length
-    return type(made.__name__, (FieldTuple,), members)
-
-
 def _list_at(span: slice) -> Callable[[tuple[Any, ...]], list[Any]]:
     return lambda message: list(message[span])
 
@@ -199,30 +185,43 @@ class MessageLayout:
 
     @cached_property
     def _kind(self) -> type[FieldTuple]:
-        return _tuple_of(self.made)
+        """The `FieldTuple` subclass for this message type."""
+        made = self.made
+        members: dict[str, Any] = {"__slots__": (), "_made": made}
+        members |= {"_name": made.msgname, "_number": made.id}
+        start = 0
+        for name, length, count in zip(
+            made.ordered_fieldnames, made.lengths, made.array_lengths, strict=True
+        ):
+            members[name] = property(
+                _list_at(slice(start, start + length)) if count else itemgetter(start)
+            )
+            start += length
+        return type(made.__name__, (FieldTuple,), members)
 
     def frame(self, message: Message, sequence: int, sender: tuple[int, int], flags: int) -> bytes:
         """Return a version 2 frame of the message, without a signature. Raises DriverError if a
         value doesn't fit its field."""
-        payload = self._payload(message)
+        try:
+            packed: bytes = self._pack(*self._values(message))
+        except (struct.error, OverflowError, TypeError) as error:
+            raise DriverError(f"a {message.get_type()} can't be sent: {error}") from error
+        payload = packed.rstrip(b"\0") or b"\0"
         head = _HEADER.pack(
             SECOND, len(payload), flags, 0, sequence, *sender, self.id & 0xFFFF, self.id >> 16
         )
         data = head + payload
         return data + _checksum(data[1:] + self.extra).to_bytes(_CHECKSUM, "little")
 
-    def _payload(self, message: Message) -> bytes:
-        try:
-            packed: bytes = self._pack(*self._values(message))
-        except (struct.error, OverflowError, TypeError) as error:
-            raise DriverError(f"a {message.get_type()} can't be sent: {error}") from error
-        return packed.rstrip(b"\0") or b"\0"
-
     def _values(self, message: Message) -> Sequence[Any]:
         if isinstance(message, FieldTuple):
             return message[:_SENDER]
         if self._fields is None:
-            self._fields = _reader([_stored(message, *field) for field in self._arrays.items()])
+            stored = []
+            for name, count in self._arrays.items():
+                raw = f"_{name}_raw"  # holds the bytes of a text field
+                stored.append((raw, False) if hasattr(message, raw) else (name, count > 0))
+            self._fields = _reader(stored)
         return self._fields(message)
 
 
@@ -231,12 +230,6 @@ def _value(values: tuple[Any, ...], start: int, count: int) -> Any:
     if isinstance(value, bytes):
         return value.rstrip(b"\0")
     return value if count == 1 else list(values[start : start + count])
-
-
-def _stored(message: Message, name: str, count: int) -> tuple[str, bool]:
-    """Return the name of the attribute that holds a field, and whether it is a numeric array."""
-    raw = f"_{name}_raw"  # holds the bytes of a text field
-    return (raw, False) if hasattr(message, raw) else (name, count > 0)
 
 
 def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]]:
@@ -255,11 +248,9 @@ def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]
     return read
 
 
-def _slow_checksum(data: bytes) -> int:
-    return int(mavlink.x25crc(data).crc)
-
-
-_checksum: Callable[[bytes], int] = getattr(mavlink, "mcrf4xx", None) or _slow_checksum
+_checksum: Callable[[bytes], int] = getattr(mavlink, "mcrf4xx", None) or (
+    lambda data: int(mavlink.x25crc(data).crc)
+)
 """The checksum, CRC-16/MCRF4XX."""
 LAYOUTS: dict[int, MessageLayout] = {
     number: MessageLayout(made) for number, made in mavlink.mavlink_map.items()

@@ -86,8 +86,8 @@ def boot_time(message: Message) -> Time | None:
 
 class TimeSync:
     """Exchanges TIMESYNC messages in both directions. Its methods return the messages to send.
-    `round_trip`: the shorter of the newest two round trips, seconds, including the wait for our
-    tick; zero before the second."""
+    `round_trip`: the shorter of the newest two round trips, seconds, including the wait for
+    kybflow's tick; zero until two have been measured."""
 
     def __init__(self, clock: BootClock) -> None:
         self.round_trip = 0.0

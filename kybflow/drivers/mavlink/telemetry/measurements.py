@@ -1,5 +1,6 @@
 """The measurements of one autopilot: its own estimate, its IMU, its battery, its GPS and the
-pilot's sticks. Values that are not finite, and quaternions that are no rotation, are dropped.
+pilot's sticks. Values that are not finite, and quaternions that do not represent a rotation, are
+dropped.
 
 If the autopilot provides its own position, its frame is anchored in the world as soon as it has a
 valid position on the ground: the vehicle then stands at the mission's start, with the mission's
@@ -9,7 +10,7 @@ that frame stays unknown.
 An autopilot reports a low battery in BATTERY_STATUS (charge_state), in SYS_STATUS (an unhealthy
 battery) and in texts. A reported state counts while it lasts; a text counts from arming until
 disarming, since earlier ones belong to the preflight. The autopilot reports a low battery even if
-its failsafe is disabled; from the state `acts_at` on an enabled failsafe would act."""
+its failsafe is disabled. If the failsafe is enabled, it acts from the state `acts_at` onwards."""
 
 from __future__ import annotations
 

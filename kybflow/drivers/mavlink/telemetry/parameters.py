@@ -126,7 +126,11 @@ class AutopilotParameters:
             return []
         for name, exchange in list(self._exchanges.items()):
             if exchange.tries >= TRIES and now >= exchange.next:
-                self._give_up(name)
+                del self._exchanges[name]
+                if exchange.value is None or name not in self._types:
+                    self._forget(name, exchange)
+                else:
+                    self.refused[name] = f"it stays at {self.values[name]:g}"
         under_way = list(self._exchanges.items())[:AT_ONCE]
         return [self._send(name, e, now) for name, e in under_way if now >= e.next]
 
@@ -158,13 +162,6 @@ class AutopilotParameters:
             self._forget(name, exchange)
         else:
             self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
-
-    def _give_up(self, name: str) -> None:
-        exchange = self._exchanges.pop(name)
-        if exchange.value is None or name not in self._types:
-            self._forget(name, exchange)
-        else:
-            self.refused[name] = f"it stays at {self.values[name]:g}"
 
     def _named(self, message: Message) -> str:
         """Return our name of the parameter in a message."""

@@ -91,7 +91,11 @@ class GroundTruth:
         if self._tangent is None:
             if not on_ground:
                 return
-            self._tangent = self._touching(*degrees, height)
+            self._tangent = (
+                Tangent.on_ellipsoid(*degrees, height)
+                if self._sphere is None
+                else Tangent.on_sphere(*degrees, height, self._sphere)
+            )
             start, heading = self._context.start, self._context.heading
             self._anchor = Anchor.joining(ZERO, heading_of(attitude), start, heading)
         velocity = self._anchor.turned(from_ned(speed))
@@ -140,11 +144,6 @@ class GroundTruth:
         ahead = add(last.position, scale(mean, gone))
         (x, y, z), (a, b, c) = ahead, place
         return (_corrected(x, a), _corrected(y, b), _corrected(z, c))
-
-    def _touching(self, latitude: float, longitude: float, height: float) -> Tangent:
-        if self._sphere is None:
-            return Tangent.on_ellipsoid(latitude, longitude, height)
-        return Tangent.on_sphere(latitude, longitude, height, self._sphere)
 
 
 def _moved_on(truth: Truth, seconds: float) -> Truth:

@@ -142,7 +142,13 @@ def read_address(text: str) -> Address:
     """Parse an address. Raises DriverError, which says what to write instead."""
     kind, _, rest = text.strip().partition(":")
     if kind == "serial":
-        return _serial(text, rest)
+        device, _, baud = rest.rpartition(":")  # a device may have colons in its name
+        if not device or not re.fullmatch(r"\d{3,8}", baud):
+            raise DriverError(
+                f"`{text}` is no serial line: write `serial:DEVICE:BAUD`, as in"
+                " `serial:/dev/ttyUSB0:57600`"
+            )
+        return Address("serial", device, int(baud))
     if kind == "udp":
         raise DriverError(
             f"`{text}` could mean two things: write `udpin:{rest}` to wait for the autopilot to"
@@ -150,10 +156,6 @@ def read_address(text: str) -> Address:
         )
     if kind not in KINDS:
         raise DriverError(f"`{text}` is no MAVLink address: {_FORMS}")
-    return _host(text, kind, rest)
-
-
-def _host(text: str, kind: str, rest: str) -> Address:
     match = _PLACE.fullmatch(rest)
     if match is None:
         raise DriverError(f"`{text}` is no MAVLink address: write `{kind}:HOST:PORT`")
@@ -163,16 +165,6 @@ def _host(text: str, kind: str, rest: str) -> Address:
     if not 0 < port < 65536:
         raise DriverError(f"`{text}` has port {port}: ports go from 1 to 65535")
     return Address(kind, host or LOOPBACK, port)
-
-
-def _serial(text: str, rest: str) -> Address:
-    device, _, baud = rest.rpartition(":")  # a device may have colons in its name
-    if not device or not re.fullmatch(r"\d{3,8}", baud):
-        raise DriverError(
-            f"`{text}` is no serial line: write `serial:DEVICE:BAUD`, as in"
-            " `serial:/dev/ttyUSB0:57600`"
-        )
-    return Address("serial", device, int(baud))
 
 
 def to_ask(address: str) -> str:
