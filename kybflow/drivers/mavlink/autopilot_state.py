@@ -126,7 +126,8 @@ class AutopilotState:
         }
 
     def age(self, now: Time) -> float:
-        """Return the seconds since the last message; zero before the first."""
+        """Return the seconds since the last message of any type; zero before the first. (The age of
+        the link in the runtime counts measurements only.)"""
         return 0.0 if self._received_at is None else (now - self._received_at) / NS
 
     def receive(self, now: Time) -> bool:
