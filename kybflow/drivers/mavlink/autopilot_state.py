@@ -26,6 +26,7 @@ from kybflow.drivers.mavlink.control.others import OtherCommanders
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.params import MavlinkParams
+from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS, Message, mavlink
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE
 from kybflow.drivers.mavlink.telemetry import received_status
@@ -221,10 +222,10 @@ class KeepAlive:
         self, autopilot: AutopilotState, rates: Mapping[str, float], names: Sequence[str]
     ) -> None:
         self._autopilot, self._rates, self._names = autopilot, dict(rates), names
-        self._polled: list[Message] = []
-        for name in sorted(autopilot.profile.polled):
-            params = (REQUEST_MESSAGE, 0, float(NUMBERS[name]), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-            self._polled.append(mavlink.MAVLink_command_long_message(*autopilot.target, *params))
+        self._polled = [
+            codec.command_long(autopilot.target, REQUEST_MESSAGE, NUMBERS[name])
+            for name in sorted(autopilot.profile.polled)
+        ]
         self._poll: Time = 0
         self._heartbeat: Time = 0
         self._round: Time = 0
@@ -275,8 +276,7 @@ class KeepAlive:
         """Restore the default rate of every stream that was requested."""
         a = self._autopilot
         for number in self._requested:
-            params = (SET_MESSAGE_INTERVAL, 0, number, DEFAULT, 0.0, 0.0, 0.0, 0.0, 0.0)
-            a.port.send(mavlink.MAVLink_command_long_message(*a.target, *params))
+            a.port.send(codec.command_long(a.target, SET_MESSAGE_INTERVAL, number, DEFAULT))
 
     def _stop_unread(self, now: Time) -> None:
         """Switch off the streams that arrived often since the last requests and were not read."""

@@ -215,11 +215,8 @@ class AutopilotLink(Link):
         is_ours = self.override is None and not autopilot.status.armed
         if not is_ours or before is None or before == autopilot.status.mode:
             return
-        params = (*autopilot.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
-        command = mavlink.MAV_CMD_DO_SET_MODE
-        autopilot.port.send(
-            mavlink.MAVLink_command_long_message(*autopilot.target, command, 0, *params)
-        )
+        command, params = mavlink.MAV_CMD_DO_SET_MODE, autopilot.profile.mode_params(before)
+        autopilot.port.send(codec.command_long(autopilot.target, command, *params))
 
     def _apply_faults(self) -> None:
         """Apply the injected faults that act on this side of the link."""

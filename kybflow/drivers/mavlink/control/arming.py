@@ -90,20 +90,17 @@ class Arming:
             return self._modes.trouble
         if not self._status.armed:
             self._floor = height
-            return self._to_arm(now)
+            unready = self._profile.ready(self._status)
+            if unready and now - self._begun < DOUBT * self._timeout * NS:
+                return unready
+            self._arm.step(now)
+            reason = self._arm.refusal or unready
+            return reason or "it was asked to, and its heartbeat reports that it is not armed"
         if self._profile.climbs:
             return self._to_lift(height, now)
         if not rises or height is None or self._floor is None or height - self._floor >= LIFTED:
             return ""
         return "armed, it has not left the ground"
-
-    def _to_arm(self, now: Time) -> str:
-        unready = self._profile.ready(self._status)
-        if unready and now - self._begun < DOUBT * self._timeout * NS:
-            return unready
-        self._arm.step(now)
-        reason = self._arm.refusal or unready
-        return reason or "it was asked to, and its heartbeat reports that it is not armed"
 
     def _to_lift(self, height: float | None, now: Time) -> str:
         landed = self._status.landed

@@ -16,6 +16,7 @@ from typing import Literal
 
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
@@ -155,8 +156,15 @@ class CommandRequests:
             if request.refusal or request.command in first:
                 continue  # it waits for its reason, or for an older request of the command
             first.add(request.command)
-            if now >= request.next:
-                messages.append(self._send(request, now))
+            if now < request.next:
+                continue
+            request.next = now + request.wait
+            request.wait = min(2 * request.wait, LONGEST)
+            again = min(request.sent, 255)
+            request.sent += 1
+            messages.append(
+                codec.command_long(self._target, request.command, *request.params, again=again)
+            )
         return messages
 
     def _expire(self, request: CommandRequest) -> None:
@@ -170,15 +178,6 @@ class CommandRequests:
         elif request.sent >= request.attempts:
             tries = "once" if request.sent == 1 else f"{request.sent} times"
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
-
-    def _send(self, request: CommandRequest, now: Time) -> Message:
-        request.next = now + request.wait
-        request.wait = min(2 * request.wait, LONGEST)
-        confirmation = min(request.sent, 255)
-        request.sent += 1
-        return mavlink.MAVLink_command_long_message(
-            *self._target, request.command, confirmation, *request.params
-        )
 
     def _tidy(self) -> None:
         self._waiting = [r for r in self._waiting if r.outcome == "waiting"]

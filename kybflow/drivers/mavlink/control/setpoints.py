@@ -141,16 +141,14 @@ class LiftOff:
         """Return whether a command must wait until the vehicle has lifted off."""
         if self._until is None:
             return False
-        if now >= self._until or not self._is_downward(command):
+        if (push := _acceleration(command)) is not None:
+            is_downward = push[2] < 0.0
+        else:
+            target, height = _position(command), self.height
+            is_downward = target is not None and height is not None and target[2] < height
+        if now >= self._until or not is_downward:
             self._until = None
         return self._until is not None
-
-    def _is_downward(self, command: Command) -> bool:
-        push = _acceleration(command)
-        if push is not None:
-            return push[2] < 0.0
-        target, height = _position(command), self.height
-        return target is not None and height is not None and target[2] < height
 
 
 def raised(command: Command, height: float, seconds: float) -> Command:

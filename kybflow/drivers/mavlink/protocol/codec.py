@@ -99,6 +99,13 @@ def encode(
     return _position_target(command, target, boot_ms, anchor)
 
 
+def command_long(target: tuple[int, int], command: int, *params: float, again: int = 0) -> Message:
+    """Return a COMMAND_LONG with up to seven parameters; missing ones are 0. again: how often it
+    has been sent already, at most 255."""
+    filled = (*params, *(0.0,) * (7 - len(params)))
+    return mavlink.MAVLink_command_long_message(*target, command, again, *filled)
+
+
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
     """Return an ODOMETRY message of kybflow's estimate; kybflow's world becomes the autopilot's own
     frame. stamp_us: when the estimate was true, in the vehicle's time, us. resets: how often it has

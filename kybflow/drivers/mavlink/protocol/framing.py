@@ -71,13 +71,6 @@ Sender = tuple[int, int, int]
 """A frame's system id, component id and sequence number."""
 
 
-def _head(frame: bytes) -> tuple[int, Sender]:
-    """Return the index at which the payload begins, and the sender."""
-    if frame[0] == FIRST:
-        return _FIRST_HEAD, (frame[3], frame[4], frame[2])
-    return _SECOND_HEAD, (frame[5], frame[6], frame[4])
-
-
 def _body(frame: bytes) -> int:
     """Return the index at which the payload of a complete frame ends."""
     if frame[2] == SIGNED and frame[0] == SECOND:
@@ -364,7 +357,9 @@ class Parser:
         body = _body(frame)
         if not layout.fits(frame, body):
             return None
-        head, sender = _head(frame)
+        head, sender = _SECOND_HEAD, (frame[5], frame[6], frame[4])
+        if frame[0] == FIRST:
+            head, sender = _FIRST_HEAD, (frame[3], frame[4], frame[2])
         system, component, _ = sender
         if not self._is_accepted(frame, system, component):
             self.counts.refused += 1

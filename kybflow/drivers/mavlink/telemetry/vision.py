@@ -68,9 +68,7 @@ class ExternalVision:
         command, number = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         return [
             mavlink.MAVLink_set_gps_global_origin_message(self._target[0], *place),
-            mavlink.MAVLink_command_long_message(
-                *self._target, command, 0, number, 0, 0, 0, 0, 0, 0
-            ),
+            codec.command_long(self._target, command, number),
         ]
 
 

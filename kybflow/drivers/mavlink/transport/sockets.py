@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import socket
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from errno import EACCES, EAGAIN, EBUSY, EINPROGRESS, ENOENT
 from typing import Any, ClassVar
 
@@ -210,6 +210,9 @@ def socket_pipe(opened: socket.socket) -> Pipe:
 class ReopeningWire(Wire):
     """A connection that is reopened when it is lost, with growing pauses."""
 
+    _ways_out: ClassVar[Mapping[int, str]] = {}
+    """What to say and to advise instead of the system's own words, by `errno`."""
+
     def __init__(self, address: Address) -> None:
         super().__init__(str(address))
         self._pipe: Pipe | None = None
@@ -260,14 +263,12 @@ class ReopeningWire(Wire):
         return self._pipe
 
     def _lost(self, error: OSError) -> None:
-        self._trouble = f"{self.address}: {self._words(error)}"
+        words = self._ways_out.get(error.errno or 0) or os_error(error)
+        self._trouble = f"{self.address}: {words}"
         self._pipe = self._began = None
         self._next = self._now + self._pause
         self._pause = min(2 * self._pause, LATE)
         self._end()
-
-    def _words(self, error: OSError) -> str:
-        return os_error(error)
 
     @abstractmethod
     def _begin(self) -> None:
@@ -342,7 +343,12 @@ class TcpServer(Wire):
         return sender in self._clients
 
     def receive(self, now: Time) -> Received:
-        self._accept()
+        while len(self._clients) < MOST_CLIENTS:
+            try:
+                client, sender = self._listener.accept()
+            except OSError:  # no client, or it has already gone
+                break
+            self._clients[sender] = (_quick(client), socket_pipe(client))
         came: list[tuple[bytes, Any]] = []
         for sender, (_, pipe) in list(self._clients.items()):
             try:
@@ -362,14 +368,6 @@ class TcpServer(Wire):
             except OSError:
                 self._drop(sender)
 
-    def _accept(self) -> None:
-        while len(self._clients) < MOST_CLIENTS:
-            try:
-                client, sender = self._listener.accept()
-            except OSError:  # no client, or it has already gone
-                return
-            self._clients[sender] = (_quick(client), socket_pipe(client))
-
     def _drop(self, sender: Any) -> None:
         self._clients.pop(sender)[0].close()
 
@@ -381,16 +379,15 @@ def _quick(opened: socket.socket) -> socket.socket:
     return opened
 
 
-_WAYS_OUT = {
-    ENOENT: "there is no such device: is it plugged in?",
-    EACCES: "no permission: join the group that owns it, as `dialout`, and log in again",
-    EAGAIN: "another program has it: close it",
-    EBUSY: "another program has it: close it",
-}
-
-
 class SerialLine(ReopeningWire):
     """A serial cable or a telemetry radio; reopened after it was unplugged."""
+
+    _ways_out: ClassVar[Mapping[int, str]] = {
+        ENOENT: "there is no such device: is it plugged in?",
+        EACCES: "no permission: join the group that owns it, as `dialout`, and log in again",
+        EAGAIN: "another program has it: close it",
+        EBUSY: "another program has it: close it",
+    }
 
     def __init__(self, address: Address) -> None:
         """Prepare the line without opening it. Raises DriverError if pyserial is missing."""
@@ -423,9 +420,6 @@ class SerialLine(ReopeningWire):
 
     def _end(self) -> None:
         self._line.close()
-
-    def _words(self, error: OSError) -> str:
-        return _WAYS_OUT.get(error.errno or 0, os_error(error))
 
 
 def open_wire(address: str | Address) -> Wire:
