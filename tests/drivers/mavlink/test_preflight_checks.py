@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from framing import ARM
-from scripted_autopilot import Bench, estimate, mavlink
+from scripted_autopilot import BOTH, Bench, estimate, mavlink, standing
 
 from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused
@@ -76,8 +76,7 @@ def test_one_that_is_unready_without_a_word_is_asked_what_is_not_well():
 
 
 def test_what_is_not_well_is_said_of_a_refusal_to_arm_too():
-    bench = Bench(arming_time=3.0)
-    bench.run(1.0)
+    bench = standing(arming_time=3.0)
     bench.fake.refuses, bench.fake.ill = {ARM: (1, "")}, ESTIMATE
     with pytest.raises(Refused, match="not well: estimate of attitude and position"):
         bench.arm(10.0)
@@ -155,7 +154,7 @@ def test_a_green_watchdog_says_what_this_one_does():
     assert "COM_OBL_RC_ACT is 3" in looked(bench, 8.0)["watchdog"].reason
 
 
-@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+@BOTH
 def test_one_that_does_not_tell_what_it_does_without_us_is_not_flown(name):
     """As on a line that is full, or where it hears nothing that is not signed."""
     bench = set_up(Bench(name))
