@@ -199,6 +199,11 @@ class Bench:
                 return True
         return False
 
+    def close(self) -> None:
+        """Close the session; what it sends for that is received."""
+        self.session.close()
+        self.fake.step(self.now + PERIOD)
+
     def fly(self) -> None:
         """Until it obeys, in the air."""
         self.run(1.0)

@@ -24,7 +24,6 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Odometry
 
-
 OWN = {"px4": "RETURN", "ardupilot": "RTL"}
 HAND = {"px4": "POSITION", "ardupilot": "LOITER"}
 OTHER = {"px4": "MISSION", "ardupilot": "AUTO"}
@@ -36,18 +35,11 @@ def failed_over(name: str) -> Bench:
     bench.fake.landed, bench.fake.position = AIR, (0.0, 0.0, 1.0)
     bench.run(0.1, UP)
     bench.cut(5.0, UP)
-    go(bench, OWN[name])
+    bench.fake.go(OWN[name])
     bench.run(0.5, UP)
     assert bench.link.override.reason.startswith("its own failsafe")
     bench.fake.sent.clear()
     return bench
-
-
-def go(bench: Bench, mode: str) -> None:
-    """Into a mode by its own name."""
-    names = bench.fake.profile.names
-    bench.fake.mode = next(number for number, name in names.items() if name == mode)
-    bench.fake.heartbeat()
 
 
 @BOTH
@@ -61,9 +53,9 @@ def test_it_comes_back_from_its_failsafe(name):
 @pytest.mark.parametrize("modes", [HAND, OTHER])
 def test_it_is_left_to_a_person_who_took_it_from_its_failsafe(name, modes):
     bench = failed_over(name)
-    go(bench, modes[name])
+    bench.fake.go(modes[name])
     bench.run(5.0, UP)
-    go(bench, OWN[name])
+    bench.fake.go(OWN[name])
     bench.run(10.0, UP)
     assert bench.fake.commands(SET_MODE) == bench.fake.took(STREAM) == []
     assert bench.link.override is not None
@@ -75,7 +67,7 @@ def test_a_person_ends_an_attempt_that_is_under_way(name):
     bench.fake.refuses = {SET_MODE: (REJECTED, "")}
     bench.run(3.0, UP)
     assert bench.fake.commands(SET_MODE)
-    go(bench, HAND[name])
+    bench.fake.go(HAND[name])
     bench.run(0.1, UP)
     bench.fake.sent.clear()
     bench.fake.refuses = {}
@@ -93,7 +85,7 @@ def test_one_that_goes_back_by_itself_for_a_moment_still_comes_back(name):
     bench = failed_over(name)
     bench.fake.go("offboard")
     bench.run(0.2, UP)
-    go(bench, OWN[name])
+    bench.fake.go(OWN[name])
     bench.run(4.0, UP)
     assert bench.link.override is None
 
@@ -120,7 +112,7 @@ def test_a_pilot_who_takes_one_that_will_not_land_is_not_asked_over(name):
     bench.fake.refuses = {SET_MODE: (REJECTED, "")}
     assert not bench.link.land(bench.now)
     bench.run(0.5)
-    go(bench, HAND[name])
+    bench.fake.go(HAND[name])
     bench.run(0.1)
     with pytest.raises(Refused, match="a pilot took over"):
         bench.link.land(bench.now)
@@ -279,8 +271,7 @@ def test_the_mode_that_a_pilot_chose_stays_when_the_run_ends():
     bench.fake.armed, bench.fake.landed = False, GROUND
     bench.run(1.0, RESTING)
     bench.fake.sent.clear()
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    bench.close()
     assert bench.fake.commands(SET_MODE) == []
 
 

@@ -11,7 +11,6 @@ from scripted_autopilot import (
     BOTH,
     GROUND,
     LANDING,
-    PERIOD,
     RESTING,
     STREAM,
     UP,
@@ -22,6 +21,7 @@ from scripted_autopilot import (
     mavlink,
     standing,
 )
+from test_preflight_checks import looked
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO
@@ -142,8 +142,7 @@ def test_what_comes_often_and_unread_is_switched_off_and_on_again_at_the_end():
     bench = Bench()
     assert unread(bench, 1.5) == []
     assert unread(bench, 1.0) == [SERVOS, THROTTLE]
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    bench.close()
     back = [(m.param1, m.param2) for m in bench.fake.commands(INTERVAL)[-2:]]
     assert back == [(SERVOS, 0.0), (THROTTLE, 0.0)]
 
@@ -152,8 +151,7 @@ def test_every_stream_comes_as_before_once_the_link_is_closed():
     bench = standing()
     asked = {m.param1 for m in bench.fake.commands(INTERVAL)}
     assert len(asked) > 5
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    bench.close()
     assert {m.param1 for m in bench.fake.commands(INTERVAL) if m.param2 == 0.0} == asked
 
 
@@ -420,82 +418,6 @@ def test_what_it_says_of_warning_or_worse_is_told_once():
     assert bench.link.status_texts() == ()
 
 
-def lines(bench, seconds=3.0, tells=True):
-    checks = ()
-    for _ in range(round(seconds * 50)):
-        bench.tick()
-        if tells:
-            bench.link.tell_position(estimate(bench.now), bench.now)
-        checks = bench.link.checks(bench.now)
-    return {check.name: check for check in checks}
-
-
-def test_the_preflight_goes_into_the_mode_that_it_asks_about():
-    bench = standing("ardupilot", position="own")
-    checks = lines(bench)
-    assert bench.fake.mode == bench.fake.profile.modes["offboard"]
-    assert checks["autopilot"].green
-    assert checks["position"].green
-    assert "parameters" not in checks
-
-
-def test_the_preflight_names_every_parameter_that_is_wrong():
-    bench = Bench("px4")
-    bench.fake.params["COM_OBL_RC_ACT"] = 3.0
-    bench.run(3.0)
-    checks = lines(bench, 10.0)
-    headline, *rows, cure, end = checks["parameters"].reason.split("\n")
-    assert headline == (
-        "12 of 17 are not as flight without GPS needs them, 1 of these under `watchdog`"
-    )
-    assert rows[0] == (
-        "  EKF2_EV_CTRL is 0,    should be 15:    takes position, height, velocity and heading from"
-        " kybflow"
-    )
-    assert len(rows) == 11
-    assert not any("COM_OBL_RC_ACT" in row for row in rows)
-    assert cure == (
-        "  to set all of them: `kybflow mavlink setup --vehicle px4 --system 1 --write`"
-    )
-    assert end == ""
-    assert not checks["parameters"].waits
-    assert "COM_OBL_RC_ACT is 3" in checks["watchdog"].reason
-    bench = Bench("px4")
-    for setting in bench.fake.profile.indoors:
-        bench.fake.params[setting.name] = setting.wanted(245)
-    checks = lines(bench, 15.0)
-    assert [name for name, check in checks.items() if not check.green] == []
-
-
-def test_the_preflight_says_what_it_says():
-    bench = Bench("ardupilot", position="own")
-    bench.fake.ready = False
-    bench.run(1.0)
-    bench.fake.say("PreArm: Battery 1 low", 2)
-    checks = lines(bench)
-    assert "PreArm: Battery 1 low" in checks["autopilot"].reason
-    bench.fake.armed = True
-    checks = lines(bench)
-    assert "armed already" in checks["autopilot"].reason
-
-
-def test_the_preflight_sees_that_it_believes_to_be_elsewhere():
-    bench = Bench("px4")
-    bench.fake.position = (2.0, 0.0, 0.0)
-    assert "2.00 m" in lines(bench)["position"].reason
-    assert "no estimate to send" in lines(Bench("px4"), tells=False)["position"].reason
-
-
-def test_another_autopilot_is_told_as_such():
-    bench = Bench("px4")
-    bench.fake.profile = Bench("ardupilot").fake.profile
-    found = lines(bench)
-    check = found["heartbeat"]
-    assert not check.green
-    assert "it is ardupilot, px4 is expected: set the driver's `autopilot`" in check.reason
-    assert not found["watchdog"].green, "nothing is known of it yet"
-
-
 def test_silence_from_the_start_is_an_error_with_a_way_out_and_later_it_is_age():
     bench = Bench()
     bench.fake.is_quiet = True
@@ -531,9 +453,8 @@ def frame(number, payload, extra):
 
 def test_closing_puts_the_mode_of_a_disarmed_vehicle_back():
     bench = standing("ardupilot", position="own")
-    lines(bench)
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    looked(bench)
+    bench.close()
     assert bench.fake.mode == bench.fake.profile.modes["hold"]
 
 
