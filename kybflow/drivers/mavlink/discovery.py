@@ -202,7 +202,12 @@ class ParameterSetup:
         self, setting: Needed, parameters: AutopilotParameters, was_written: bool
     ) -> ParameterRow:
         found = parameters.values.get(setting.name)
-        needs = self._needs(setting)
+        value = f"{self._own if setting.value == OWN else setting.value:g}"
+        needs = {
+            "equal": " or ".join((value, *(f"{other:g}" for other in setting.allowed))),
+            "at_most": f"at most {value}",
+            "bits": f"with bits {value}",
+        }[setting.rule]
         reason = parameters.refused.get(setting.name, "")
         setting = setting._replace(name=parameters.called(setting.name))
         if found is None:
@@ -210,11 +215,3 @@ class ParameterSetup:
         if setting.accepts(found, self._own):
             return ParameterRow(setting, found, needs, "written" if was_written else "right")
         return ParameterRow(setting, found, needs, "REFUSED" if was_written else "WRONG", reason)
-
-    def _needs(self, setting: Needed) -> str:
-        value = f"{self._own if setting.value == OWN else setting.value:g}"
-        if setting.rule == "at_most":
-            return f"at most {value}"
-        if setting.rule == "bits":
-            return f"with bits {value}"
-        return " or ".join((value, *(f"{other:g}" for other in setting.allowed)))

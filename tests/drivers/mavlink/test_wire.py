@@ -79,10 +79,7 @@ def test_several_senders_are_told_apart() -> None:
         other.sendto(b"2", (HOST, wire.port))
         came: list[tuple[bytes, Any]] = []
         until(lambda: came.extend(wire.receive(0)) or len(came) == 2, "both")
-        assert dict(came) == {
-            b"1": one.getsockname(),
-            b"2": other.getsockname(),
-        }
+        assert dict(came) == {b"1": one.getsockname(), b"2": other.getsockname()}
 
 
 def test_a_flood_does_not_hold_up_a_poll() -> None:

@@ -14,22 +14,12 @@ from enum import Enum
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.mavlink.control.arming import (
-    LEAD,
-    Arming,
-    Disarming,
-    MotorStop,
-    PreflightMode,
-)
+from kybflow.drivers.mavlink.control.arming import LEAD, Arming, Disarming, MotorStop, PreflightMode
 from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDetector
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
 from kybflow.drivers.mavlink.control.setpoints import LiftOff, SetpointStream, raised
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.telemetry.received_status import (
-    LandedState,
-    ReceivedStatus,
-    Silence,
-)
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus, Silence
 from kybflow.parts import Override
 
 MODE_TIMEOUT: Time = 3 * NS

@@ -93,12 +93,15 @@ class OtherCommanders:
         """Check the target that the autopilot reports (POSITION_TARGET_LOCAL_NED) while it follows
         setpoints in the air."""
         target = _target(message)
-        if target is None or _rests(target) or self._is_ours(target, now):
+        if target is None:
+            return
+        field, value = target
+        rests = (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)
+        if rests or self._is_ours(target, now):
             return
         self._foreign.append(now)
         if len(self._foreign) == OFTEN and now - self._foreign[0] <= WITHIN:
-            x, y, z = target.value
-            kind = FIELDS[target.field]
+            kind, (x, y, z) = FIELDS[field], value
             self._report(
                 f"it follows setpoints that this program did not send: {kind}"
                 f" ({x:.1f}, {y:.1f}, {z:.1f}) north, east, down{self._who()}",
@@ -173,8 +176,3 @@ def _target(message: Message) -> _Target | None:
         if mask & ignored != ignored and all(map(isfinite, value)):
             return _Target(field, value)
     return None
-
-
-def _rests(target: _Target) -> bool:
-    field, value = target
-    return (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)

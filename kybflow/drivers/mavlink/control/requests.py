@@ -224,11 +224,7 @@ class Retries:
             self._pause = min(2.0 * self._pause, self._most)
         if self._request is None and (self._due is None or now >= self._due):
             self._request = self._requests.ask(
-                self._command,
-                *self._params,
-                now=now,
-                timeout=min(self._pause, TIMEOUT),
-                attempts=2,
+                self._command, *self._params, now=now, timeout=min(self._pause, TIMEOUT), attempts=2
             )
 
     def drop(self) -> None:

@@ -263,7 +263,13 @@ class BatteryReports:
 
     def _warning(self) -> BatteryWarning | None:
         """Return the warning about a low battery, or None."""
-        self._read_texts()
+        if not self._status.armed:
+            self._worst_text = (0, "")
+        for received in self._status.texts_after(self._text):
+            self._text = received
+            level = self._level(received.text.lower()) if self._status.armed else 0
+            if level >= max(self._worst_text[0], LOW):
+                self._worst_text = (level, received.text)
         level, text = self._worst_text
         reasons = [f"it says '{text}'"] if text else []
         states = self._states.values()
@@ -277,16 +283,6 @@ class BatteryReports:
             return None
         acts = level >= self._acts_at or self._acts_at <= worst <= FAILED
         return BatteryWarning("; ".join(reasons), acts)
-
-    def _read_texts(self) -> None:
-        """Keep the worst battery text received while the vehicle is armed."""
-        if not self._status.armed:
-            self._worst_text = (0, "")
-        for text in self._status.texts_after(self._text):
-            self._text = text
-            level = self._level(text.text.lower()) if self._status.armed else 0
-            if level >= max(self._worst_text[0], LOW):
-                self._worst_text = (level, text.text)
 
     def _level(self, words: str) -> int:
         """Return the charge state that a text reports, 0 if it reports none."""

@@ -109,7 +109,13 @@ class AutopilotParameters:
         if kind == "PARAM_VALUE":
             self._value(message)
         elif kind == "PARAM_ERROR":
-            self._error(message)
+            name = self._named(message)
+            if (exchange := self._exchanges.pop(name, None)) is None:
+                return
+            if message.error == DOES_NOT_EXIST:
+                self._forget(name, exchange)
+            else:
+                self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
 
     def take_changed(self) -> list[tuple[str, float, float]]:
         """Return name, old and new value of each parameter that has changed since the last call
@@ -152,16 +158,6 @@ class AutopilotParameters:
             del self._exchanges[name]
         elif is_first:
             exchange.begin_anew()  # now that its type is known
-
-    def _error(self, message: Message) -> None:
-        name = self._named(message)
-        exchange = self._exchanges.pop(name, None)
-        if exchange is None:
-            return
-        if message.error == DOES_NOT_EXIST:
-            self._forget(name, exchange)
-        else:
-            self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
 
     def _named(self, message: Message) -> str:
         """Return our name of the parameter in a message."""

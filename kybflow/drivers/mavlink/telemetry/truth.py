@@ -132,7 +132,11 @@ class GroundTruth:
         if self._newest is None or gone > LONGEST:
             return None
         if self._now is None or self._now[0] != now:
-            self._now = now, _moved_on(self._newest, gone) if gone else self._newest
+            position, velocity, attitude, turn, payload = self._newest
+            if gone:
+                position = add(position, scale(velocity, gone))
+                attitude = integrate(attitude, turn, gone)
+            self._now = now, Truth(position, velocity, attitude, turn, payload)
         return self._now[1]
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
@@ -144,12 +148,6 @@ class GroundTruth:
         ahead = add(last.position, scale(mean, gone))
         (x, y, z), (a, b, c) = ahead, place
         return (_corrected(x, a), _corrected(y, b), _corrected(z, c))
-
-
-def _moved_on(truth: Truth, seconds: float) -> Truth:
-    position, velocity, attitude, turn, payload = truth
-    position = add(position, scale(velocity, seconds))
-    return Truth(position, velocity, integrate(attitude, turn, seconds), turn, payload)
 
 
 def _corrected(ahead: float, reported: float) -> float:

@@ -51,8 +51,10 @@ class ExternalVision:
         if not self.is_due(now) or estimate.age > OLDEST:
             return []
         last, self._last = self._last, estimate
-        if last is not None and _jumped(last, estimate):
-            self._resets += 1
+        if last is not None:
+            foreseen = add(last.position, scale(last.velocity, (estimate.time - last.time) / NS))
+            has_jumped = distance(foreseen, estimate.position) > JUMP
+            self._resets += has_jumped or estimate.source != last.source
         self._due += self._period
         if self._due <= now:
             self._due = now + self._period
@@ -70,13 +72,6 @@ class ExternalVision:
             mavlink.MAVLink_set_gps_global_origin_message(self._target[0], *place),
             codec.command_long(self._target, command, number),
         ]
-
-
-def _jumped(last: Estimate, estimate: Estimate) -> bool:
-    if estimate.source != last.source:
-        return True
-    foreseen = add(last.position, scale(last.velocity, (estimate.time - last.time) / NS))
-    return distance(foreseen, estimate.position) > JUMP
 
 
 SLOW = 1.0

@@ -266,12 +266,10 @@ class _Line:
         return f"nothing is heard at {place}"
 
     def _new_parser(self, place: Any) -> Parser:
-        """Return a parser for a new sender."""
         if len(self._parsers) >= MOST_SENDERS:
             self._parsers.pop(next(iter(self._parsers)))
-        parser = self._parsers[place] = Parser(
-            self._signing, self.counts, self.wanted, self.unread
-        )  # fmt: skip
+        parser = Parser(self._signing, self.counts, self.wanted, self.unread)
+        self._parsers[place] = parser
         return parser
 
 

@@ -57,19 +57,37 @@ def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
 
 
 class _Udp(Wire):
-    """A wire over one UDP socket; keeps the socket's last error."""
+    """A wire over one UDP socket; keeps the socket's last error. `_newest`: the newest sender."""
 
     def __init__(self, address: Address, opened: socket.socket) -> None:
         super().__init__(str(address))
         self._socket = opened
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
         self._trouble: str | None = None
+        self._newest: Any = None
 
     def trouble(self) -> str | None:
         return self._trouble
 
     def close(self) -> None:
         self._socket.close()
+
+    def receive(self, now: Time) -> Received:
+        came: list[tuple[bytes, Any]] = []
+        left = MOST_BYTES
+        for _ in range(MOST_AT_ONCE):
+            try:
+                came.append(self._socket.recvfrom(LONGEST))
+                left -= len(came[-1][0])
+            except BlockingIOError:
+                break
+            except OSError as error:  # such as that nobody listens there, as ICMP reports
+                self._trouble = f"{self.address}: {os_error(error)}"
+            if left <= 0:
+                break
+        if came:
+            self._newest, self._trouble = came[-1][1], None
+        return came
 
 
 class UdpIn(_Udp):
@@ -82,22 +100,6 @@ class UdpIn(_Udp):
         """Open the socket. Raises DriverError."""
         super().__init__(address, listener(address, socket.SOCK_DGRAM))
         self.port: int = self._socket.getsockname()[1]
-        self._newest: Any = None
-
-    def receive(self, now: Time) -> Received:
-        came: list[tuple[bytes, Any]] = []
-        left = MOST_BYTES
-        try:
-            while left > 0 and len(came) < MOST_AT_ONCE:
-                came.append(self._socket.recvfrom(LONGEST))
-                left -= len(came[-1][0])
-        except BlockingIOError:
-            pass
-        except OSError as error:
-            self._trouble = f"{self.address}: {os_error(error)}"
-        if came:
-            self._newest, self._trouble = came[-1][1], None
-        return came
 
     def send(self, data: bytes, to: Any = None) -> None:
         """Send to `to`, or to the newest sender if it is None."""
@@ -119,23 +121,6 @@ class UdpOut(_Udp):
         super().__init__(address, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self._socket.setblocking(False)
         self._socket.connect(resolved(address))
-
-    def receive(self, now: Time) -> Received:
-        came: list[tuple[bytes, Any]] = []
-        left = MOST_BYTES
-        for _ in range(MOST_AT_ONCE):
-            try:
-                came.append((self._socket.recv(LONGEST), None))
-                left -= len(came[-1][0])
-            except BlockingIOError:
-                break
-            except OSError as error:  # nobody listens there, as ICMP reports
-                self._trouble = f"{self.address}: {os_error(error)}"
-            if left <= 0:
-                break
-        if came:
-            self._trouble = None
-        return came
 
     def send(self, data: bytes, to: Any = None) -> None:
         for _ in range(2):  # the first call may report an earlier failure
