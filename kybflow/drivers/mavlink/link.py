@@ -78,7 +78,7 @@ class AutopilotLink(Link):
         autopilot.port.want(hover_throttle.STREAMS)
         self._vision = ExternalVision(params.vision_rate, autopilot.target)
         self._watched, self._shared = self._checks.names(), params.shared
-        names = [*self._checks.names(), profile.hover_parameter]
+        names = [*self._watched, profile.hover_parameter]
         self._grip: PayloadGrip | None = None
         if context.payload is not None:
             output = profile.output(context.payload.channel, params.simulator)
@@ -317,7 +317,8 @@ def open_session(
                 )
             wires = groups.setdefault(group, {})
             if address not in wires:
-                wires[address] = session.opened(opener(address))
+                wires[address] = opener(address)
+                session.wires.append(wires[address])
         routers = {
             (own, key): Router(wires, own, None if key is None else Signing(read_key(Path(key))))
             for (own, key), wires in groups.items()
@@ -326,7 +327,9 @@ def open_session(
         for (profile, address, system), seat in zip(places, seats, strict=True):
             port = routers[owners[address]].port(address, system)
             truth = GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
-            session.links[seat.context.vehicle] = AutopilotLink(seat, profile, port, truth)
+            link = AutopilotLink(seat, profile, port, truth)
+            session.links[seat.context.vehicle] = link
+            session.autopilots.append(link)
     except BaseException:
         session.close()
         raise
@@ -334,31 +337,25 @@ def open_session(
 
 
 class MavlinkSession(Session):
-    """The session of a run's autopilots: each tick it polls the `routers`, then updates every
-    link."""
+    """The session of a run's autopilots: each tick it polls the `routers`, then updates the link
+    of every autopilot. wires: are closed with the session."""
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
+        self.autopilots: list[AutopilotLink] = []
         self.routers: tuple[Router, ...] = ()
-        self._wires: list[Wire] = []
-
-    def opened(self, wire: Wire) -> Wire:
-        """Register a wire to be closed with the session, and return it."""
-        self._wires.append(wire)
-        return wire
+        self.wires: list[Wire] = []
 
     def advance(self, now: Time) -> None:
         for router in self.routers:
             router.poll(now)
-        for link in self.links.values():
-            if isinstance(link, AutopilotLink):
-                link.update(now)
+        for link in self.autopilots:
+            link.update(now)
 
     def close(self) -> None:
         try:
-            for link in self.links.values():
-                if isinstance(link, AutopilotLink):
-                    link.close()
+            for link in self.autopilots:
+                link.close()
         finally:
-            for wire in self._wires:
+            for wire in self.wires:
                 wire.close()
