@@ -188,30 +188,29 @@ class ParameterSetup:
         self, parameters: AutopilotParameters, written: Mapping[str, float]
     ) -> list[ParameterRow]:
         """Return one row per setting. written: the written values, by name."""
-        return [
-            self._row(setting, parameters, setting.name in written) for setting in self.settings
-        ]
+        rows = []
+        for setting in self.settings:
+            value = f"{self._own if setting.value == OWN else setting.value:g}"
+            needs = {
+                "equal": " or ".join((value, *(f"{other:g}" for other in setting.allowed))),
+                "at_most": f"at most {value}",
+                "bits": f"with bits {value}",
+            }[setting.rule]
+            found, was_written = parameters.values.get(setting.name), setting.name in written
+            reason = parameters.refused.get(setting.name, "")
+            state: RowState
+            if found is None:
+                state = "REFUSED" if reason else "MISSING"
+            elif setting.accepts(found, self._own):
+                state, reason = "written" if was_written else "right", ""
+            else:
+                state = "REFUSED" if was_written else "WRONG"
+            called = setting._replace(name=parameters.called(setting.name))
+            rows.append(ParameterRow(called, found, needs, state, reason))
+        return rows
 
     def dangers(self, values: Mapping[str, float]) -> list[str]:
         """Return descriptions of the dangers that no setting removes."""
         cured = {setting.name for setting in self.settings}
         rest = {name: value for name, value in values.items() if name not in cured}
         return list(self.profile.dangers_in(rest, self._own, indoors=True).values())
-
-    def _row(
-        self, setting: Needed, parameters: AutopilotParameters, was_written: bool
-    ) -> ParameterRow:
-        found = parameters.values.get(setting.name)
-        value = f"{self._own if setting.value == OWN else setting.value:g}"
-        needs = {
-            "equal": " or ".join((value, *(f"{other:g}" for other in setting.allowed))),
-            "at_most": f"at most {value}",
-            "bits": f"with bits {value}",
-        }[setting.rule]
-        reason = parameters.refused.get(setting.name, "")
-        setting = setting._replace(name=parameters.called(setting.name))
-        if found is None:
-            return ParameterRow(setting, None, needs, "REFUSED" if reason else "MISSING", reason)
-        if setting.accepts(found, self._own):
-            return ParameterRow(setting, found, needs, "written" if was_written else "right")
-        return ParameterRow(setting, found, needs, "REFUSED" if was_written else "WRONG", reason)

@@ -300,7 +300,14 @@ def sticks(message: Message, time: Time) -> Sticks | None:
     """Return the pilot's sticks from RC_CHANNELS, whose first four channels are roll, pitch,
     throttle and yaw, or from MANUAL_CONTROL. Return None if no transmitter is received."""
     if message.get_type() == "RC_CHANNELS":
-        return _transmitter(message, time)
+        count = min(message.chancount, 18)
+        pulses = [getattr(message, f"chan{n}_raw") for n in range(1, count + 1)]
+        known = takewhile(lambda pulse: pulse not in (0, UNKNOWN), pulses)
+        channels = [min(max((pulse - 1500) / 500, -1.0), 1.0) for pulse in known]
+        if len(channels) < 4:
+            return None
+        roll, pitch, throttle, yaw, *switches = channels
+        return Sticks(time, roll, -pitch, -yaw, 0.5 + 0.5 * throttle, tuple(switches))
     axes = (message.y, message.x, message.r, message.z)
     if NO_STICK in axes:
         return None
@@ -317,17 +324,6 @@ def payload(servos: tuple[int, ...], channel: int, time: Time) -> Payload | None
     if pulse in (0, UNKNOWN):
         return None
     return Payload(time, pulse < SERVO_MIDDLE, None)
-
-
-def _transmitter(message: Message, time: Time) -> Sticks | None:
-    count = min(message.chancount, 18)
-    pulses = [getattr(message, f"chan{n}_raw") for n in range(1, count + 1)]
-    known = takewhile(lambda pulse: pulse not in (0, UNKNOWN), pulses)
-    axes = [min(max((pulse - 1500) / 500, -1.0), 1.0) for pulse in known]
-    if len(axes) < 4:
-        return None
-    roll, pitch, throttle, yaw, *switches = axes
-    return Sticks(time, roll, -pitch, -yaw, 0.5 + 0.5 * throttle, tuple(switches))
 
 
 def _gps_spread(accuracy: int, dilution: int) -> float | None:

@@ -78,13 +78,6 @@ def _body(frame: bytes) -> int:
     return len(frame) - _CHECKSUM
 
 
-def _is_datagram(data: bytes) -> bool:
-    """Return whether the bytes are exactly one frame of version 2 without a signature, as in most
-    datagrams."""
-    size = len(data)
-    return size >= _SHORTEST and data[0] == SECOND and not data[2] and size == data[1] + _SHORTEST
-
-
 def is_signed(frame: bytes) -> bool:
     return frame[0] == SECOND and frame[2] == SIGNED
 
@@ -163,8 +156,16 @@ class MessageLayout:
             values = self._unpack_from(frame, head)
         if not self._has_texts:
             return tuple.__new__(self._kind, values + sender)
+        fields = []
+        for start, count in self._spans:
+            value = values[start]
+            if isinstance(value, bytes):
+                value = value.rstrip(b"\0")
+            elif count > 1:
+                value = list(values[start : start + count])
+            fields.append(value)
         try:
-            message = self.made(*[_value(values, start, count) for start, count in self._spans])
+            message = self.made(*fields)
         except Exception:  # pymavlink may raise anything on foreign bytes
             return None
         header = message.get_header()
@@ -216,13 +217,6 @@ class MessageLayout:
                 stored.append((raw, False) if hasattr(message, raw) else (name, count > 0))
             self._fields = _reader(stored)
         return self._fields(message)
-
-
-def _value(values: tuple[Any, ...], start: int, count: int) -> Any:
-    value = values[start]
-    if isinstance(value, bytes):
-        return value.rstrip(b"\0")
-    return value if count == 1 else list(values[start : start + count])
 
 
 def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]]:
@@ -300,13 +294,18 @@ class Parser:
     def parse(self, data: bytes) -> list[Message]:
         """Return the messages that are now complete, oldest first. After a bad byte the search
         continues at the next byte, so no valid frame is lost."""
-        if self._signing is None and not self._rest and _is_datagram(data):
-            number = int.from_bytes(data[7:10], "little")  # a whole frame, so no search is needed
+        size = len(data)
+        if (
+            self._signing is None and not self._rest and size >= _SHORTEST and data[0] == SECOND
+            and not data[2] and size == data[1] + _SHORTEST
+        ):  # fmt: skip
+            # exactly one unsigned frame, as in most datagrams, so no search is needed
+            number = int.from_bytes(data[7:10], "little")
             if self._wanted and number not in self._wanted:
                 if number in LAYOUTS:
                     self._unread[data[5], number] += 1
                 return []
-            layout, body = LAYOUTS.get(number), len(data) - _CHECKSUM
+            layout, body = LAYOUTS.get(number), size - _CHECKSUM
             if layout is not None and layout.fits(data, body):
                 sender = (data[5], data[6], data[4])
                 message = layout.message(data, _SECOND_HEAD, body, sender)

@@ -138,7 +138,20 @@ class AutopilotParameters:
                 else:
                     self.refused[name] = f"it stays at {self.values[name]:g}"
         under_way = list(self._exchanges.items())[:AT_ONCE]
-        return [self._send(name, e, now) for name, e in under_way if now >= e.next]
+        messages = []
+        for name, exchange in under_way:
+            if now < exchange.next:
+                continue
+            exchange.next = now + (FIRST_WAIT << exchange.tries)
+            exchange.tries += 1
+            sort, there = self._types.get(name), self.called(name).encode()
+            if exchange.value is None or sort is None:
+                message = mavlink.MAVLink_param_request_read_message(*self._target, there, -1)
+            else:
+                on_wire = self._encoded(exchange.value, sort)
+                message = mavlink.MAVLink_param_set_message(*self._target, there, on_wire, sort)
+            messages.append(message)
+        return messages
 
     def _value(self, message: Message) -> None:
         name = self._named(message)
@@ -176,15 +189,6 @@ class AutopilotParameters:
         self.missing.add(name)
         self.values.pop(name, None)
         self._types.pop(name, None)
-
-    def _send(self, name: str, exchange: _Exchange, now: Time) -> Message:
-        exchange.next = now + (FIRST_WAIT << exchange.tries)
-        exchange.tries += 1
-        sort, there = self._types.get(name), self.called(name).encode()
-        if exchange.value is None or sort is None:
-            return mavlink.MAVLink_param_request_read_message(*self._target, there, -1)
-        on_wire = self._encoded(exchange.value, sort)
-        return mavlink.MAVLink_param_set_message(*self._target, there, on_wire, sort)
 
     def _decoded(self, message: Message) -> float:
         value = float(message.param_value)

@@ -59,18 +59,16 @@ class ExternalVision:
         if self._due <= now:
             self._due = now + self._period
         self.newest = estimate, now
-        origin = self._origin(now) if is_lost else []
-        return [*origin, codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)]
-
-    def _origin(self, now: Time) -> list[Message]:
-        if now < self._origin_due:
-            return []
+        pose = codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)
+        if not is_lost or now < self._origin_due:
+            return [pose]
         self._origin_due = now + round(AGAIN * NS)
         place = (LATITUDE, LONGITUDE, HEIGHT)
         command, number = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         return [
             mavlink.MAVLink_set_gps_global_origin_message(self._target[0], *place),
             codec.command_long(self._target, command, number),
+            pose,
         ]
 
 
