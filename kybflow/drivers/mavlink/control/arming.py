@@ -52,11 +52,8 @@ class Arming:
         self._profile, self._status, self._modes = profile, status, modes
         self._begun, self._timeout = now, timeout
         self._arm = Retries(requests, ARM_DISARM, (1.0,))
-        self._lift = Retries(
-            requests,
-            mavlink.MAV_CMD_NAV_TAKEOFF,
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height),
-        )
+        climb = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height)
+        self._lift = Retries(requests, TAKEOFF, climb)
         self._floor: float | None = None
         modes.want("offboard")
         if modes.has_left:
@@ -159,14 +156,7 @@ class MotorStop:
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
         self._status = status
-        self._cut = Retries(
-            requests,
-            mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
-            (0.0, FORCED),
-            first=0.2,
-            most=0.2,
-            shown=0.2,
-        )
+        self._cut = Retries(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
 
     def step(self, now: Time) -> bool:
         """Request the stop if it is due; return whether the rotors have stopped."""

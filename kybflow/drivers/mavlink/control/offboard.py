@@ -66,19 +66,19 @@ class OffboardControl:
         self.override: Override | None = None
         self.goal = OffboardGoal.NONE
         self.modes = Modes(profile, status, requests)
-        self.stream = stream
+        self._stream = stream
         self.detector = OverrideDetector(status, self.modes)
         self._profile, self._status, self._requests = profile, status, requests
-        self._arming_time, self._resumes, self._hold = arming_time, resumes, hold
+        self._arming_time, self._resumes = arming_time, resumes
         self._arming: Arming | None = None
         self._disarming = Disarming(status, requests, self.modes)
         self._motor_stop = MotorStop(status, requests)
-        first = self.stream if profile.streams_first else None
+        first = self._stream if profile.streams_first else None
         self._preflight_mode = PreflightMode(self.modes, first, hold, self._step_mode)
         self._since: Time = 0
         self._mode_before_land = ""
         self._lift_off = LiftOff(hold)
-        self._recovery = ControlRecovery(self.modes, self.stream, hold, self._step_mode)
+        self._recovery = ControlRecovery(self.modes, self._stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
         """Arm the vehicle; return whether it follows setpoints. Called once a tick until it does.
@@ -101,10 +101,10 @@ class OffboardControl:
             if self._status.armed:
                 seconds = self._lift_off.armed_for(now)
                 sent = raised(command, self._profile.takeoff_height, seconds)
-            self.stream.feed(sent, now)
+            self._stream.feed(sent, now)
         try:
             rises = command.kind in LIFTED_BY_SETPOINT
-            follows = self._arming.step(self.stream, self._lift_off.height, rises, now)
+            follows = self._arming.step(self._stream, self._lift_off.height, rises, now)
         except Refused:
             self.disarm(now)
             raise
@@ -127,7 +127,7 @@ class OffboardControl:
             self._begin(OffboardGoal.FOLLOW, now)
             self.modes.want("offboard")
         if not (self._lift_off.holds_back(command, now) or self.detector.is_in_doubt):
-            self.stream.feed(command, now)
+            self._stream.feed(command, now)
 
     def prepare(self, now: Time) -> str:
         """Put the disarmed vehicle into the mode that follows setpoints. Return why that mode is
@@ -138,14 +138,14 @@ class OffboardControl:
 
     def disarm(self, now: Time) -> None:
         self._begin(OffboardGoal.DISARM, now)
-        self.stream.stop()
+        self._stream.stop()
         self.modes.want(None)
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
         """Stop the rotors, even if somebody else controls the vehicle."""
         self._begin(OffboardGoal.KILL, now)
-        self.stream.stop()
+        self._stream.stop()
         self.modes.want(None)
         self._motor_stop = MotorStop(self._status, self._requests)
 
@@ -161,7 +161,7 @@ class OffboardControl:
         if not self._status.armed:
             return True
         if self.modes.step(now):
-            self.stream.stop()
+            self._stream.stop()
         elif self.modes.has_left:
             self._watch_control(now)
             if self.override is not None:
@@ -217,7 +217,7 @@ class OffboardControl:
     def _step_mode(self, now: Time) -> bool:
         """Request the mode that follows setpoints; if the firmware requires it, only after
         setpoints have been sent for `LEAD`. Return whether the mode is in force."""
-        leads = not self._profile.streams_first or self.stream.flows(now) >= LEAD
+        leads = not self._profile.streams_first or self._stream.flows(now) >= LEAD
         return leads and self.modes.step(now)
 
     def _begin(self, goal: OffboardGoal, now: Time) -> None:
@@ -244,7 +244,7 @@ class OffboardControl:
         self.override = override
         self._recovery.forget()
         self.detector.forget()
-        self.stream.stop()
+        self._stream.stop()
         self.modes.want(None)
 
     def _wait_or_recover(self, override: Override, age: float, now: Time) -> None:

@@ -99,8 +99,6 @@ class FieldTuple(tuple[Any, ...]):
     the fields as attributes."""
 
     __slots__ = ()
-    _made: ClassVar[Any]
-    """The message's class in pymavlink."""
     _name: ClassVar[str]
     _number: ClassVar[int]
 
@@ -109,9 +107,6 @@ class FieldTuple(tuple[Any, ...]):
 
     def get_msgId(self) -> int:  # noqa: N802 - pymavlink's name
         return self._number
-
-    def get_fieldnames(self) -> list[str]:
-        return list(self._made.fieldnames)
 
     def get_srcSystem(self) -> int:  # noqa: N802
         system: int = self[_SENDER]
@@ -181,8 +176,7 @@ class MessageLayout:
     def _kind(self) -> type[FieldTuple]:
         """The `FieldTuple` subclass for this message type."""
         made = self.made
-        members: dict[str, Any] = {"__slots__": (), "_made": made}
-        members |= {"_name": made.msgname, "_number": made.id}
+        members: dict[str, Any] = {"__slots__": (), "_name": made.msgname, "_number": made.id}
         start = 0
         for name, length, count in zip(
             made.ordered_fieldnames, made.lengths, made.array_lengths, strict=True
