@@ -211,10 +211,16 @@ class Talk:
         return sent
 
 
-def test_an_acknowledgement_is_not_the_mode():
+def wanting() -> Talk:
+    """One that is in STABILIZE and is to follow setpoints."""
     talk = Talk()
     talk.report("STABILIZE")
     talk.modes.want("offboard")
+    return talk
+
+
+def test_an_acknowledgement_is_not_the_mode():
+    talk = wanting()
     assert talk.run(1.0) == [(SET_MODE, 4.0)]
     assert not talk.modes.in_force
     talk.report("offboard")
@@ -222,16 +228,12 @@ def test_an_acknowledgement_is_not_the_mode():
 
 
 def test_what_does_not_show_is_asked_again_ever_more_seldom():
-    talk = Talk()
-    talk.report("STABILIZE")
-    talk.modes.want("offboard")
+    talk = wanting()
     assert 4 <= len(talk.run(15.0)) <= 8
 
 
 def test_why_not_is_in_its_own_words():
-    talk = Talk()
-    talk.report("STABILIZE")
-    talk.modes.want("offboard")
+    talk = wanting()
     talk.result = 4
     talk.heard.handle(mavlink.MAVLink_statustext_message(3, b"Mode change failed"), TICK)
     talk.run(1.0)
@@ -253,9 +255,7 @@ def test_a_mode_that_was_in_force_and_was_left_is_not_asked_for_again():
 
 
 def test_the_mode_before_the_first_wish_is_remembered():
-    talk = Talk()
-    talk.report("STABILIZE")
-    talk.modes.want("offboard")
+    talk = wanting()
     talk.run(0.1)
     talk.report("offboard")
     talk.run(0.1)

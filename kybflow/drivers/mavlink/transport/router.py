@@ -140,11 +140,12 @@ class Port:
         the first is in use."""
         if self.deaf:
             return
-        if place != self._place and self._place is not None and self.last_heard is not None:
-            is_present = now - self.last_heard < GONE and self._line.wire.is_open(self._place)
-            if is_present:
-                self._clash = now, place
-                return
+        if (
+            place != self._place and self._place is not None and self.last_heard is not None
+            and now - self.last_heard < GONE and self._line.wire.is_open(self._place)
+        ):  # fmt: skip
+            self._clash = now, place
+            return
         self._place, self.last_heard = place, now
         self._messages.append(message)
 
