@@ -39,8 +39,8 @@ from kybflow.drivers.emulated_autopilot import EmulatedAutopilot
 from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
 from kybflow.drivers.emulated_autopilot.session import open_fleet
 from kybflow.drivers.emulation.fleet import Fleet
-from kybflow.drivers.mavlink.session import MavlinkSession, open_session
-from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.link import MavlinkSession, open_session
+from kybflow.drivers.mavlink.transport.sockets import open_wire
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan
@@ -176,7 +176,7 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
     traffic = Traffic()
     Datagrams.traffic = traffic
     costs = Costs(traffic, seconds, bool(lines))
-    advance, send = Fleet.advance, MemoryWire._send
+    advance, send = Fleet.advance, MemoryWire.send
 
     def timed(fleet: Fleet, now: int) -> None:
         if costs.profile is not None and costs.flown:
@@ -187,17 +187,17 @@ def measure(name: str, count: int, seconds: float, cls: type, lines: int) -> Non
         if costs.profile is not None and costs.flown:
             costs.profile.enable()
 
-    def noted(wire: MemoryWire, data: bytes, to: Any) -> None:
+    def noted(wire: MemoryWire, data: bytes, to: Any = None) -> None:
         send(wire, data, to)
         traffic.sent(data)
 
-    Fleet.advance, MemoryWire._send = timed, noted  # type: ignore[method-assign]
+    Fleet.advance, MemoryWire.send = timed, noted  # type: ignore[method-assign]
     try:
         with tempfile.TemporaryDirectory() as folder:
             request = RunRequest(out=Path(folder) / "run")
             flown = fly(plan_of(count, cls), request, observers=(costs,))
     finally:
-        Fleet.advance, MemoryWire._send = advance, send  # type: ignore[method-assign]
+        Fleet.advance, MemoryWire.send = advance, send  # type: ignore[method-assign]
     if not costs.flown:
         raise SystemExit(f"it did not fly: {flown.summary['reason']}")
     show(name, count, costs, traffic)

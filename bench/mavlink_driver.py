@@ -19,11 +19,10 @@ from pymavlink.dialects.v20 import all as dialect
 
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.telemetry import MAKERS
+from kybflow.drivers.mavlink.link import MavlinkSession, open_session
 from kybflow.drivers.mavlink.protocol.framing import Packer
-from kybflow.drivers.mavlink.session import MavlinkSession, open_session
-from kybflow.drivers.mavlink.transport.address import read_address
 from kybflow.drivers.mavlink.transport.sockets import UdpIn
-from kybflow.drivers.mavlink.transport.wire import Received
+from kybflow.drivers.mavlink.transport.wire import Received, read_address
 from kybflow.parts import Seat
 
 SENDER = 5
@@ -93,15 +92,15 @@ class Tapped(UdpIn):
         super().__init__(read_address("udpin:127.0.0.1:1")._replace(number=0))
         self._traffic = traffic
 
-    def _receive(self, now: int) -> Received:
-        received = super()._receive(now)
+    def receive(self, now: int) -> Received:
+        received = super().receive(now)
         frames = [data for data, _ in received]
         self._traffic.came += frames
         self._traffic.steps.append(Step(now, frames, []))
         return received
 
-    def _send(self, data: bytes, to: Any) -> None:
-        super()._send(data, to)
+    def send(self, data: bytes, to: Any = None) -> None:
+        super().send(data, to)
         self._traffic.sent(data)
 
 

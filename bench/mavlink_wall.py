@@ -28,8 +28,8 @@ from mavlink_driver import SET_POINT, SYSTEM
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.drivers.mavlink import Mavlink
-from kybflow.drivers.mavlink.session import open_session
-from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.link import open_session
+from kybflow.drivers.mavlink.transport.sockets import open_wire
 from kybflow.drivers.mavlink.transport.wire import Wire
 from kybflow.parts import Seat, Session
 from kybflow.runtime.engine import Engine
@@ -49,14 +49,14 @@ class Timed(Mavlink):
     @classmethod
     def _open(cls, address: Any) -> Wire:
         wire = open_wire(address)
-        send = wire._send
+        send = wire.send
 
-        def timed(data: bytes, to: Any) -> None:
+        def timed(data: bytes, to: Any = None) -> None:
             send(data, to)
             if data[7] == SET_POINT and not data[8]:
                 cls.left[data[SYSTEM]].append(1e3 * perf_counter())
 
-        wire._send = timed  # type: ignore[method-assign]
+        wire.send = timed  # type: ignore[method-assign]
         return wire
 
 

@@ -86,7 +86,7 @@ def autopilots(
     addresses of each. Raises DriverError."""
     from kybflow.drivers.emulated_autopilot.firmware import check_names, emulated_firmware
     from kybflow.drivers.emulated_autopilot.session import open_fleet
-    from kybflow.drivers.mavlink.transport import open_wire
+    from kybflow.drivers.mavlink.transport.sockets import open_wire
 
     own = (_own_address(setup.firmware), *emulated_firmware(setup.firmware).stations)
     check_names(setup.firmware, setup.changes)
@@ -107,7 +107,7 @@ def _own_address(firmware: str, number: int = 0) -> str:
     """Return the address at which the firmware's own simulator serves its driver. number: the
     vehicle's number, from 0."""
     from kybflow.drivers.mavlink.firmware import profile_of
-    from kybflow.drivers.mavlink.transport.address import read_address
+    from kybflow.drivers.mavlink.transport.wire import read_address
 
     theirs = read_address(profile_of(firmware).default_address(1 + number))
     return str(theirs._replace(kind={"udpin": "udpout", "tcp": "tcpin"}[theirs.kind]))
@@ -117,7 +117,7 @@ def _shifted(place: str, number: int) -> str:
     """Return a vehicle's address, given the address of the first vehicle. For an address of the
     firmware's simulator it is the simulator's next port; for an address that listens, a port 10
     higher per vehicle; any other address is a ground station, which all vehicles share."""
-    from kybflow.drivers.mavlink.transport.address import LISTENING, read_address
+    from kybflow.drivers.mavlink.transport.wire import LISTENING, read_address
 
     for firmware in firmware_names("emulated_autopilot"):
         if place == _own_address(firmware):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import pwd
 import socket
 import stat
 import struct
@@ -52,6 +53,14 @@ def peer_of(connected: socket.socket) -> PeerProcess:
     data = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
     pid, uid, _ = _PEER.unpack(data)
     return PeerProcess(pid, uid)
+
+
+def user_name(uid: int) -> str:
+    """Return a user's name, or `user NUMBER` if the user has none."""
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"user {uid}"
 
 
 def folders() -> Iterator[Path]:
@@ -153,7 +162,9 @@ def find_run(run: str | None) -> Path:
     name before a `-`; None for the only running one. Raises RunNotFound."""
     if run is not None and os.path.exists(Path(run) / CONTROL):
         return _address_in(Path(run))
-    flying = sorted({path for folder in folders() for path in _served_in(folder)})
+    private = (folder for folder in folders() if _is_private(folder))
+    sockets = {path for folder in private for path in folder.glob(f"*{SUFFIX}")}
+    flying = sorted(path for path in sockets if is_served(path))
     whole = [path for path in flying if run in (None, _name(path))]
     fitting = whole or [path for path in flying if _name(path).startswith(f"{run}-")]
     if len(fitting) == 1:
@@ -166,13 +177,6 @@ def find_run(run: str | None) -> Path:
     which = "" if run is None else f" called `{run}`"
     others = f"; there is {names}" if flying else ""
     raise RunNotFound(f"no run{which} flies and takes commands{others}")
-
-
-def _served_in(folder: Path) -> Iterator[Path]:
-    if _is_private(folder):
-        for path in folder.glob(f"*{SUFFIX}"):
-            if is_served(path):
-                yield path
 
 
 def _name(path: Path) -> str:

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from kybflow.command_server import protocol
-from kybflow.command_server.address import find_run, peer_of
-from kybflow.command_server.connected_client import user_name
+from kybflow.command_server.address import find_run, peer_of, user_name
 from kybflow.command_server.protocol import LineBuffer, MessageUnreadable
 from kybflow.core.errors import KybflowError
 from kybflow.runtime.commanding.orders import Answer
@@ -162,7 +161,12 @@ class RunClient:
 
     def _read(self) -> dict[str, Any] | None:
         """Return the next message of the run, or None if the run has hung up."""
-        while (reply := self._next_reply()) is None:
+        while True:
+            try:
+                if (line := self._lines.next()) is not None:
+                    return protocol.read_message(line)
+            except MessageUnreadable as error:
+                raise RunUnreachable(f"the run sends an unreadable message: {error}") from None
             try:
                 data = self._channel.recv(_AT_ONCE)
             except TimeoutError:
@@ -172,15 +176,6 @@ class RunClient:
             if not data:
                 return None
             self._lines.feed(data)
-        return reply
-
-    def _next_reply(self) -> dict[str, Any] | None:
-        """Return the next message received so far, or None."""
-        try:
-            line = self._lines.next()
-            return None if line is None else protocol.read_reply(line)
-        except MessageUnreadable as error:
-            raise RunUnreachable(f"the run sends an unreadable message: {error}") from None
 
 
 def connect(run: str | Path | None = None, name: str | None = None) -> RunClient:

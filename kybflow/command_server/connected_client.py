@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pwd
 import socket
 
-from kybflow.command_server.address import PeerProcess
+from kybflow.command_server.address import PeerProcess, user_name
 from kybflow.command_server.protocol import (
     LONGEST_LINE,
     LineBuffer,
@@ -126,11 +125,3 @@ class ConnectedClient:
     def close(self) -> None:
         self.is_gone = True
         self._channel.close()
-
-
-def user_name(uid: int) -> str:
-    """Return a user's name, or `user NUMBER` if the user has none."""
-    try:
-        return pwd.getpwuid(uid).pw_name
-    except KeyError:
-        return f"user {uid}"

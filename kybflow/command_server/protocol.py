@@ -124,8 +124,10 @@ class LineBuffer:
 
 def read_request(line: bytes) -> Request:
     """Read a request. Raises MessageUnreadable."""
-    message = _object(line)
-    number = _id_of(message)
+    message = read_message(line)
+    number = message.get("id")
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number <= MOST_ID:
+        raise MessageUnreadable(f"`id` is not a whole number from 0 to {MOST_ID}")
     kinds = [key for key in _MAY_HAVE if key in message]
     if len(kinds) != 1:
         raise MessageUnreadable("a request has one of `command`, `ask` and `name`", number)
@@ -140,13 +142,6 @@ def read_request(line: bytes) -> Request:
     if not isinstance(flagged, bool):
         raise MessageUnreadable(f"`{flag}` is neither true nor false", number)
     return _request(number, kind, value, flagged)
-
-
-def _id_of(message: Mapping[str, Any]) -> int:
-    found = message.get("id")
-    if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found <= MOST_ID:
-        raise MessageUnreadable(f"`id` is not a whole number from 0 to {MOST_ID}")
-    return found
 
 
 def _request(id: int, kind: str, value: str, flagged: bool) -> Request:
@@ -164,7 +159,8 @@ def _request(id: int, kind: str, value: str, flagged: bool) -> Request:
         raise MessageUnreadable(str(error), id) from None
 
 
-def _object(line: bytes) -> dict[str, Any]:
+def read_message(line: bytes) -> dict[str, Any]:
+    """Read the JSON object in a line. Raises MessageUnreadable."""
     try:
         message = json.loads(
             line.decode("utf-8"), parse_constant=_no_number, object_pairs_hook=_unique
@@ -229,11 +225,6 @@ def event(record: Mapping[str, Any]) -> bytes:
 def missed(count: int) -> bytes:
     """Return the line with the number of events that a watching client didn't receive."""
     return _line({"missed": count})
-
-
-def read_reply(line: bytes) -> dict[str, Any]:
-    """Read a message from the server. Raises MessageUnreadable."""
-    return _object(line)
 
 
 def _line(message: Mapping[str, Any]) -> bytes:

@@ -188,21 +188,18 @@ class _Loop:
         early = self._round_at + ROUND - time.monotonic()
         if early > 0:
             time.sleep(early)
-        ready: set[object] = {key.fileobj for key, _ in self._selector.select(self._timeout())}
-        self._round_at = time.monotonic()
-        return ready
-
-    def _timeout(self) -> float | None:
-        if any(connection.has_lines for connection in self._connections):
-            return 0.0
         due = []
+        if any(connection.has_lines for connection in self._connections):
+            due.append(0.0)
         if self._awaits_state or any(c.unanswered for c in self._connections):
             due.append(ANSWER_PERIOD)
         if any(c.watches for c in self._connections):
             due.append(WATCH_PERIOD)
         if self._server.has_unreported:
             due.append(max(self._reported_at + REPORT_PERIOD - time.monotonic(), 0.0))
-        return min(due, default=None)
+        selected = self._selector.select(min(due, default=None))
+        self._round_at = time.monotonic()
+        return {key.fileobj for key, _ in selected}
 
     def _round(self, ready: set[object]) -> None:
         self._deliver()
@@ -212,7 +209,11 @@ class _Loop:
             if connection in ready and connection.wants_input:
                 connection.receive()
         self._read_requests()
-        self._request_state()
+        now = time.monotonic()
+        is_due = now - self._state_asked_at >= STATE_PERIOD
+        if self._state_requests and not self._awaits_state and is_due:  # once for all clients
+            self._awaits_state, self._state_asked_at = True, now
+            self._commands.look(self._situations.append)
         for connection in tuple(self._connections):
             connection.flush()
             self._update(connection)
@@ -295,7 +296,12 @@ class _Loop:
 
     def _answer(self, connection: ConnectedClient, request: Request) -> None:
         connection.is_restricted = connection.is_restricted and self._is_full
-        if connection.is_restricted and not _is_unrestricted(request):
+        is_safe = (
+            is_for_anyone(request.order)
+            if isinstance(request, OrderRequest)
+            else isinstance(request, Introduction)
+        )
+        if connection.is_restricted and not is_safe:
             self._server.refused[TOO_MANY] += not connection.was_refused
             connection.was_refused = True
             connection.send(protocol.answer(request.id, Answer(False, f"refused: {TOO_MANY}")))
@@ -323,15 +329,6 @@ class _Loop:
                 connection.watches = True
                 self._server.watched(True)
                 connection.send(protocol.answer(id, Answer(True)))
-
-    def _request_state(self) -> None:
-        """Request the run's situation from the tick, once for all clients that ask for the
-        state."""
-        now = time.monotonic()
-        is_due = now - self._state_asked_at >= STATE_PERIOD
-        if self._state_requests and not self._awaits_state and is_due:
-            self._awaits_state, self._state_asked_at = True, now
-            self._commands.look(self._situations.append)
 
     def _deliver(self) -> None:
         """Send the answers from the tick to their clients, and the events to the clients that
@@ -392,10 +389,3 @@ class _Loop:
             time.sleep(ROUND)
             for connection in self._connections:
                 connection.flush()
-
-
-def _is_unrestricted(request: Request) -> bool:
-    """Return whether a restricted client may make this request."""
-    if isinstance(request, OrderRequest):
-        return is_for_anyone(request.order)
-    return isinstance(request, Introduction)

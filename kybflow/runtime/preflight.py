@@ -23,7 +23,7 @@ from kybflow.world.shapes import Box, Shape, Sphere
 TIMEOUT = 5.0
 """Seconds for which the preflight waits for red lines once the vehicles are ready."""
 LINK_AGE = 1.0
-"""Largest age (s) of the link's last message."""
+"""Largest age (s) of the link's last measurement."""
 LEAST_RATE = 4.0
 """Lowest acceptable rate (Hz) of an estimator's measurements. The slowest stream in use has 5 Hz,
 and its rate appears lower between two measurements."""

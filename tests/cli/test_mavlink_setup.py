@@ -19,9 +19,8 @@ from kybflow.cli.commands.mavlink.listen import listen_to
 from kybflow.cli.commands.mavlink.setup import set_up
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.discovery import Discovery
+from kybflow.drivers.mavlink.discovery import Discovery, ParameterSetup
 from kybflow.drivers.mavlink.firmware import profile_of
-from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
 
@@ -277,7 +276,7 @@ def test_where_a_system_was_looked_for_without_an_address_is_told(monkeypatch) -
     def refused(address: object) -> None:
         raise DriverError(f"{address} refuses")
 
-    monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", refused)
+    monkeypatch.setattr("kybflow.drivers.mavlink.transport.sockets.open_wire", refused)
     words = ["mavlink", "setup", "--vehicle", "ardupilot", "--system", "7"]
     assert invoke(*words).output == (
         "error: tcp:127.0.0.1:5820 refuses; that is the default address of system 7, "
@@ -297,7 +296,7 @@ def test_who_is_where_the_first_one_is_looked_for_is_told_to_who_looked_elsewher
             return table.wire
         raise DriverError(f"nothing is heard at {address}")
 
-    monkeypatch.setattr("kybflow.drivers.mavlink.transport.open_wire", opened)
+    monkeypatch.setattr("kybflow.drivers.mavlink.transport.sockets.open_wire", opened)
     monkeypatch.setattr("kybflow.cli.commands.mavlink.meeting.ticks", table.ticks)
     words = ["mavlink", "setup", "--vehicle", "px4", "--system", "7"]
     assert invoke(*words).output == (

@@ -19,7 +19,7 @@ from kybflow.command_server.protocol import (
     OrderRequest,
     StateRequest,
     WatchRequest,
-    read_reply,
+    read_message,
     read_request,
 )
 from kybflow.dsl.plan import Emit, Switch
@@ -74,7 +74,7 @@ def test_the_other_requests_are_read_as_they_were_written() -> None:
 def test_an_answer_is_read_as_it_was_written(number: int, accepted: bool, reason: str) -> None:
     line = protocol.answer(number, Answer(accepted, reason))
     assert line.count(b"\n") == 1
-    assert read_reply(line) == {"id": number, "accepted": accepted, "reason": reason}
+    assert read_message(line) == {"id": number, "accepted": accepted, "reason": reason}
 
 
 @given(st.binary(max_size=200) | NEARLY.map(lambda value: json.dumps(value).encode()))

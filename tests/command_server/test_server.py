@@ -284,9 +284,7 @@ def test_who_asks_without_reading_waits_and_takes_no_room(run: Served) -> None:
     assert sent < 2_000_000
 
 
-def test_commands_that_wait_for_the_tick_are_answered_when_the_run_is_over(
-    stopped: Served,
-) -> None:
+def test_commands_that_wait_for_the_tick_are_answered_when_the_run_is_over(stopped: Served) -> None:
     with closing(stopped.raw()) as raw:
         raw.send(command(1, "land") + question(2, "state"))
         until(lambda: len(stopped.queue.waiting) == 2, "both")

@@ -14,7 +14,7 @@ from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.firmware import firmware_by, profile_of
-from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.sockets import open_wire
 
 OWN = 245
 

@@ -14,9 +14,9 @@ from witness import Watched, Witness
 from kybflow.api.flight import Flown
 from kybflow.core.geometry import Vec3, add
 from kybflow.core.signals import Event, Measurement, Time, Truth
-from kybflow.drivers.mavlink import session
-from kybflow.drivers.mavlink.transport import open_wire
-from kybflow.drivers.mavlink.transport.wire import Wire
+from kybflow.drivers.mavlink import link
+from kybflow.drivers.mavlink.transport.sockets import open_wire
+from kybflow.drivers.mavlink.transport.wire import Received, Wire
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Link, Stream
 from kybflow.runtime.engine import Engine
@@ -132,20 +132,24 @@ class _Seen(Link):
 
 
 class Wires:
-    """The wires of a mission, all cut and joined together."""
+    """The wires of a mission, all cut and joined together by `is_cut`."""
 
     def __init__(self, monkeypatch) -> None:
-        self.opened: list[Wire] = []
-        true = session.open_session
-        monkeypatch.setattr(session, "open_session", lambda seats: true(seats, self._open))
-
-    def cut(self, is_cut: bool) -> None:
-        for wire in self.opened:
-            wire.deaf = wire.mute = is_cut
+        self.is_cut = False
+        true = link.open_session
+        monkeypatch.setattr(link, "open_session", lambda seats: true(seats, self._open))
 
     def _open(self, address: str) -> Wire:
-        self.opened.append(open_wire(address))
-        return self.opened[-1]
+        wire = open_wire(address)
+        receive, send = wire.receive, wire.send
+
+        def received(now: Time) -> Received:
+            came = receive(now)
+            return () if self.is_cut else came
+
+        wire.receive = received
+        wire.send = lambda data, to=None: None if self.is_cut else send(data, to)
+        return wire
 
 
 def level_drift(here: Vec3, there: Vec3) -> float:

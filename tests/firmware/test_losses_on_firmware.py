@@ -16,8 +16,9 @@ from short_flights import named, path
 from toolchain import MISSIONS
 from witness import Witness
 
+from kybflow.api.flight import Flown
 from kybflow.core.geometry import Vec3, norm
-from kybflow.core.signals import NS, Time
+from kybflow.core.signals import NS, Event, Time
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.runtime.engine import Engine
 from kybflow.world.vehicle_context import VehicleContext
@@ -42,6 +43,14 @@ def flies(engine: Engine, seconds: float, vehicle: str = "mk") -> bool:
     """Whether it has flown its eight for so long."""
     one = next(v for v in engine.vehicles if v.name == vehicle)
     return engine.flying and one.state == "eight" and one.now - one.runner.entered > seconds * NS
+
+
+def shown_since(begun: list[Time], flight: Flown, told: list[Event]) -> None:
+    """Show what was told since then, if it began at all, and how the flight ended."""
+    for event in told:
+        if begun and event.time >= begun[0]:
+            shown(f"{(event.time - begun[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
+    shown(flight.summary["outcome"], flight.summary["reason"])
 
 
 def test_motion_capture_lost_for_good(two: str, tmp_path: Path):
@@ -95,19 +104,16 @@ def test_an_estimate_that_jumps_by_a_metre(two: str, tmp_path: Path):
 
 def test_set_points_that_stall(two: str, tmp_path: Path, beside: Beside):
     """The engine hangs for two seconds, in which it can do nothing."""
-    witness, hung = beside({1: two, 2: two}), list[float]()
+    witness, hung = beside({1: two, 2: two}), list[Time]()
 
     def look(engine: Engine) -> None:
         if not hung and flies(engine, 5.0):
-            hung.append(engine.seconds())
+            hung.append(engine.clock.now)
             witness.wait(lambda: False, 2.0)
 
     plan = plan_of(MISSIONS / "figure_eight.yaml", two)
     flight, told, engine = full_flight(plan, tmp_path, look)
-    for event in told:
-        if hung and event.time >= hung[0] * NS:
-            shown(f"{event.time / NS - hung[0]:.2f} {event.vehicle} {event.name} {event.fields}")
-    shown(flight.summary["outcome"], flight.summary["reason"])
+    shown_since(hung, flight, told)
     assert hung
     for v in engine.vehicles:
         assert v.link_out.armed is False
@@ -122,14 +128,11 @@ def test_a_link_that_is_cut(two: str, seconds: float, tmp_path: Path, monkeypatc
     def look(engine: Engine) -> None:
         if not cut and flies(engine, 5.0):
             cut.append(engine.clock.now)
-        wires.cut(bool(cut) and engine.clock.now - cut[0] < seconds * NS)
+        wires.is_cut = bool(cut) and engine.clock.now - cut[0] < seconds * NS
 
     plan = room.into(plan_of(MISSIONS / "figure_eight.yaml", two))
     flight, told, engine = full_flight(plan, tmp_path, look)
-    for event in told:
-        if cut and event.time >= cut[0]:
-            shown(f"{(event.time - cut[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
-    shown(flight.summary["outcome"], flight.summary["reason"])
+    shown_since(cut, flight, told)
     assert cut, flight.summary["reason"]
     assert witness.wait(lambda: all(w.rests for w in witness.of.values()), 5.0)
     for v in engine.vehicles:
@@ -154,10 +157,7 @@ def test_a_pilot_takes_one_and_gives_it_back(two: str, tmp_path: Path, beside: B
 
     plan = plan_of(MISSIONS / "figure_eight.yaml", two)
     flight, told, engine = full_flight(plan, tmp_path, look)
-    for event in told:
-        if taken and event.time >= taken[0]:
-            shown(f"{(event.time - taken[0]) / NS:.2f} {event.vehicle} {event.name} {event.fields}")
-    shown(flight.summary["outcome"], flight.summary["reason"])
+    shown_since(taken, flight, told)
     lost, returned = first(told, "control_taken", "mk"), first(told, "control_returned", "mk")
     assert lost is not None
     assert returned is not None

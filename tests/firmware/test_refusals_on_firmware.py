@@ -16,7 +16,7 @@ from kybflow.cli.commands.mavlink.meeting import ticks
 from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
-from kybflow.drivers.mavlink.transport import open_wire
+from kybflow.drivers.mavlink.transport.sockets import open_wire
 from kybflow.dsl.plan import Plan
 
 pytestmark = pytest.mark.firmware

@@ -13,8 +13,8 @@ from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequ
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 from kybflow.drivers.mavlink.telemetry.truth import STREAMS, GroundTruth
-from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, Router
+from kybflow.drivers.mavlink.transport.sockets import open_wire
 from kybflow.world.vehicle_context import VehicleContext
 
 OWN = 200

@@ -17,9 +17,8 @@ from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind
 from kybflow.drivers.mavlink.control.arming import FORCED
 from kybflow.drivers.mavlink.firmware import profile_of
-from kybflow.drivers.mavlink.link import AutopilotLink
+from kybflow.drivers.mavlink.link import AutopilotLink, MavlinkSession, open_session
 from kybflow.drivers.mavlink.params import MavlinkParams
-from kybflow.drivers.mavlink.session import MavlinkSession, open_session
 from kybflow.drivers.mavlink.telemetry.received_status import ARMED, READY
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Seat
@@ -28,6 +27,8 @@ from kybflow.world.vehicle_context import Parcel, VehicleContext
 PERIOD = NS // 50
 GROUND, AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
 NO_POSITION = 0b111
+STREAM = "SET_POSITION_TARGET_LOCAL_NED"
+BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
 
 
 class Fake:
@@ -177,6 +178,12 @@ class Bench:
         self.session.advance(self.now)
         self.measured += self.link.read(self.now)
 
+    def cut(self, seconds: float, command: Command | None = None) -> None:
+        """Cut the link for that long."""
+        self.wire.deaf = self.wire.mute = True
+        self.run(seconds, command)
+        self.wire.deaf = self.wire.mute = False
+
     def arm(self, seconds: float = 20.0, command: Command | None = None) -> bool:
         """Whether it obeys within that time."""
         for _ in range(round(seconds * 50)):
@@ -185,12 +192,30 @@ class Bench:
                 return True
         return False
 
+    def close(self) -> None:
+        """Close the session; what it sends for that is received."""
+        self.session.close()
+        self.fake.step(self.now + PERIOD)
+
     def fly(self) -> None:
         """Until it obeys, in the air."""
         self.run(1.0)
         assert self.arm()
         self.fake.landed = AIR
         self.run(0.5, at(ZERO))
+
+
+def standing(name: str = "px4", **params: Any) -> Bench:
+    """A vehicle that was heard for a second, on the ground."""
+    bench = Bench(name, **params)
+    bench.run(1.0)
+    return bench
+
+
+def flying(name: str = "px4", **params: Any) -> Bench:
+    bench = Bench(name, **params)
+    bench.fly()
+    return bench
 
 
 def seat(
@@ -208,6 +233,9 @@ def opened(one: Seat, wires: dict[str, MemoryWire]) -> MavlinkSession:
 def at(position: Vec3) -> Command:
     setpoint = Setpoint(SetpointKind.POSITION, position, ZERO, heading=0.0)
     return Command(LEVEL, 0.0, ZERO, 0.0, True, CommandKind.POSITION, setpoint)
+
+
+UP = at((0.0, 0.0, 1.0))
 
 
 def pushed(up: float) -> Command:

@@ -8,8 +8,7 @@ from typing import Any
 
 from kybflow.core.signals import NEVER, NS, Time
 from kybflow.drivers.emulation.breaking import BreakableLink, Failures
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, Counts, Packer, Parser
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, Counts, Packer, Parser, mavlink
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.sockets import UdpIn
 from kybflow.drivers.mavlink.transport.wire import Wire

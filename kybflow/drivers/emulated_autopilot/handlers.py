@@ -26,7 +26,6 @@ from kybflow.drivers.emulated_autopilot.telemetry import (
     gps_global_origin,
 )
 from kybflow.drivers.emulation.control import PositionTarget
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
     Tangent,
     attitude_from_ned,
@@ -34,6 +33,7 @@ from kybflow.drivers.mavlink.protocol.frames import (
     heading_from_ned,
     to_ned,
 )
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 RELATIVE = (
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,

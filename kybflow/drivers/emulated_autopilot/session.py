@@ -21,7 +21,7 @@ from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
 from kybflow.drivers.mavlink.firmware import Latency, profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.transport.router import Port, Router
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, Wire, memory_wires
 from kybflow.parts import Link, Seat, Session
@@ -178,7 +178,7 @@ class EmulatedSession(Session):
         self._fleet = open_fleet(seats, plans, generator)
         self._links: list[EmulatedLink] = []
         wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
-        self._router = Router({ours.address: ours for ours, _ in wires}, own, None)
+        self._router = Router({ours.address: ours for ours, _ in wires}, own)
         for seat, (ours, theirs), emulated in zip(seats, wires, self._fleet.members, strict=True):
             emulated.onboard.connect(theirs)
             port = self._router.port(ours.address, emulated.onboard.autopilot.system)

@@ -17,8 +17,8 @@ from kybflow.drivers.mavlink.protocol.codec import (
     NO_YAW,
     NO_YAW_RATE,
 )
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import attitude_from_ned, from_frd, heading_from_ned
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 LOCAL, LOCAL_OFFSET = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED
 BODY, BODY_OFFSET = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED

@@ -21,8 +21,8 @@ from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulation.body import BatteryMonitor
 from kybflow.drivers.emulation.breaking import Failures
 from kybflow.drivers.emulation.control import PositionTarget
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import Airframe
 

@@ -14,8 +14,8 @@ from kybflow.core.geometry import conjugate, rotate, to_euler
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.state import Role
 from kybflow.drivers.emulation.control import FREE, PositionTarget
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned, to_frd, to_ned
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 QUADROTOR = mavlink.MAV_TYPE_QUADROTOR
 GYRO, ACCELEROMETER = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO, mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL

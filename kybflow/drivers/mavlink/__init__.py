@@ -91,7 +91,7 @@ class Mavlink(Driver[MavlinkParams]):
     def objection(
         cls, params: MavlinkParams, start: Vec3, payload: Parcel | None
     ) -> Objection | None:
-        from kybflow.drivers.mavlink.transport.address import read_address
+        from kybflow.drivers.mavlink.transport.wire import read_address
 
         try:
             if params.address is not None:
@@ -108,6 +108,6 @@ class Mavlink(Driver[MavlinkParams]):
 
     @classmethod
     def open(cls, seats: Sequence[Seat], generator: random.Random) -> Session:
-        from kybflow.drivers.mavlink.session import open_session
+        from kybflow.drivers.mavlink.link import open_session
 
         return open_session(seats)

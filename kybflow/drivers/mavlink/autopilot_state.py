@@ -1,4 +1,4 @@
-"""The state of one autopilot on its port, and the keep-alive of the link to it.
+"""The state of one autopilot on its port, and the keep-alive and the capacity of the link to it.
 
 `AutopilotState` handles each message of the autopilot: its status, measurements, parameters and
 clock. `KeepAlive` sends heartbeats, requests streams, reads parameters, compares clocks and repeats
@@ -8,19 +8,27 @@ Two heartbeats are sent: one as a ground station, without which PX4 sends no sta
 as an onboard computer. After a reboot or a long silence all requests are repeated. A stream that
 the autopilot sends often by default and that no module reads is switched off, unless another
 program uses the same connection. Closing the link restores the default rate of every stream; a
-program that is killed leaves the rates as they are."""
+program that is killed leaves the rates as they are.
+
+A serial line of B baud carries B / 10 bytes a second each way. The autopilot's streams get half of
+that (`LineCapacity`): they are all slowed by the same factor, but not below once a second. The
+other half is for parameters, replies and texts, and for radios that send in only one direction at a
+time. Setpoints and poses are not slowed; if they don't fit, the preflight check of the line fails.
+Other kinds of connection count as fast enough."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
-from typing import TYPE_CHECKING
 
 from kybflow.core.signals import NS, MeasurementKind, Time
 from kybflow.drivers.mavlink.control import others
 from kybflow.drivers.mavlink.control.others import OtherCommanders
 from kybflow.drivers.mavlink.control.requests import CommandRequests
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.params import MavlinkParams
+from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS, Message, mavlink
+from kybflow.drivers.mavlink.protocol.signing import SIGNATURE
 from kybflow.drivers.mavlink.telemetry import received_status
 from kybflow.drivers.mavlink.telemetry import truth as ground_truth
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
@@ -35,10 +43,8 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
 )
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, heartbeat
-from kybflow.parts import Seat, StatusText
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.transport.wire import read_address
+from kybflow.parts import Check, Seat, StatusText
 
 SHORTEST: Time = 3 * NS // 10
 """The longest interval without a message that doesn't count as a silence."""
@@ -121,7 +127,8 @@ class AutopilotState:
         }
 
     def age(self, now: Time) -> float:
-        """Return the seconds since the last message; zero before the first."""
+        """Return the seconds since the last message of any type; zero before the first. (The age of
+        the link in the runtime counts measurements only.)"""
         return 0.0 if self._received_at is None else (now - self._received_at) / NS
 
     def receive(self, now: Time) -> bool:
@@ -215,10 +222,10 @@ class KeepAlive:
         self, autopilot: AutopilotState, rates: Mapping[str, float], names: Sequence[str]
     ) -> None:
         self._autopilot, self._rates, self._names = autopilot, dict(rates), names
-        self._polled: list[Message] = []
-        for name in sorted(autopilot.profile.polled):
-            params = (REQUEST_MESSAGE, 0, float(_number(name)), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-            self._polled.append(mavlink.MAVLink_command_long_message(*autopilot.target, *params))
+        self._polled = [
+            codec.command_long(autopilot.target, REQUEST_MESSAGE, NUMBERS[name])
+            for name in sorted(autopilot.profile.polled)
+        ]
         self._poll: Time = 0
         self._heartbeat: Time = 0
         self._round: Time = 0
@@ -269,8 +276,7 @@ class KeepAlive:
         """Restore the default rate of every stream that was requested."""
         a = self._autopilot
         for number in self._requested:
-            params = (SET_MESSAGE_INTERVAL, 0, number, DEFAULT, 0.0, 0.0, 0.0, 0.0, 0.0)
-            a.port.send(mavlink.MAVLink_command_long_message(*a.target, *params))
+            a.port.send(codec.command_long(a.target, SET_MESSAGE_INTERVAL, number, DEFAULT))
 
     def _stop_unread(self, now: Time) -> None:
         """Switch off the streams that arrived often since the last requests and were not read."""
@@ -294,7 +300,7 @@ class KeepAlive:
 
     def _request_stream(self, name: str, now: Time) -> None:
         if name not in self._autopilot.profile.polled:
-            self._set_interval(round(1e6 / self._rates[name]), _number(name), now)
+            self._set_interval(round(1e6 / self._rates[name]), NUMBERS[name], now)
 
     def _set_interval(self, interval: float, number: int, now: Time) -> None:
         """Request a message, given by its id, every `interval` microseconds."""
@@ -302,6 +308,50 @@ class KeepAlive:
         self._autopilot.requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
 
 
-def _number(name: str) -> int:
-    number: int = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
-    return number
+BITS = 10
+HEAD = 12
+"""The bytes of a frame apart from its fields and its signature."""
+STREAMS, OURS = 0.5, 0.8
+"""The fraction of a line's capacity for the streams, and the largest fraction that our messages may
+take."""
+SLOWEST = 1.0
+"""The rate, Hz, below which streams are not slowed."""
+
+
+class LineCapacity:
+    """The serial line to one vehicle. line: its capacity each way, bytes per second; None for
+    connections that are fast enough. params: the driver's parameters in the mission."""
+
+    def __init__(self, params: MavlinkParams) -> None:
+        place = None if params.address is None else read_address(params.address)
+        is_serial = place is not None and place.kind == "serial"
+        self.line = place.number / BITS if place is not None and is_serial else None
+        self._params = params
+        self._head = HEAD + (0 if params.key is None else SIGNATURE)
+
+    def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
+        """Return these stream rates, Hz, slowed to what the line carries."""
+        if self.line is None:
+            return dict(rates)
+        factor = min(1.0, STREAMS * self.line / self._load(rates))
+        return {name: min(rate, max(factor * rate, SLOWEST)) for name, rate in rates.items()}
+
+    def check(self) -> list[Check]:
+        """Return the preflight check of the line; none for a connection that is fast enough."""
+        if self.line is None:
+            return []
+        params = self._params
+        sent, way_out = {"SET_POSITION_TARGET_LOCAL_NED": params.rate}, "a lower `rate`"
+        if params.position == "outside":
+            sent["ODOMETRY"], way_out = params.vision_rate, "a lower `rate` and `vision_rate`"
+        load = self._load(sent)
+        found = f"{load:.0f} bytes a second are sent to it, the line carries {self.line:.0f}"
+        if load <= OURS * self.line:
+            return [Check("serial line", True, found)]
+        way_out = f"set {way_out}, or a higher baud rate on both sides"
+        return [Check("serial line", False, f"{found}: {way_out}", waits=False)]
+
+    def _load(self, rates: Mapping[str, float]) -> float:
+        """Return the load of these streams, bytes per second."""
+        sizes = {name: int(LAYOUTS[NUMBERS[name]].size) for name in rates if name in NUMBERS}
+        return sum(rates[name] * (self._head + size) for name, size in sizes.items())

@@ -1,4 +1,5 @@
-"""Discovery of autopilots outside a mission: which are at an address, and their parameters.
+"""Autopilots outside a mission: which are at an address, and the setup of their parameters with
+`kybflow mavlink setup`.
 
 An autopilot may be silent until it receives a message, and PX4 sends texts only to ground stations;
 therefore a ground station's heartbeat is sent once a second.
@@ -7,10 +8,12 @@ therefore a ground station's heartbeat is sent once a second.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Literal, NamedTuple
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
+from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
@@ -39,7 +42,8 @@ class Discovery:
         self.parameters: dict[int, AutopilotParameters] = {}
         self.now: Time = 0
         self._wire, self._system, self._own = wire, system, own_system
-        self._router = Router({wire.address: wire}, own_system, key)
+        signing = None if key is None else Signing(key)
+        self._router = Router({wire.address: wire}, own_system, signing)
         first = system or (1 if own_system != 1 else 2)
         self._asked = self._router.port(wire.address, first)
         self._ports: dict[int, Port] = {first: self._asked}
@@ -138,3 +142,75 @@ class Discovery:
                     f"system {system} at {self._wire.address} fell silent: is it still powered and"
                     " in reach?"
                 )
+
+
+RowState = Literal["right", "written", "WRONG", "MISSING", "REFUSED"]
+
+
+class ParameterRow(NamedTuple):
+    """One setting as it was found.
+
+    found: the autopilot's value, None if it has no such parameter.
+    needs: a description of the value needed.
+    reason: why the autopilot refused the written value."""
+
+    setting: Needed
+    found: float | None
+    needs: str
+    state: RowState
+    reason: str = ""
+
+    @property
+    def is_right(self) -> bool:
+        return self.state in ("right", "written")
+
+
+class ParameterSetup:
+    """The parameters that a firmware needs. own: our system id. simulator: whether it is the
+    firmware's own simulator, which has a few more. names: all parameters to read, including
+    dangerous ones."""
+
+    def __init__(self, profile: FirmwareProfile, own: int, *, simulator: bool) -> None:
+        self.profile, self._own = profile, own
+        self.settings = [s for s in profile.indoors if simulator or not s.simulator_only]
+        dangers = (danger.name for danger in profile.dangers)
+        self.names = tuple(dict.fromkeys((*(s.name for s in self.settings), *dangers)))
+
+    def wrong(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values to write, by name. values: the autopilot's values."""
+        return {
+            s.name: s.wanted(self._own, values[s.name])
+            for s in self.settings
+            if s.name in values and not s.accepts(values[s.name], self._own)
+        }
+
+    def rows(
+        self, parameters: AutopilotParameters, written: Mapping[str, float]
+    ) -> list[ParameterRow]:
+        """Return one row per setting. written: the written values, by name."""
+        rows = []
+        for setting in self.settings:
+            value = f"{self._own if setting.value == OWN else setting.value:g}"
+            needs = {
+                "equal": " or ".join((value, *(f"{other:g}" for other in setting.allowed))),
+                "at_most": f"at most {value}",
+                "bits": f"with bits {value}",
+            }[setting.rule]
+            found, was_written = parameters.values.get(setting.name), setting.name in written
+            reason = parameters.refused.get(setting.name, "")
+            state: RowState
+            if found is None:
+                state = "REFUSED" if reason else "MISSING"
+            elif setting.accepts(found, self._own):
+                state, reason = "written" if was_written else "right", ""
+            else:
+                state = "REFUSED" if was_written else "WRONG"
+            called = setting._replace(name=parameters.called(setting.name))
+            rows.append(ParameterRow(called, found, needs, state, reason))
+        return rows
+
+    def dangers(self, values: Mapping[str, float]) -> list[str]:
+        """Return descriptions of the dangers that no setting removes."""
+        cured = {setting.name for setting in self.settings}
+        rest = {name: value for name, value in values.items() if name not in cured}
+        return list(self.profile.dangers_in(rest, self._own, indoors=True).values())

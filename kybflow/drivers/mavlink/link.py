@@ -1,11 +1,12 @@
-"""The link to one autopilot.
+"""The links to a run's autopilots, and the session that polls the wires to them once a tick.
 
-`update` handles the messages that arrived (`AutopilotState`), decides what to command
+`AutopilotLink.update` handles the messages that arrived (`AutopilotState`), decides what to command
 (`control.offboard`), and sends what is due: setpoints, and the keep-alive of the link."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Callable, Sequence, Set
+from pathlib import Path
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import LEVEL, ZERO, heading_of
@@ -21,20 +22,24 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.mavlink.autopilot_state import AutopilotState, KeepAlive
-from kybflow.drivers.mavlink.control import payload, setpoints
+from kybflow.drivers.mavlink.autopilot_state import AutopilotState, KeepAlive, LineCapacity
+from kybflow.drivers.mavlink.control import hover_throttle, payload
+from kybflow.drivers.mavlink.control.hover_throttle import HoverThrottle
 from kybflow.drivers.mavlink.control.offboard import OffboardControl, OffboardGoal
 from kybflow.drivers.mavlink.control.payload import PayloadGrip
-from kybflow.drivers.mavlink.control.setpoints import HoverThrottle, compensated
-from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency
-from kybflow.drivers.mavlink.preflight.checks import LineCapacity, PreflightChecks
+from kybflow.drivers.mavlink.control.setpoints import SetpointStream, compensated
+from kybflow.drivers.mavlink.firmware import FirmwareProfile, Latency, profile_of
+from kybflow.drivers.mavlink.preflight import PreflightChecks
 from kybflow.drivers.mavlink.protocol import codec
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
+from kybflow.drivers.mavlink.protocol.signing import Signing, read_key
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.drivers.mavlink.telemetry.truth import GroundTruth
 from kybflow.drivers.mavlink.telemetry.vision import ExternalVision, FrameDrift
-from kybflow.drivers.mavlink.transport.router import Port
-from kybflow.parts import ActiveFaults, Check, ForeignCommand, Link, Seat, StatusText
+from kybflow.drivers.mavlink.transport.router import Port, Router
+from kybflow.drivers.mavlink.transport.sockets import open_wire
+from kybflow.drivers.mavlink.transport.wire import Wire
+from kybflow.parts import ActiveFaults, Check, ForeignCommand, Link, Seat, Session, StatusText
 
 SILENCE_TIMEOUT: Time = 10 * NS
 """How long the autopilot may be silent after the link was opened."""
@@ -57,9 +62,10 @@ class AutopilotLink(Link):
         context, params = seat.context, seat.params
         autopilot = self.autopilot = AutopilotState(seat, profile, port, truth)
         resumes = params.after_failsafe == "resume"
+        self._stream = SetpointStream(params.rate)
         self.offboard = OffboardControl(
-            profile, autopilot.status, autopilot.requests, params.arming_time, params.rate, resumes,
-            self._holding,
+            profile, autopilot.status, autopilot.requests, self._stream, params.arming_time,
+            resumes, self._holding,
         )  # fmt: skip
         self._checks = PreflightChecks(autopilot, self.offboard.modes, params)
         self._drift = FrameDrift()
@@ -69,10 +75,10 @@ class AutopilotLink(Link):
         self._hover = HoverThrottle(
             profile.hover_parameter, context.airframe.hover_thrust, profile.raises
         )
-        autopilot.port.want(setpoints.STREAMS)
+        autopilot.port.want(hover_throttle.STREAMS)
         self._vision = ExternalVision(params.vision_rate, autopilot.target)
         self._watched, self._shared = self._checks.names(), params.shared
-        names = [*self._checks.names(), profile.hover_parameter]
+        names = [*self._watched, profile.hover_parameter]
         self._grip: PayloadGrip | None = None
         if context.payload is not None:
             output = profile.output(context.payload.channel, params.simulator)
@@ -209,11 +215,8 @@ class AutopilotLink(Link):
         is_ours = self.override is None and not autopilot.status.armed
         if not is_ours or before is None or before == autopilot.status.mode:
             return
-        params = (*autopilot.profile.mode_params(before), 0.0, 0.0, 0.0, 0.0)
-        command = mavlink.MAV_CMD_DO_SET_MODE
-        autopilot.port.send(
-            mavlink.MAVLink_command_long_message(*autopilot.target, command, 0, *params)
-        )
+        command, params = mavlink.MAV_CMD_DO_SET_MODE, autopilot.profile.mode_params(before)
+        autopilot.port.send(codec.command_long(autopilot.target, command, *params))
 
     def _apply_faults(self) -> None:
         """Apply the injected faults that act on this side of the link."""
@@ -223,7 +226,7 @@ class AutopilotLink(Link):
     def _streams(self, kinds: Set[MeasurementKind]) -> dict[str, float]:
         """Return the streams to request, Hz, by message name. kinds: the measurements with which
         the vehicle is flown."""
-        rates = {**self.autopilot.streams(kinds), **setpoints.STREAMS}
+        rates = {**self.autopilot.streams(kinds), **hover_throttle.STREAMS}
         if self._grip is not None:
             rates |= payload.STREAMS
         sent = self.autopilot.profile.streams
@@ -231,7 +234,7 @@ class AutopilotLink(Link):
 
     def _stream_setpoint(self, now: Time) -> None:
         """Send the newest setpoint if it is due."""
-        command, autopilot = self.offboard.stream.due(now), self.autopilot
+        command, autopilot = self._stream.due(now), self.autopilot
         if command is None:
             return
         anchor = self._drift.anchor if autopilot.is_outside else autopilot.telemetry.anchor
@@ -286,3 +289,73 @@ class AutopilotLink(Link):
         status = self.autopilot.status
         self.override = self.offboard.override
         self.armed = None if status.heartbeat is None else status.armed
+
+
+Group = tuple[int, str | None]
+"""Our system id and the file of the signing key; vehicles that share both share a router."""
+
+
+def open_session(
+    seats: Sequence[Seat], opener: Callable[[str], Wire] = open_wire
+) -> MavlinkSession:
+    """Open the wires and links of these seats. opener: opens the wire to an address. Raises
+    DriverError after closing everything again."""
+    places: list[tuple[FirmwareProfile, str, int]] = []
+    for number, seat in enumerate(seats, start=1):
+        profile = profile_of(seat.params.autopilot)
+        system = seat.params.system or number
+        places.append((profile, seat.params.address or profile.default_address(system), system))
+    groups: dict[Group, dict[str, Wire]] = {}
+    owners: dict[str, Group] = {}
+    session = MavlinkSession()
+    try:
+        for (_, address, _), seat in zip(places, seats, strict=True):
+            group = (seat.params.own_system, seat.params.key)
+            if owners.setdefault(address, group) != group:
+                raise DriverError(
+                    f"vehicles at `{address}` have not the same `own_system` and `key`"
+                )
+            wires = groups.setdefault(group, {})
+            if address not in wires:
+                wires[address] = opener(address)
+                session.wires.append(wires[address])
+        routers = {
+            (own, key): Router(wires, own, None if key is None else Signing(read_key(Path(key))))
+            for (own, key), wires in groups.items()
+        }
+        session.routers = tuple(routers.values())
+        for (profile, address, system), seat in zip(places, seats, strict=True):
+            port = routers[owners[address]].port(address, system)
+            truth = GroundTruth(seat.context, profile.sphere) if seat.params.simulator else None
+            link = AutopilotLink(seat, profile, port, truth)
+            session.links[seat.context.vehicle] = link
+            session.autopilots.append(link)
+    except BaseException:
+        session.close()
+        raise
+    return session
+
+
+class MavlinkSession(Session):
+    """The session of a run's autopilots: each tick it polls the `routers`, then updates the link
+    of every autopilot. wires: are closed with the session."""
+
+    def __init__(self) -> None:
+        self.links: dict[str, Link] = {}
+        self.autopilots: list[AutopilotLink] = []
+        self.routers: tuple[Router, ...] = ()
+        self.wires: list[Wire] = []
+
+    def advance(self, now: Time) -> None:
+        for router in self.routers:
+            router.poll(now)
+        for link in self.autopilots:
+            link.update(now)
+
+    def close(self) -> None:
+        try:
+            for link in self.autopilots:
+                link.close()
+        finally:
+            for wire in self.wires:
+                wire.close()

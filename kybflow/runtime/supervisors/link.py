@@ -1,8 +1,8 @@
 """Report a link that has fallen silent, or slow.
 
-Alarm `link_lost` in the air while nothing at all has arrived for longer than `age`, no measurement
-and no report. Commands don't reach such a vehicle either; its own watchdog acts then. The value is
-the silence in seconds.
+Alarm `link_lost` in the air while no measurement has arrived for longer than `age`; other messages,
+such as heartbeats, don't count. Commands don't reach a silent vehicle either; its own watchdog acts
+then. The value is the silence in seconds.
 
 Alarm `link_slow` in the air while the two newest round trips to the vehicle both took longer than
 `delay`. A loop that is closed over the link becomes unstable when its delay reaches its phase

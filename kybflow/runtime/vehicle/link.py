@@ -45,9 +45,9 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 SILENCE = 0.3
-"""Seconds without a message after which the next message counts as the link's return."""
+"""Seconds without a measurement after which the next one counts as the link's return."""
 ALIVE = 0.5
-"""Largest age (s) of the vehicle's last message at which the vehicle can take requests."""
+"""Largest age (s) of the vehicle's last measurement at which the vehicle can take requests."""
 
 Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
@@ -95,7 +95,8 @@ class LinkIn:
 
     truth: the simulator's ground truth, None on hardware.
     heard: when measurements last arrived, None before the first read.
-    age: seconds since the vehicle's last message, or since the link was first read.
+    age: seconds since the vehicle's last measurement, or since the link was first read. Messages
+    without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
     faults: the injected faults of the vehicle, None on hardware.
     """

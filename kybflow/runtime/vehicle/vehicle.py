@@ -154,7 +154,7 @@ class Vehicle:
 
     @property
     def link_age(self) -> float:
-        """Seconds since the vehicle's last message."""
+        """Seconds since the vehicle's last measurement."""
         return self.knowledge.link_in.age
 
     @property

@@ -17,8 +17,8 @@ from served_autopilots import emulated
 from waiting import HANGS, free_port
 
 from kybflow.drivers.mavlink.protocol.framing import NUMBERS
-from kybflow.drivers.mavlink.transport import open_wire
 from kybflow.drivers.mavlink.transport.router import heartbeat
+from kybflow.drivers.mavlink.transport.sockets import open_wire
 
 pytestmark = pytest.mark.thorough
 ARMED, IN_AIR, ON_GROUND = 128, 2, 1

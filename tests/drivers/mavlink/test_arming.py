@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import pytest
 from framing import ARM, FAILED, REJECTED, SET_MODE, TAKEOFF
-from scripted_autopilot import AIR, GROUND, RESTING, Bench, at
+from scripted_autopilot import AIR, GROUND, RESTING, STREAM, UP, Bench, at, flying, standing
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
 from kybflow.drivers.mavlink.control.arming import FORCED
-
-UP = at((0.0, 0.0, 1.0))
 
 
 def order(fake, *kinds):
@@ -25,42 +23,37 @@ def order(fake, *kinds):
 
 
 def test_px4_has_set_points_for_a_second_before_the_mode_and_then_arms():
-    bench = Bench("px4")
-    bench.run(1.0)
+    bench = standing("px4")
     begun = bench.now
     assert bench.arm()
-    stream = "SET_POSITION_TARGET_LOCAL_NED"
-    assert order(bench.fake, stream, SET_MODE, ARM)[:2] == [stream, SET_MODE]
+    assert order(bench.fake, STREAM, SET_MODE, ARM)[:2] == [STREAM, SET_MODE]
     before = bench.fake.sent.index(bench.fake.commands(SET_MODE)[0])
-    assert sum(m.get_type() == stream for m in bench.fake.sent[:before]) >= 45
+    assert sum(m.get_type() == STREAM for m in bench.fake.sent[:before]) >= 45
     assert bench.now - begun >= 1_000_000_000
     assert bench.link.armed
     assert bench.fake.commands(TAKEOFF) == []
 
 
 def test_ardupilot_is_asked_to_take_off_and_follows_once_it_lifted():
-    bench = Bench("ardupilot")
-    bench.run(1.0)
+    bench = standing("ardupilot")
     assert bench.arm()
-    kinds = (SET_MODE, ARM, TAKEOFF, "SET_POSITION_TARGET_LOCAL_NED")
+    kinds = (SET_MODE, ARM, TAKEOFF, STREAM)
     assert order(bench.fake, *kinds)[:3] == [SET_MODE, ARM, TAKEOFF]
     assert bench.fake.commands(TAKEOFF)[0].param7 == pytest.approx(0.5)
-    assert bench.fake.took("SET_POSITION_TARGET_LOCAL_NED") == []
+    assert bench.fake.took(STREAM) == []
     bench.run(0.2, UP)
-    assert bench.fake.took("SET_POSITION_TARGET_LOCAL_NED")
+    assert bench.fake.took(STREAM)
 
 
 def test_an_acknowledgement_alone_does_not_arm():
-    bench = Bench("px4")
-    bench.run(1.0)
+    bench = standing("px4")
     bench.fake.obeys = False
     bench.fake.mode = bench.fake.profile.modes["offboard"]
     assert not bench.arm(5.0)
 
 
 def test_a_refusal_is_in_its_own_words_and_leaves_it_at_rest():
-    bench = Bench("px4", arming_time=5.0)
-    bench.run(1.0)
+    bench = standing("px4", arming_time=5.0)
     bench.fake.refuses[ARM] = (REJECTED, "Arming denied: Resolve health failures first")
     with pytest.raises(Refused) as refusal:
         bench.arm()
@@ -71,13 +64,12 @@ def test_a_refusal_is_in_its_own_words_and_leaves_it_at_rest():
     assert said.count("Resolve health failures first") == 1
     bench.fake.sent.clear()
     bench.run(2.0, RESTING)
-    assert bench.fake.took("SET_POSITION_TARGET_LOCAL_NED") == []
+    assert bench.fake.took(STREAM) == []
     assert not bench.fake.armed
 
 
 def test_one_that_is_not_ready_says_what_keeps_it():
-    bench = Bench("ardupilot", arming_time=4.0)
-    bench.run(1.0)
+    bench = standing("ardupilot", arming_time=4.0)
     bench.fake.flags = 167
     bench.fake.refuses[ARM] = (FAILED, "Arm: Need Position Estimate")
     with pytest.raises(Refused, match="Need Position Estimate"):
@@ -85,8 +77,7 @@ def test_one_that_is_not_ready_says_what_keeps_it():
 
 
 def test_a_take_off_that_is_refused_ends_disarmed():
-    bench = Bench("ardupilot", arming_time=4.0)
-    bench.run(1.0)
+    bench = standing("ardupilot", arming_time=4.0)
     bench.fake.refuses[TAKEOFF] = (FAILED, "Takeoff refused")
     with pytest.raises(Refused, match=r"won't take off.*Takeoff refused"):
         bench.arm()
@@ -95,8 +86,7 @@ def test_a_take_off_that_is_refused_ends_disarmed():
 
 
 def test_resting_disarms_and_never_by_force():
-    bench = Bench("px4")
-    bench.fly()
+    bench = flying("px4")
     bench.fake.landed = GROUND
     bench.run(1.0, RESTING)
     assert bench.link.armed is False
@@ -104,8 +94,7 @@ def test_resting_disarms_and_never_by_force():
 
 
 def test_what_won_t_disarm_lands_by_its_own_mode():
-    bench = Bench("px4")
-    bench.fly()
+    bench = flying("px4")
     bench.fake.landed = GROUND
     bench.fake.refuses[ARM] = (REJECTED, "Disarming denied")
     bench.run(3.0, RESTING)
@@ -116,8 +105,7 @@ def test_what_won_t_disarm_lands_by_its_own_mode():
 
 
 def test_what_does_not_know_that_it_is_on_the_ground_lands_before_it_is_disarmed():
-    bench = Bench("px4")
-    bench.fly()
+    bench = flying("px4")
     asked = len(bench.fake.commands(ARM))
     bench.run(0.2, RESTING)
     assert bench.fake.mode == bench.fake.profile.modes["land"]
@@ -129,8 +117,7 @@ def test_what_does_not_know_that_it_is_on_the_ground_lands_before_it_is_disarmed
 
 
 def test_cutting_is_by_force_and_repeated_until_the_rotors_rest():
-    bench = Bench("px4")
-    bench.fly()
+    bench = flying("px4")
     bench.fake.obeys = False
     bench.link.cut(bench.now)
     bench.run(2.0, RESTING)
@@ -156,8 +143,7 @@ def test_a_vehicle_that_somebody_else_armed_is_not_touched():
 
 
 def test_one_that_is_armed_again_by_a_person_after_a_flight_is_not_touched():
-    bench = Bench("px4")
-    bench.fly()
+    bench = flying("px4")
     bench.fake.landed = GROUND
     bench.run(5.0, RESTING)
     assert bench.link.armed is False
@@ -175,24 +161,20 @@ def test_one_that_is_armed_again_by_a_person_after_a_flight_is_not_touched():
 
 
 def test_what_would_end_its_own_take_off_waits_until_it_lifted():
-    bench = Bench("ardupilot")
-    bench.run(1.0)
+    bench = standing("ardupilot")
     assert bench.arm(command=at(ZERO))
-    stream = "SET_POSITION_TARGET_LOCAL_NED"
     bench.run(1.0, at((0.0, 0.0, 0.1)))
-    assert bench.fake.took(stream) == []
+    assert bench.fake.took(STREAM) == []
     bench.run(0.1, at((0.0, 0.0, 0.4)))
-    assert bench.fake.took(stream)
-    bench = Bench("ardupilot")
-    bench.run(1.0)
+    assert bench.fake.took(STREAM)
+    bench = standing("ardupilot")
     assert bench.arm(command=at(ZERO))
     bench.run(6.0, at((0.0, 0.0, 0.1)))
-    assert bench.fake.took(stream)
+    assert bench.fake.took(STREAM)
 
 
 def test_a_pilot_who_takes_over_while_it_gets_ready_is_not_disarmed():
-    bench = Bench("ardupilot")
-    bench.run(1.0)
+    bench = standing("ardupilot")
     bench.fake.refuses[TAKEOFF] = (FAILED, "")
     assert not bench.arm(2.0)
     assert bench.fake.armed
@@ -205,8 +187,7 @@ def test_a_pilot_who_takes_over_while_it_gets_ready_is_not_disarmed():
 
 
 def test_a_mode_that_was_never_answered_is_not_asked_for_against_a_pilot():
-    bench = Bench("ardupilot")
-    bench.run(1.0)
+    bench = standing("ardupilot")
     bench.fake.deaf_to.add(SET_MODE)
     bench.arm(0.1)
     bench.fake.go("offboard")

@@ -79,22 +79,22 @@ def test_names_of_parameters_are_short_enough_to_travel(profile):
 
 def test_a_setting_accepts_what_its_rule_says():
     bits = Needed("GUID_OPTIONS", 8, "so", rule="bits")
-    assert (
-        bits.accepts(12.0, OWN),
-        bits.accepts(4.0, OWN),
-        bits.wanted(OWN, 4.0),
-    ) == (True, False, 12.0)
+    assert (bits.accepts(12.0, OWN), bits.accepts(4.0, OWN), bits.wanted(OWN, 4.0)) == (
+        True,
+        False,
+        12.0,
+    )
     bound = Needed("COM_OF_LOSS_T", 1.0, "so", rule="at_most")
     assert [bound.accepts(x, OWN) for x in (0.0, 0.5, 1.0, 2.0)] == [False, True, True, False]
     equal = Needed("COM_OBL_RC_ACT", 4, "so", {5: "or so"})
     assert [equal.accepts(x, OWN) for x in (4.0, 5.0, 0.0)] == [True, True, False]
     assert [equal.does(x) for x in (4.0, 5.0, 0.0, float("nan"))] == ["so", "or so", "so", "so"]
     own = Needed("SYSID_MYGCS", "own", "so")
-    assert (
-        own.wanted(OWN),
-        own.accepts(245.0, OWN),
-        own.accepts(255.0, OWN),
-    ) == (245.0, True, False)
+    assert (own.wanted(OWN), own.accepts(245.0, OWN), own.accepts(255.0, OWN)) == (
+        245.0,
+        True,
+        False,
+    )
 
 
 DANGEROUS = [

@@ -7,11 +7,10 @@ import pytest
 pytest.importorskip("pymavlink")
 
 from pymavlink.dialects.v20 import all as mavlink
-from scripted_autopilot import Bench
+from scripted_autopilot import BOTH, Bench, flying
 
 from kybflow.core.signals import Battery, BatteryWarning
 
-BOTH = pytest.mark.parametrize("name", ["px4", "ardupilot"])
 BATTERY = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
 
 
@@ -38,8 +37,7 @@ def charge(state: int) -> mavlink.MAVLink_battery_status_message:
     ],
 )
 def test_its_words_count_until_it_is_disarmed(name, text, acts):
-    bench = Bench(name)
-    bench.fly()
+    bench = flying(name)
     assert warning(bench) is None
     bench.fake.say(text, 4)
     assert warning(bench) == BatteryWarning(f"it says '{text}'", acts)
@@ -57,8 +55,7 @@ def test_words_before_it_is_armed_are_the_preflights():
 
 
 def test_the_worst_words_stay():
-    bench = Bench("px4")
-    bench.fly()
+    bench = flying("px4")
     bench.fake.say("Critical battery level", 2)
     bench.fake.say("Low battery level", 4)
     assert warning(bench) == BatteryWarning("it says 'Critical battery level'", True)
@@ -75,8 +72,7 @@ def test_the_worst_words_stay():
     ],
 )
 def test_its_state_of_charge_counts_while_it_lasts(name, state, said, acts):
-    bench = Bench(name)
-    bench.fly()
+    bench = flying(name)
     bench.fake.send(charge(state))
     assert warning(bench) == BatteryWarning(f"it reports its battery as {said}", acts)
     bench.fake.send(charge(1))
@@ -85,8 +81,7 @@ def test_its_state_of_charge_counts_while_it_lasts(name, state, said, acts):
 
 @BOTH
 def test_a_battery_that_it_reports_as_not_well_is_a_warning(name):
-    bench = Bench(name)
-    bench.fly()
+    bench = flying(name)
     bench.fake.ill = BATTERY
     assert warning(bench) == BatteryWarning("it reports its battery as not well", False)
     bench.fake.ill = 0
@@ -95,8 +90,7 @@ def test_a_battery_that_it_reports_as_not_well_is_a_warning(name):
 
 @BOTH
 def test_a_warning_counts_though_the_charge_is_not_known_any_more(name):
-    bench = Bench(name)
-    bench.fly()
+    bench = flying(name)
     bench.run(0.5)
     unknown = charge(3)
     unknown.battery_remaining = -1

@@ -10,7 +10,7 @@ from scripted_autopilot import RESTING, at
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, CommandKind, Odometry
-from kybflow.drivers.mavlink.control.setpoints import HoverThrottle
+from kybflow.drivers.mavlink.control.hover_throttle import HoverThrottle
 
 TOLD = {"MPC_THR_HOVER": 0.4}
 STILL = Odometry(0, ZERO, ZERO, LEVEL, ZERO, 0.1)

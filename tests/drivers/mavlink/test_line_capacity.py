@@ -8,8 +8,8 @@ from scripted_autopilot import Bench
 
 from kybflow.core.signals import Imu, Odometry
 from kybflow.drivers.mavlink import MavlinkParams
+from kybflow.drivers.mavlink.autopilot_state import LineCapacity
 from kybflow.drivers.mavlink.firmware import profile_of
-from kybflow.drivers.mavlink.preflight.checks import LineCapacity
 from kybflow.drivers.mavlink.protocol.framing import NUMBERS
 
 SLOW, QUICK = "serial:/dev/ttyUSB0:57600", "serial:/dev/ttyUSB0:921600"

@@ -20,7 +20,7 @@ DRIVER = "MAVLink driver"
 STAGES = (
     *(
         (f"drivers/mavlink/{module}", DRIVER)
-        for module in ("session", "link", "autopilot_state", "control", "preflight", "telemetry")
+        for module in ("link", "autopilot_state", "control", "preflight", "telemetry")
     ),
     ("drivers/mavlink/transport/router", DRIVER),
     ("drivers/emulat", "emulator"),

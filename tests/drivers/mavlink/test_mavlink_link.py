@@ -6,7 +6,22 @@ import random
 
 import pytest
 from framing import ARM, FAILED, INTERVAL, REJECTED, REQUEST, SET_MODE, UNSUPPORTED, Framing
-from scripted_autopilot import AIR, GROUND, LANDING, PERIOD, RESTING, Bench, at, estimate, mavlink
+from scripted_autopilot import (
+    AIR,
+    BOTH,
+    GROUND,
+    LANDING,
+    RESTING,
+    STREAM,
+    UP,
+    Bench,
+    at,
+    estimate,
+    flying,
+    mavlink,
+    standing,
+)
+from test_preflight_checks import looked
 
 from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import ZERO
@@ -16,7 +31,6 @@ from kybflow.drivers.mavlink.transport.router import heartbeat
 from kybflow.parts import Effect, StatusText
 from kybflow.world.vehicle_context import Parcel
 
-UP = at((0.0, 0.0, 1.0))
 STEADY = frozenset(
     NUMBERS[name]
     for name in (
@@ -28,7 +42,6 @@ STEADY = frozenset(
 """The messages that every PX4 is asked for, beside its heartbeat."""
 ATTITUDE, POSITION = NUMBERS["ATTITUDE_QUATERNION"], NUMBERS["LOCAL_POSITION_NED"]
 IMU, SERVOS, THROTTLE = (NUMBERS[n] for n in ("HIGHRES_IMU", "SERVO_OUTPUT_RAW", "VFR_HUD"))
-STREAM = "SET_POSITION_TARGET_LOCAL_NED"
 
 
 def land(bench, seconds):
@@ -93,8 +106,7 @@ def test_its_own_estimate_comes_more_rarely_where_nobody_flies_by_it():
 
 def test_what_only_some_vehicles_need_is_asked_of_those_alone():
     def asked(**params):
-        bench = Bench(**params)
-        bench.run(1.0)
+        bench = standing(**params)
         return {m.param1 for m in bench.fake.commands(INTERVAL)} - {0.0, *STEADY}
 
     assert asked() == set()
@@ -130,19 +142,16 @@ def test_what_comes_often_and_unread_is_switched_off_and_on_again_at_the_end():
     bench = Bench()
     assert unread(bench, 1.5) == []
     assert unread(bench, 1.0) == [SERVOS, THROTTLE]
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    bench.close()
     back = [(m.param1, m.param2) for m in bench.fake.commands(INTERVAL)[-2:]]
     assert back == [(SERVOS, 0.0), (THROTTLE, 0.0)]
 
 
 def test_every_stream_comes_as_before_once_the_link_is_closed():
-    bench = Bench()
-    bench.run(1.0)
+    bench = standing()
     asked = {m.param1 for m in bench.fake.commands(INTERVAL)}
     assert len(asked) > 5
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    bench.close()
     assert {m.param1 for m in bench.fake.commands(INTERVAL) if m.param2 == 0.0} == asked
 
 
@@ -163,8 +172,7 @@ def test_nothing_is_switched_off_where_somebody_else_listens_too(kind):
 
 
 def test_set_points_go_out_at_their_rate_in_its_own_frame():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.sent.clear()
     bench.run(1.0, at((1.0, 2.0, 3.0)))
     sent = bench.fake.took(STREAM)
@@ -173,16 +181,14 @@ def test_set_points_go_out_at_their_rate_in_its_own_frame():
 
 
 def test_set_points_stop_with_the_engine():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.sent.clear()
     bench.run(5.0)
     assert len(bench.fake.took(STREAM)) <= 13
 
 
 def test_a_pilot_is_yielded_to_at_once():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.go("POSITION")
     bench.run(0.04, UP)
     assert reason(bench) == "a pilot took over: POSITION"
@@ -197,8 +203,7 @@ def test_a_pilot_is_yielded_to_at_once():
 
 
 def test_it_is_taken_back_only_when_asked():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.go("POSITION")
     bench.run(1.0, UP)
     bench.fake.position = (4.0, 0.0, 1.0)
@@ -215,8 +220,7 @@ def test_it_is_taken_back_only_when_asked():
 
 
 def test_its_own_failsafe_is_known_by_its_words_which_may_be_late():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.go("LAND")
     bench.run(0.2, UP)
     assert bench.link.override is None
@@ -228,8 +232,7 @@ def test_its_own_failsafe_is_known_by_its_words_which_may_be_late():
 
 @pytest.mark.parametrize(("text", "severity"), [("Fence Breached", 5), ("Battery 1 is low", 4)])
 def test_a_failsafe_that_its_words_tell_is_no_persons(text, severity):
-    bench = Bench("ardupilot")
-    bench.fly()
+    bench = flying("ardupilot")
     bench.fake.say(text, severity)
     bench.fake.go("RTL")
     bench.run(0.2, UP)
@@ -238,8 +241,7 @@ def test_a_failsafe_that_its_words_tell_is_no_persons(text, severity):
 
 
 def test_where_nobody_says_why_that_is_said():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.go("RETURN")
     bench.run(1.0, UP)
     assert "does not say why" in reason(bench)
@@ -248,13 +250,10 @@ def test_where_nobody_says_why_that_is_said():
 
 @pytest.mark.parametrize("after", ["land", "resume"])
 def test_after_a_cut_link_it_is_landed_or_resumed_as_asked(after):
-    bench = Bench(after_failsafe=after)
-    bench.fly()
+    bench = flying(after_failsafe=after)
     bench.fake.position = (0.0, 0.0, 1.0)
     bench.run(0.1, UP)
-    bench.wire.deaf = bench.wire.mute = True
-    bench.run(5.0, UP)
-    bench.wire.deaf = bench.wire.mute = False
+    bench.cut(5.0, UP)
     bench.fake.go("LAND")
     bench.run(0.5, UP)
     assert reason(bench).startswith("its own failsafe: LAND, after 5.0 s without a link")
@@ -265,12 +264,9 @@ def test_after_a_cut_link_it_is_landed_or_resumed_as_asked(after):
 
 @pytest.mark.parametrize(("landed", "height"), [(GROUND, 1.0), (AIR, 0.1)])
 def test_one_that_its_failsafe_has_landed_does_not_take_off_again_unasked(landed, height):
-    bench = Bench(after_failsafe="resume")
-    bench.fly()
+    bench = flying(after_failsafe="resume")
     bench.fake.position = (0.0, 0.0, height)
-    bench.wire.deaf = bench.wire.mute = True
-    bench.run(5.0, UP)
-    bench.wire.deaf = bench.wire.mute = False
+    bench.cut(5.0, UP)
     bench.fake.landed = landed
     bench.fake.go("LAND")
     bench.run(6.0, UP)
@@ -279,8 +275,7 @@ def test_one_that_its_failsafe_has_landed_does_not_take_off_again_unasked(landed
 
 
 def test_a_failsafe_that_lands_is_joined_by_its_land_mode():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.say("Failsafe activated")
     bench.fake.go("RETURN")
     bench.run(0.5, UP)
@@ -291,8 +286,7 @@ def test_a_failsafe_that_lands_is_joined_by_its_land_mode():
 
 
 def test_its_own_land_mode_ends_disarmed():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     assert not land(bench, 1.0)
     bench.fake.sent.clear()
     bench.run(1.0)
@@ -303,8 +297,7 @@ def test_its_own_land_mode_ends_disarmed():
 
 
 def test_a_land_mode_that_is_refused_says_why_and_set_points_fly_on():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.refuses[SET_MODE] = (REJECTED, "Mode not possible")
     with pytest.raises(Refused, match=r"from OFFBOARD to LAND.*Mode not possible"):
         land(bench, 10.0)
@@ -316,8 +309,7 @@ def test_a_land_mode_that_is_refused_says_why_and_set_points_fly_on():
 
 
 def test_a_land_mode_that_a_pilot_leaves_is_his():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     land(bench, 1.0)
     bench.fake.go("POSITION")
     bench.tick()
@@ -329,15 +321,13 @@ def test_a_land_mode_that_a_pilot_leaves_is_his():
 
 
 def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.armed, bench.fake.landed = False, GROUND
     bench.run(2.0, UP)
     assert bench.link.override is None
     bench.run(3.0, RESTING)
     assert bench.link.override is None
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     bench.fake.armed, bench.fake.landed = False, AIR
     bench.run(0.5, UP)
     assert reason(bench).startswith("it disarmed in the air")
@@ -345,8 +335,7 @@ def test_a_disarm_on_the_ground_is_waited_out_and_one_in_the_air_is_not():
 
 def test_the_target_of_a_mode_that_is_not_ours_is_nobody_elses():
     """PX4 tells the targets of a pilot's modes too, and those of its own failsafes."""
-    bench = Bench()
-    bench.fly()
+    bench = flying()
     away = mavlink.MAVLink_position_target_local_ned_message(0, 1, 0xDF8, 3.0, *[0.0] * 10)
     for mode, foreign in (("POSITION", 0), ("offboard", 1)):
         bench.fake.mode = bench.fake.profile.modes[mode]
@@ -357,10 +346,9 @@ def test_the_target_of_a_mode_that_is_not_ours_is_nobody_elses():
         assert len(bench.link.foreign_commands()) == foreign
 
 
-@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+@BOTH
 def test_one_that_stays_armed_is_disarmed_by_force_unless_it_says_that_it_flies(name):
-    bench = Bench(name)
-    bench.fly()
+    bench = flying(name)
     bench.fake.refuses[ARM] = (FAILED, "Disarm refused: not landed")
     with pytest.raises(Refused, match="it reports that it is in the air"):
         bench.link.disarm_by_force(bench.now)
@@ -381,23 +369,19 @@ def told(bench, seconds, position=ZERO, source="mocap", age=0.01):
 
 
 def test_it_is_told_where_it_is_at_its_own_rate():
-    bench = Bench(vision_rate=25.0)
-    bench.run(1.0)
+    bench = standing(vision_rate=25.0)
     assert 49 <= len(told(bench, 2.0)) <= 51
 
 
 def test_an_old_estimate_is_not_told_and_neither_is_one_where_it_knows_itself():
-    bench = Bench()
-    bench.run(1.0)
+    bench = standing()
     assert told(bench, 1.0, age=0.2) == []
-    bench = Bench(position="own")
-    bench.run(1.0)
+    bench = standing(position="own")
     assert told(bench, 1.0) == []
 
 
 def test_a_jump_and_another_source_count_as_resets():
-    bench = Bench()
-    bench.run(1.0)
+    bench = standing()
     assert told(bench, 1.0)[-1].reset_counter == 0
     assert told(bench, 1.0, (0.2, 0.0, 0.0))[-1].reset_counter == 0
     assert told(bench, 1.0, (1.2, 0.0, 0.0))[-1].reset_counter == 1
@@ -406,8 +390,7 @@ def test_a_jump_and_another_source_count_as_resets():
 
 def test_only_ardupilot_is_told_a_place_on_earth():
     for name, count in (("ardupilot", True), ("px4", False)):
-        bench = Bench(name)
-        bench.run(1.0)
+        bench = standing(name)
         told(bench, 1.0)
         assert bool(bench.fake.took("SET_GPS_GLOBAL_ORIGIN")) == count
 
@@ -435,99 +418,20 @@ def test_what_it_says_of_warning_or_worse_is_told_once():
     assert bench.link.status_texts() == ()
 
 
-def lines(bench, seconds=3.0, tells=True):
-    checks = ()
-    for _ in range(round(seconds * 50)):
-        bench.tick()
-        if tells:
-            bench.link.tell_position(estimate(bench.now), bench.now)
-        checks = bench.link.checks(bench.now)
-    return {check.name: check for check in checks}
-
-
-def test_the_preflight_goes_into_the_mode_that_it_asks_about():
-    bench = Bench("ardupilot", position="own")
-    bench.run(1.0)
-    checks = lines(bench)
-    assert bench.fake.mode == bench.fake.profile.modes["offboard"]
-    assert checks["autopilot"].green
-    assert checks["position"].green
-    assert "parameters" not in checks
-
-
-def test_the_preflight_names_every_parameter_that_is_wrong():
-    bench = Bench("px4")
-    bench.fake.params["COM_OBL_RC_ACT"] = 3.0
-    bench.run(3.0)
-    checks = lines(bench, 10.0)
-    headline, *rows, cure, end = checks["parameters"].reason.split("\n")
-    assert headline == (
-        "12 of 17 are not as flight without GPS needs them, 1 of these under `watchdog`"
-    )
-    assert rows[0] == (
-        "  EKF2_EV_CTRL is 0,    should be 15:    takes position, height, velocity and heading from"
-        " kybflow"
-    )
-    assert len(rows) == 11
-    assert not any("COM_OBL_RC_ACT" in row for row in rows)
-    assert cure == (
-        "  to set all of them: `kybflow mavlink setup --vehicle px4 --system 1 --write`"
-    )
-    assert end == ""
-    assert not checks["parameters"].waits
-    assert "COM_OBL_RC_ACT is 3" in checks["watchdog"].reason
-    bench = Bench("px4")
-    for setting in bench.fake.profile.indoors:
-        bench.fake.params[setting.name] = setting.wanted(245)
-    checks = lines(bench, 15.0)
-    assert [name for name, check in checks.items() if not check.green] == []
-
-
-def test_the_preflight_says_what_it_says():
-    bench = Bench("ardupilot", position="own")
-    bench.fake.ready = False
-    bench.run(1.0)
-    bench.fake.say("PreArm: Battery 1 low", 2)
-    checks = lines(bench)
-    assert "PreArm: Battery 1 low" in checks["autopilot"].reason
-    bench.fake.armed = True
-    checks = lines(bench)
-    assert "armed already" in checks["autopilot"].reason
-
-
-def test_the_preflight_sees_that_it_believes_to_be_elsewhere():
-    bench = Bench("px4")
-    bench.fake.position = (2.0, 0.0, 0.0)
-    assert "2.00 m" in lines(bench)["position"].reason
-    assert "no estimate to send" in lines(Bench("px4"), tells=False)["position"].reason
-
-
-def test_another_autopilot_is_told_as_such():
-    bench = Bench("px4")
-    bench.fake.profile = Bench("ardupilot").fake.profile
-    found = lines(bench)
-    check = found["heartbeat"]
-    assert not check.green
-    assert "it is ardupilot, px4 is expected: set the driver's `autopilot`" in check.reason
-    assert not found["watchdog"].green, "nothing is known of it yet"
-
-
 def test_silence_from_the_start_is_an_error_with_a_way_out_and_later_it_is_age():
     bench = Bench()
     bench.fake.is_quiet = True
     said = r"system 1 was not heard.*nothing is heard.*\? Start it.*`address`"
     with pytest.raises(DriverError, match=said):
         bench.run(11.0)
-    bench = Bench()
-    bench.run(1.0)
+    bench = standing()
     bench.fake.is_quiet = True
     bench.run(30.0)
 
 
 def test_whatever_is_said_nothing_breaks():
     chance = random.Random(7)
-    bench = Bench("px4", position="own", simulator=True, payload=Parcel(mass=0.2, size=0.1))
-    bench.fly()
+    bench = flying("px4", position="own", simulator=True, payload=Parcel(mass=0.2, size=0.1))
     for number, sort in mavlink.mavlink_map.items():
         for _ in range(20):
             payload = chance.randbytes(sort.unpacker.size)
@@ -548,11 +452,9 @@ def frame(number, payload, extra):
 
 
 def test_closing_puts_the_mode_of_a_disarmed_vehicle_back():
-    bench = Bench("ardupilot", position="own")
-    bench.run(1.0)
-    lines(bench)
-    bench.session.close()
-    bench.fake.step(bench.now + PERIOD)
+    bench = standing("ardupilot", position="own")
+    looked(bench)
+    bench.close()
     assert bench.fake.mode == bench.fake.profile.modes["hold"]
 
 

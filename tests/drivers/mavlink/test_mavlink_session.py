@@ -6,7 +6,7 @@ import pytest
 from scripted_autopilot import PERIOD, Fake, seat
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.session import open_session
+from kybflow.drivers.mavlink.link import open_session
 from kybflow.drivers.mavlink.transport.wire import MemoryWire, memory_wires
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from framing import FAILED, GRIPPER, SERVO, UNSUPPORTED
-from scripted_autopilot import Bench
+from scripted_autopilot import Bench, standing
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import Payload
@@ -77,7 +77,6 @@ def test_a_lost_answer_is_asked_for_again():
 
 
 def test_one_that_carries_nothing_has_nothing_to_open():
-    made = Bench("ardupilot")
-    made.run(1.0)
+    made = standing("ardupilot")
     with pytest.raises(Refused, match="carries no payload"):
         made.link.grip(True, made.now)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from framing import ARM
-from scripted_autopilot import Bench, estimate, mavlink
+from scripted_autopilot import BOTH, Bench, estimate, mavlink, standing
 
 from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused
@@ -16,11 +16,12 @@ ESTIMATE, RECEIVER = mavlink.MAV_SYS_STATUS_AHRS, mavlink.MAV_SYS_STATUS_SENSOR_
 NO_POSITION = 37
 
 
-def looked(bench: Bench, seconds: float):
-    """The last checks, by name, while it is told where it is."""
+def looked(bench: Bench, seconds: float = 3.0, tells: bool = True):
+    """The last checks, by name. tells: whether it is told where it is meanwhile."""
     for _ in range(round(seconds * 50)):
         bench.tick()
-        bench.link.tell_position(estimate(bench.now), bench.now)
+        if tells:
+            bench.link.tell_position(estimate(bench.now), bench.now)
         checks = bench.link.checks(bench.now)
     return {check.name: check for check in checks}
 
@@ -76,8 +77,7 @@ def test_one_that_is_unready_without_a_word_is_asked_what_is_not_well():
 
 
 def test_what_is_not_well_is_said_of_a_refusal_to_arm_too():
-    bench = Bench(arming_time=3.0)
-    bench.run(1.0)
+    bench = standing(arming_time=3.0)
     bench.fake.refuses, bench.fake.ill = {ARM: (1, "")}, ESTIMATE
     with pytest.raises(Refused, match="not well: estimate of attitude and position"):
         bench.arm(10.0)
@@ -91,7 +91,6 @@ def test_where_it_has_no_position_the_line_says_what_it_is_made_of():
         " (EKF2_EV_CTRL 15, EKF2_HGT_REF 3): parameters that were just written may count only after"
         " a restart"
     )
-    bench.fake.flags = NO_POSITION
     bare = Bench()
     bare.fake.flags = NO_POSITION
     assert looked(bare, 8.0)["position"].reason == (
@@ -155,7 +154,7 @@ def test_a_green_watchdog_says_what_this_one_does():
     assert "COM_OBL_RC_ACT is 3" in looked(bench, 8.0)["watchdog"].reason
 
 
-@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+@BOTH
 def test_one_that_does_not_tell_what_it_does_without_us_is_not_flown(name):
     """As on a line that is full, or where it hears nothing that is not signed."""
     bench = set_up(Bench(name))
@@ -164,3 +163,66 @@ def test_one_that_does_not_tell_what_it_does_without_us_is_not_flown(name):
     watchdog = looked(bench, 8.0)["watchdog"]
     assert not watchdog.green
     assert f"it does not report {reaction}" in watchdog.reason
+
+
+def test_the_preflight_goes_into_the_mode_that_it_asks_about():
+    bench = standing("ardupilot", position="own")
+    checks = looked(bench)
+    assert bench.fake.mode == bench.fake.profile.modes["offboard"]
+    assert checks["autopilot"].green
+    assert checks["position"].green
+    assert "parameters" not in checks
+
+
+def test_the_preflight_names_every_parameter_that_is_wrong():
+    bench = Bench("px4")
+    bench.fake.params["COM_OBL_RC_ACT"] = 3.0
+    bench.run(3.0)
+    checks = looked(bench, 10.0)
+    headline, *rows, cure, end = checks["parameters"].reason.split("\n")
+    assert headline == (
+        "12 of 17 are not as flight without GPS needs them, 1 of these under `watchdog`"
+    )
+    assert rows[0] == (
+        "  EKF2_EV_CTRL is 0,    should be 15:    takes position, height, velocity and heading from"
+        " kybflow"
+    )
+    assert len(rows) == 11
+    assert not any("COM_OBL_RC_ACT" in row for row in rows)
+    assert cure == (
+        "  to set all of them: `kybflow mavlink setup --vehicle px4 --system 1 --write`"
+    )
+    assert end == ""
+    assert not checks["parameters"].waits
+    assert "COM_OBL_RC_ACT is 3" in checks["watchdog"].reason
+    checks = looked(set_up(Bench()), 15.0)
+    assert [name for name, check in checks.items() if not check.green] == []
+
+
+def test_the_preflight_says_what_it_says():
+    bench = Bench("ardupilot", position="own")
+    bench.fake.ready = False
+    bench.run(1.0)
+    bench.fake.say("PreArm: Battery 1 low", 2)
+    checks = looked(bench)
+    assert "PreArm: Battery 1 low" in checks["autopilot"].reason
+    bench.fake.armed = True
+    checks = looked(bench)
+    assert "armed already" in checks["autopilot"].reason
+
+
+def test_the_preflight_sees_that_it_believes_to_be_elsewhere():
+    bench = Bench("px4")
+    bench.fake.position = (2.0, 0.0, 0.0)
+    assert "2.00 m" in looked(bench)["position"].reason
+    assert "no estimate to send" in looked(Bench("px4"), tells=False)["position"].reason
+
+
+def test_another_autopilot_is_told_as_such():
+    bench = Bench("px4")
+    bench.fake.profile = Bench("ardupilot").fake.profile
+    found = looked(bench)
+    check = found["heartbeat"]
+    assert not check.green
+    assert "it is ardupilot, px4 is expected: set the driver's `autopilot`" in check.reason
+    assert not found["watchdog"].green, "nothing is known of it yet"

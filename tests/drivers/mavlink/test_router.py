@@ -50,11 +50,11 @@ class Datagrams(Wire):
     def is_open(self, sender: Any) -> bool:
         return sender not in self.gone
 
-    def _receive(self, now: int) -> Received:
+    def receive(self, now: int) -> Received:
         coming, self.coming = self.coming, []
         return coming
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         self.sent.append((to, data))
 
 
@@ -67,8 +67,15 @@ def systems(port: Port) -> list[int]:
 
 
 def opened(wire: Wire, *ids: int, key: bytes | None = None) -> tuple[Router, list[Port]]:
-    hub = Router({wire.address: wire}, 245, key)
+    hub = Router({wire.address: wire}, 245, None if key is None else Signing(key))
     return hub, [hub.port(wire.address, system) for system in ids]
+
+
+def heard_at() -> tuple[Datagrams, Router, Port]:
+    """A wire for datagrams with its router, and the port of system 1."""
+    wire = Datagrams()
+    hub, (port,) = opened(wire, 1)
+    return wire, hub, port
 
 
 def test_vehicles_on_one_wire_are_told_apart_and_answered_where_they_are() -> None:
@@ -116,8 +123,7 @@ def test_nothing_is_sent_to_a_port_where_nobody_was_heard() -> None:
 
 def test_only_the_autopilot_is_passed_on() -> None:
     """Not its gimbal (154), its radio (68), a ground station (255/190), nor ourselves."""
-    wire = Datagrams()
-    hub, (port,) = opened(wire, 1)
+    wire, hub, port = heard_at()
     wire.coming = [
         (frame(1, 154), ONE),
         (frame(1, 68), ONE),
@@ -195,8 +201,7 @@ def test_trouble_of_the_wire_comes_first() -> None:
 
 
 def test_a_second_vehicle_with_the_same_id_is_dropped_and_told() -> None:
-    wire = Datagrams()
-    hub, (port,) = opened(wire, 1)
+    wire, hub, port = heard_at()
     wire.coming = [(frame(), ONE), (frame(), OTHER)]
     hub.poll(0)
     assert len(port.take()) == 1
@@ -215,8 +220,7 @@ def test_a_second_vehicle_with_the_same_id_is_dropped_and_told() -> None:
     ("later", "is_gone", "heard"), [(2, False, 0), (4, False, 1), (2, True, 1)]
 )
 def test_a_vehicle_may_come_back_from_elsewhere(later: int, is_gone: bool, heard: int) -> None:
-    wire = Datagrams()
-    hub, (port,) = opened(wire, 1)
+    wire, hub, port = heard_at()
     wire.coming = [(frame(), ONE)]
     hub.poll(0)
     port.take()
@@ -229,8 +233,7 @@ def test_a_vehicle_may_come_back_from_elsewhere(later: int, is_gone: bool, heard
 
 
 def test_noise_of_one_sender_does_not_touch_another() -> None:
-    wire = Datagrams()
-    hub, (port,) = opened(wire, 1)
+    wire, hub, port = heard_at()
     half = len(frame()) // 2
     wire.coming = [(frame()[:half], ONE), (b"\xfd\xff\0", OTHER), (frame()[half:], ONE)]
     hub.poll(0)
@@ -238,8 +241,7 @@ def test_noise_of_one_sender_does_not_touch_another() -> None:
 
 
 def test_many_strangers_take_no_more_than_their_room() -> None:
-    wire = Datagrams()
-    hub, (port,) = opened(wire, 1)
+    wire, hub, port = heard_at()
     for stranger in range(3000):
         wire.coming.append((b"\xfd\xff\0", ("10.0.0.9", stranger)))
     wire.coming.append((frame(), ONE))
@@ -259,7 +261,7 @@ def test_what_nobody_takes_is_bounded() -> None:
 
 def test_two_wires_are_signed_as_two_links() -> None:
     ends = [memory_wires(name) for name in "ab"]
-    hub = Router({wire.address: wire for wire, _ in ends}, 245, KEY)
+    hub = Router({wire.address: wire for wire, _ in ends}, 245, Signing(KEY))
     for wire, _ in ends:
         hub.port(wire.address, 1).send(HEARTBEAT)
     sent: Sequence[bytes] = [there.receive(0)[0][0] for _, there in ends]

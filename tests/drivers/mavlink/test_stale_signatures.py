@@ -3,14 +3,12 @@ nothing that it says counts until it goes by that. Without a key, what is signed
 
 from __future__ import annotations
 
-from collections import deque
-from typing import Any
-
 import pytest
 from framing import SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 from scripted_autopilot import Bench
 from test_preflight_checks import looked
+from test_router import Datagrams
 from test_signing import KEY, OTHER, Wall, signing
 
 from kybflow.core.signals import NS, Time
@@ -18,36 +16,11 @@ from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
 from kybflow.drivers.mavlink.transport.router import GONE, Router, heartbeat
-from kybflow.drivers.mavlink.transport.wire import Received, Wire
 
 HOUR = 3600.0
 TODAY = 360_000_000.0
 HERE, ELSEWHERE = ("10.0.0.2", 14550), ("10.0.0.9", 14550)
 BEAT = heartbeat(mavlink.MAV_TYPE_GCS)
-
-
-class Answering(Wire):
-    """Datagrams: only who was heard can be answered. `sent`: each with where it went."""
-
-    answers = True
-
-    def __init__(self) -> None:
-        super().__init__("udpin:127.0.0.1:14540")
-        self.coming: deque[tuple[bytes, Any]] = deque()
-        self.sent: list[tuple[bytes, Any]] = []
-
-    def trouble(self) -> None:
-        return None
-
-    def close(self) -> None: ...
-
-    def _receive(self, now: Time) -> Received:
-        came = list(self.coming)
-        self.coming.clear()
-        return came
-
-    def _send(self, data: bytes, to: Any) -> None:
-        self.sent.append((data, to))
 
 
 class Restarted:
@@ -62,33 +35,33 @@ class Restarted:
 
 
 @pytest.fixture
-def wire() -> Answering:
-    return Answering()
+def wire() -> Datagrams:
+    return Datagrams()
 
 
-def hub(wire: Answering) -> Router:
+def hub(wire: Datagrams) -> Router:
     return Router({wire.address: wire}, 245, signing=signing(wall=Wall(TODAY)))
 
 
-def test_one_whose_time_is_behind_is_told_ours_and_then_heard(wire: Answering):
+def test_one_whose_time_is_behind_is_told_ours_and_then_heard(wire: Datagrams):
     ours, theirs = hub(wire), Restarted()
     port = ours.port(wire.address, 1)
     wire.coming.append((theirs.says(), HERE))
     ours.poll(NS)
     assert (port.take(), port.last_heard) == ([], None)
     assert "is signed with an old time" in (port.trouble() or "")
-    [(data, to)] = wire.sent
+    [(to, data)] = wire.sent
     assert to == HERE
     assert len(theirs.parser.parse(data)) == 1
     wire.coming.append((theirs.says(), HERE))
     ours.poll(2 * NS)
     assert len(port.take()) == 1
     port.send(BEAT)
-    assert len(theirs.parser.parse(wire.sent[-1][0])) == 1
+    assert len(theirs.parser.parse(wire.sent[-1][1])) == 1
 
 
 @pytest.mark.parametrize("key", [OTHER, None], ids=["another key", "unsigned"])
-def test_who_has_not_the_secret_is_answered_nothing(wire: Answering, key: bytes | None):
+def test_who_has_not_the_secret_is_answered_nothing(wire: Datagrams, key: bytes | None):
     ours = hub(wire)
     port = ours.port(wire.address, 1)
     said = Packer(1).pack(BEAT, 1) if key is None else Restarted(key).says()
@@ -101,7 +74,7 @@ def test_who_has_not_the_secret_is_answered_nothing(wire: Answering, key: bytes 
 @pytest.mark.parametrize(
     "silent", [NS, 2 * GONE], ids=["while it is heard", "after it fell silent"]
 )
-def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Answering, silent: Time):
+def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Datagrams, silent: Time):
     """Whoever plays it again is told the time, no more than once a second, and nothing else."""
     ours, theirs = hub(wire), Packer(1, signing(wall=Wall(TODAY)))
     port = ours.port(wire.address, 1)
@@ -111,23 +84,23 @@ def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Answering,
         wire.coming.append((Restarted().says(), ELSEWHERE))
         ours.poll(silent)
     port.send(BEAT)
-    assert [to for _, to in wire.sent] == [ELSEWHERE, HERE]
+    assert [to for to, _ in wire.sent] == [ELSEWHERE, HERE]
     wire.coming.append((Restarted().says(), ELSEWHERE))
     ours.poll(silent + NS)
-    assert [to for _, to in wire.sent] == [ELSEWHERE, HERE, ELSEWHERE]
+    assert [to for to, _ in wire.sent] == [ELSEWHERE, HERE, ELSEWHERE]
 
 
-def test_an_old_frame_played_again_before_it_is_heard_draws_nothing_away(wire: Answering):
+def test_an_old_frame_played_again_before_it_is_heard_draws_nothing_away(wire: Datagrams):
     ours = hub(wire)
     port = ours.port(wire.address, 1)
     wire.coming.append((Restarted().says(), ELSEWHERE))
     ours.poll(0)
     for _ in range(3):
         port.send(BEAT)
-    assert [to for _, to in wire.sent] == [ELSEWHERE]
+    assert [to for to, _ in wire.sent] == [ELSEWHERE]
 
 
-def test_where_it_is_heard_it_is_told_our_time_by_what_it_is_sent_anyway(wire: Answering):
+def test_where_it_is_heard_it_is_told_our_time_by_what_it_is_sent_anyway(wire: Datagrams):
     ours, theirs = hub(wire), Packer(1, signing(wall=Wall(TODAY)))
     ours.port(wire.address, 1)
     wire.coming.append((theirs.pack(BEAT, 1), HERE))
@@ -137,7 +110,7 @@ def test_where_it_is_heard_it_is_told_our_time_by_what_it_is_sent_anyway(wire: A
     assert wire.sent == []
 
 
-def test_who_signs_with_an_old_time_is_not_heard(wire: Answering):
+def test_who_signs_with_an_old_time_is_not_heard(wire: Datagrams):
     """Not as another system either, whose id a mission may have meant."""
     ours = hub(wire)
     port = ours.port(wire.address, 2)
@@ -146,12 +119,12 @@ def test_who_signs_with_an_old_time_is_not_heard(wire: Answering):
     assert port.heard_from == frozenset()
 
 
-def test_a_scout_hears_one_whose_time_is_behind_though_it_knows_no_id(wire: Answering):
+def test_a_scout_hears_one_whose_time_is_behind_though_it_knows_no_id(wire: Datagrams):
     theirs, discovery = Restarted(system=2, at=0.0), Discovery(wire, None, 245, KEY)
     for now in range(3):
         wire.coming.append((theirs.says(), HERE))
         discovery.step(now)
-        for data, _ in wire.sent:
+        for _, data in wire.sent:
             theirs.parser.parse(data)
     assert set(discovery.statuses) == {2}
 

@@ -1,9 +1,12 @@
-"""Wires on loopback, on a pseudo terminal and in memory: open late, lost, opened again, flooded."""
+"""Addresses of autopilots. Wires on loopback, on a pseudo terminal and in memory: open late, lost,
+opened again, flooded."""
 
 from __future__ import annotations
 
 import os
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Any
@@ -13,10 +16,14 @@ from waiting import HANGS, free_port, until
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.transport import open_wire
-from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.sockets import MOST_AT_ONCE, Pipe, TcpServer, UdpIn
-from kybflow.drivers.mavlink.transport.wire import Wire, memory_wires
+from kybflow.drivers.mavlink.transport.sockets import (
+    MOST_AT_ONCE,
+    Pipe,
+    TcpServer,
+    UdpIn,
+    open_wire,
+)
+from kybflow.drivers.mavlink.transport.wire import Address, Wire, memory_wires, read_address
 
 HOST = "127.0.0.1"
 
@@ -72,10 +79,7 @@ def test_several_senders_are_told_apart() -> None:
         other.sendto(b"2", (HOST, wire.port))
         came: list[tuple[bytes, Any]] = []
         until(lambda: came.extend(wire.receive(0)) or len(came) == 2, "both")
-        assert dict(came) == {
-            b"1": one.getsockname(),
-            b"2": other.getsockname(),
-        }
+        assert dict(came) == {b"1": one.getsockname(), b"2": other.getsockname()}
 
 
 def test_a_flood_does_not_hold_up_a_poll() -> None:
@@ -318,3 +322,61 @@ def test_what_is_sent_to_an_end_that_hears_late_arrives_late_and_is_lost_when_th
     other.late = 0
     one.send(b"next")
     assert other.receive(5 * NS) == [(b"next", None)]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("udpin:0.0.0.0:14540", Address("udpin", "0.0.0.0", 14540)),
+        ("udpin:14540", Address("udpin", "127.0.0.1", 14540)),
+        (" udpout:drone.lab:14580 ", Address("udpout", "drone.lab", 14580)),
+        ("tcp:127.0.0.1:5760", Address("tcp", "127.0.0.1", 5760)),
+        ("tcpin:5760", Address("tcpin", "127.0.0.1", 5760)),
+        ("serial:/dev/ttyUSB0:57600", Address("serial", "/dev/ttyUSB0", 57600)),
+        ("serial:COM3:921600", Address("serial", "COM3", 921600)),
+        (
+            "serial:/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0:57600",
+            Address("serial", "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0", 57600),
+        ),
+    ],
+)
+def test_an_address_is_written_like_this(text: str, expected: Address) -> None:
+    assert expected == read_address(text)
+    assert expected == read_address(str(expected))
+
+
+@pytest.mark.parametrize(
+    ("text", "way_out"),
+    [
+        ("", "write `udpin:HOST:PORT`"),
+        ("127.0.0.1:14540", "write `udpin:HOST:PORT`"),
+        ("udp:127.0.0.1:14540", "write `udpin:127.0.0.1:14540` to wait .* or `udpout:"),
+        ("UDPIN:1.2.3.4:1", "write `udpin:HOST:PORT`"),
+        ("udpin:", "write `udpin:HOST:PORT`"),
+        ("udpin:a b:14540", "write `udpin:HOST:PORT`"),
+        ("udpin:[::1]:14540", "write `udpin:HOST:PORT`"),
+        ("udpout:14540", "says no host: write `udpout:HOST:14540`"),
+        ("tcp:5760", "says no host: write `tcp:HOST:5760`"),
+        ("tcp://127.0.0.1:5760", "write `tcp:HOST:PORT`"),
+        ("udpin:127.0.0.1:0", "ports go from 1 to 65535"),
+        ("tcp:localhost:65536", "ports go from 1 to 65535"),
+        ("serial:/dev/ttyUSB0", "write `serial:DEVICE:BAUD`, as in"),
+        ("serial:/dev/ttyUSB0:fast", "write `serial:DEVICE:BAUD`, as in"),
+        ("serial::57600", "write `serial:DEVICE:BAUD`, as in"),
+    ],
+)
+def test_a_bad_one_says_what_to_write(text: str, way_out: str) -> None:
+    with pytest.raises(DriverError, match=way_out):
+        read_address(text)
+
+
+def test_neither_pymavlink_nor_pyserial_is_needed_to_read_one() -> None:
+    program = (
+        "import sys\nsys.modules['pymavlink'] = sys.modules['serial'] = None\n"
+        "from kybflow.drivers.mavlink.transport.wire import read_address\n"
+        "print(read_address('udpin:1'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    assert done.stdout == "udpin:127.0.0.1:1\n"

@@ -94,7 +94,7 @@ def command(
     from kybflow.core.errors import DriverError
     from kybflow.drivers.emulated_autopilot.state import AutopilotFailures
     from kybflow.drivers.mavlink.protocol.signing import read_key
-    from kybflow.drivers.mavlink.transport.address import read_address
+    from kybflow.drivers.mavlink.transport.wire import read_address
 
     def started(name: str, number: int, addresses: list[str]) -> None:
         echo(f"{name} ({vehicle}, system {number}) is at {', '.join(addresses)}; Ctrl-C ends it")

@@ -47,7 +47,7 @@ def meeting(
     note: returns text to append to the message."""
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.protocol.signing import read_key
-    from kybflow.drivers.mavlink.transport.address import read_address
+    from kybflow.drivers.mavlink.transport.wire import read_address
 
     with refusing("--key", DriverError):
         secret = None if key is None else read_key(key)
@@ -55,7 +55,7 @@ def meeting(
         place = read_address(address)
     try:
         from kybflow.drivers.mavlink.discovery import Discovery
-        from kybflow.drivers.mavlink.transport import open_wire
+        from kybflow.drivers.mavlink.transport.sockets import open_wire
 
         with closing(open_wire(place)) as wire:
             yield Discovery(wire, system, own_system, secret)

@@ -17,8 +17,7 @@ from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time
-    from kybflow.drivers.mavlink.discovery import Discovery
-    from kybflow.drivers.mavlink.preflight.required_parameters import ParameterRow, ParameterSetup
+    from kybflow.drivers.mavlink.discovery import Discovery, ParameterRow, ParameterSetup
 
     Firmware = str
 else:
@@ -55,8 +54,8 @@ def command(
       kybflow mavlink setup --vehicle px4 --system 2 --simulator --write
       kybflow mavlink setup --vehicle ardupilot --address serial:/dev/ttyUSB0:57600
     """
+    from kybflow.drivers.mavlink.discovery import ParameterSetup
     from kybflow.drivers.mavlink.firmware import profile_of
-    from kybflow.drivers.mavlink.preflight.required_parameters import ParameterSetup
 
     profile = profile_of(vehicle)
     first, place = profile.default_address(1), address or profile.default_address(system or 1)
@@ -78,7 +77,7 @@ def _systems_at(address: str, own_system: int, key: Path | None) -> str:
     from kybflow.core.errors import DriverError
     from kybflow.drivers.mavlink.discovery import Discovery
     from kybflow.drivers.mavlink.protocol.signing import read_key
-    from kybflow.drivers.mavlink.transport import open_wire
+    from kybflow.drivers.mavlink.transport.sockets import open_wire
 
     try:
         with closing(open_wire(address)) as wire:

@@ -20,8 +20,8 @@ from kybflow.drivers.emulated_autopilot.state import (
     Role,
 )
 from kybflow.drivers.emulation.control import Speeds
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 EARTH = 6_378_100.0
 """The radius of the earth in ArduPilot's simulator, a sphere, metres."""

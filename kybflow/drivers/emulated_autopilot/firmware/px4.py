@@ -18,8 +18,8 @@ from kybflow.drivers.emulated_autopilot.state import (
     Role,
 )
 from kybflow.drivers.emulation.control import Speeds
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Tangent
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 TEMPORARILY_REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = mavlink.MAV_RESULT_DENIED

@@ -1,4 +1,4 @@
-"""Arming, lift-off and disarming.
+"""Arming and disarming.
 
 Arming waits for these conditions in order, checking all of them anew in every tick: setpoints are
 being sent (if the autopilot requires them before the mode), the autopilot is in the mode in which
@@ -7,28 +7,18 @@ own take-off or by setpoints above the ground. A condition that is lost again is
 until the arming timeout.
 
 An autopilot reports its readiness only for its current mode; therefore the preflight also puts a
-disarmed vehicle into the mode in which it will fly (`PreflightMode`).
-
-An autopilot ends its own take-off on the ground if it is commanded down, and the mission's first
-setpoints are at ground level. So `LiftOff` holds back positions until they are above the vehicle,
-and accelerations until they no longer point down, for at most five seconds.
-
-A vehicle that takes off by setpoints gets `raised` ones until it has lifted off: a higher position,
-or a growing upward acceleration, since the autopilot's hover throttle may be set too low.
-Horizontally it follows the command, against the wind."""
+disarmed vehicle into the mode in which it will fly (`PreflightMode`)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO, Vec3
-from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.mavlink.control.modes import Modes
-from kybflow.drivers.mavlink.control.requests import CommandRequests, Retries
+from kybflow.core.signals import NS, Command, Time
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes, Retries
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 
 ARM_DISARM, TAKEOFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF
@@ -62,11 +52,8 @@ class Arming:
         self._profile, self._status, self._modes = profile, status, modes
         self._begun, self._timeout = now, timeout
         self._arm = Retries(requests, ARM_DISARM, (1.0,))
-        self._lift = Retries(
-            requests,
-            mavlink.MAV_CMD_NAV_TAKEOFF,
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height),
-        )
+        climb = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, profile.takeoff_height)
+        self._lift = Retries(requests, TAKEOFF, climb)
         self._floor: float | None = None
         modes.want("offboard")
         if modes.has_left:
@@ -100,20 +87,17 @@ class Arming:
             return self._modes.trouble
         if not self._status.armed:
             self._floor = height
-            return self._to_arm(now)
+            unready = self._profile.ready(self._status)
+            if unready and now - self._begun < DOUBT * self._timeout * NS:
+                return unready
+            self._arm.step(now)
+            reason = self._arm.refusal or unready
+            return reason or "it was asked to, and its heartbeat reports that it is not armed"
         if self._profile.climbs:
             return self._to_lift(height, now)
         if not rises or height is None or self._floor is None or height - self._floor >= LIFTED:
             return ""
         return "armed, it has not left the ground"
-
-    def _to_arm(self, now: Time) -> str:
-        unready = self._profile.ready(self._status)
-        if unready and now - self._begun < DOUBT * self._timeout * NS:
-            return unready
-        self._arm.step(now)
-        reason = self._arm.refusal or unready
-        return reason or "it was asked to, and its heartbeat reports that it is not armed"
 
     def _to_lift(self, height: float | None, now: Time) -> str:
         landed = self._status.landed
@@ -172,14 +156,7 @@ class MotorStop:
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
         self._status = status
-        self._cut = Retries(
-            requests,
-            mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
-            (0.0, FORCED),
-            first=0.2,
-            most=0.2,
-            shown=0.2,
-        )
+        self._cut = Retries(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
 
     def step(self, now: Time) -> bool:
         """Request the stop if it is due; return whether the rotors have stopped."""
@@ -223,99 +200,3 @@ class PreflightMode:
             self._left = None
             self._modes.again()
         return "" if self._follows(now) else self._modes.trouble
-
-
-LIFTS: Time = 5 * NS
-"""How long downward commands are held back at most."""
-LOW = 0.3
-"""Height above the ground, metres, below which the vehicle may be landing."""
-PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
-"""An upward acceleration: its initial value, m/s^2, its growth, m/s^3, and its maximum, m/s^2."""
-
-
-class LiftOff:
-    """The lift-off of one vehicle: holds back commands that would keep it on the ground, for at
-    most `LIFTS`. hold: returns the command that holds the vehicle still at its position, None while
-    that is unknown."""
-
-    def __init__(self, hold: Callable[[], Command | None]) -> None:
-        self._hold = hold
-        self._until: Time | None = None
-        self._floor: float | None = None
-        self._stood: Time = 0
-
-    @property
-    def height(self) -> float | None:
-        """The vehicle's own height, metres; None while unknown."""
-        holding = self._hold()
-        position = None if holding is None else _position(holding)
-        return None if position is None else position[2]
-
-    @property
-    def is_low(self) -> bool:
-        """Whether the vehicle is near the height at which it last stood disarmed, and so may be
-        landing."""
-        height = self.height
-        return height is not None and self._floor is not None and height - self._floor < LOW
-
-    def stand(self, now: Time) -> None:
-        """Record that the vehicle is disarmed; called once a tick while it is."""
-        self._stood = now
-        height = self.height
-        self._floor = self._floor if height is None else height
-
-    def armed_for(self, now: Time) -> float:
-        """Return for how many seconds the vehicle has been armed."""
-        return (now - self._stood) / NS
-
-    def begin(self, now: Time) -> None:
-        """Begin to hold commands back, because the vehicle is taking off."""
-        self._until = now + LIFTS
-
-    def end(self) -> None:
-        self._until = None
-
-    def holds_back(self, command: Command, now: Time) -> bool:
-        """Return whether a command must wait until the vehicle has lifted off."""
-        if self._until is None:
-            return False
-        if now >= self._until or not self._is_downward(command):
-            self._until = None
-        return self._until is not None
-
-    def _is_downward(self, command: Command) -> bool:
-        push = _acceleration(command)
-        if push is not None:
-            return push[2] < 0.0
-        target, height = _position(command), self.height
-        return target is not None and height is not None and target[2] < height
-
-
-def raised(command: Command, height: float, seconds: float) -> Command:
-    """Return the command that lifts the vehicle. A position command becomes a hover `height` metres
-    higher. An acceleration command keeps its horizontal part and gets an upward acceleration that
-    grows with `seconds`. Other commands are returned unchanged."""
-    setpoint, position = command.setpoint, _position(command)
-    if setpoint is None:
-        return command
-    if position is not None:
-        x, y, z = position
-        place = (x, y, z + height)
-        higher = setpoint._replace(position=place, velocity=ZERO, acceleration=ZERO, jerk=ZERO)
-        return command._replace(setpoint=higher)
-    if (asked := _acceleration(command)) is not None:
-        push = (asked[0], asked[1], min(PUSH + GROWTH * seconds, HARDEST))
-        return command._replace(setpoint=setpoint._replace(acceleration=push, jerk=ZERO))
-    return command
-
-
-def _position(command: Command) -> Vec3 | None:
-    if command.kind is not CommandKind.POSITION or command.setpoint is None:
-        return None
-    return command.setpoint.position
-
-
-def _acceleration(command: Command) -> Vec3 | None:
-    if command.kind is not CommandKind.ACCELERATION or command.setpoint is None:
-        return None
-    return command.setpoint.acceleration

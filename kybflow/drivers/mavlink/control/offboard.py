@@ -14,25 +14,12 @@ from enum import Enum
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.mavlink.control.arming import (
-    LEAD,
-    Arming,
-    Disarming,
-    LiftOff,
-    MotorStop,
-    PreflightMode,
-    raised,
-)
-from kybflow.drivers.mavlink.control.modes import Modes
+from kybflow.drivers.mavlink.control.arming import LEAD, Arming, Disarming, MotorStop, PreflightMode
 from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDetector
-from kybflow.drivers.mavlink.control.requests import CommandRequests
-from kybflow.drivers.mavlink.control.setpoints import SetpointStream
+from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
+from kybflow.drivers.mavlink.control.setpoints import LiftOff, SetpointStream, raised
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
-from kybflow.drivers.mavlink.telemetry.received_status import (
-    LandedState,
-    ReceivedStatus,
-    Silence,
-)
+from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus, Silence
 from kybflow.parts import Override
 
 MODE_TIMEOUT: Time = 3 * NS
@@ -63,7 +50,7 @@ class OffboardControl:
     """Offboard control of one vehicle.
 
     arming_time: seconds that arming may take.
-    rate: the setpoint rate, Hz.
+    stream: the setpoints to send; the link sends those that are due.
     resumes: whether control is taken back without a request after the vehicle's own failsafe, once
     the link is good.
     hold: returns the command that holds the vehicle still at its position, None while that is
@@ -73,24 +60,25 @@ class OffboardControl:
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
-        arming_time: float, rate: float, resumes: bool, hold: Callable[[], Command | None],
+        stream: SetpointStream, arming_time: float, resumes: bool,
+        hold: Callable[[], Command | None],
     ) -> None:  # fmt: skip
         self.override: Override | None = None
         self.goal = OffboardGoal.NONE
         self.modes = Modes(profile, status, requests)
-        self.stream = SetpointStream(rate)
+        self._stream = stream
         self.detector = OverrideDetector(status, self.modes)
         self._profile, self._status, self._requests = profile, status, requests
-        self._arming_time, self._resumes, self._hold = arming_time, resumes, hold
+        self._arming_time, self._resumes = arming_time, resumes
         self._arming: Arming | None = None
         self._disarming = Disarming(status, requests, self.modes)
         self._motor_stop = MotorStop(status, requests)
-        first = self.stream if profile.streams_first else None
+        first = self._stream if profile.streams_first else None
         self._preflight_mode = PreflightMode(self.modes, first, hold, self._step_mode)
         self._since: Time = 0
         self._mode_before_land = ""
         self._lift_off = LiftOff(hold)
-        self._recovery = ControlRecovery(self.modes, self.stream, hold, self._step_mode)
+        self._recovery = ControlRecovery(self.modes, self._stream, hold, self._step_mode)
 
     def arm(self, command: Command, now: Time) -> bool:
         """Arm the vehicle; return whether it follows setpoints. Called once a tick until it does.
@@ -113,10 +101,10 @@ class OffboardControl:
             if self._status.armed:
                 seconds = self._lift_off.armed_for(now)
                 sent = raised(command, self._profile.takeoff_height, seconds)
-            self.stream.feed(sent, now)
+            self._stream.feed(sent, now)
         try:
             rises = command.kind in LIFTED_BY_SETPOINT
-            follows = self._arming.step(self.stream, self._lift_off.height, rises, now)
+            follows = self._arming.step(self._stream, self._lift_off.height, rises, now)
         except Refused:
             self.disarm(now)
             raise
@@ -139,7 +127,7 @@ class OffboardControl:
             self._begin(OffboardGoal.FOLLOW, now)
             self.modes.want("offboard")
         if not (self._lift_off.holds_back(command, now) or self.detector.is_in_doubt):
-            self.stream.feed(command, now)
+            self._stream.feed(command, now)
 
     def prepare(self, now: Time) -> str:
         """Put the disarmed vehicle into the mode that follows setpoints. Return why that mode is
@@ -150,14 +138,14 @@ class OffboardControl:
 
     def disarm(self, now: Time) -> None:
         self._begin(OffboardGoal.DISARM, now)
-        self.stream.stop()
+        self._stream.stop()
         self.modes.want(None)
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
         """Stop the rotors, even if somebody else controls the vehicle."""
         self._begin(OffboardGoal.KILL, now)
-        self.stream.stop()
+        self._stream.stop()
         self.modes.want(None)
         self._motor_stop = MotorStop(self._status, self._requests)
 
@@ -173,7 +161,7 @@ class OffboardControl:
         if not self._status.armed:
             return True
         if self.modes.step(now):
-            self.stream.stop()
+            self._stream.stop()
         elif self.modes.has_left:
             self._watch_control(now)
             if self.override is not None:
@@ -218,14 +206,18 @@ class OffboardControl:
         elif self.override is not None:
             self._wait_or_recover(self.override, age, now)
         elif self.goal is OffboardGoal.DISARM:
-            self._keep_disarmed(now)
+            ours = self._disarming.is_under_way or now - self._since < MODE_TIMEOUT
+            if self._status.armed and not ours:
+                self._lose_control(Override(f"somebody armed it: {self.modes.reported}"))
+            else:
+                self._disarming.step(now)
         elif self.goal is OffboardGoal.FOLLOW:
             self._watch_control(now)
 
     def _step_mode(self, now: Time) -> bool:
         """Request the mode that follows setpoints; if the firmware requires it, only after
         setpoints have been sent for `LEAD`. Return whether the mode is in force."""
-        leads = not self._profile.streams_first or self.stream.flows(now) >= LEAD
+        leads = not self._profile.streams_first or self._stream.flows(now) >= LEAD
         return leads and self.modes.step(now)
 
     def _begin(self, goal: OffboardGoal, now: Time) -> None:
@@ -237,13 +229,6 @@ class OffboardControl:
         if self._arming is not None:
             self._arming.drop()
             self._arming = None
-
-    def _keep_disarmed(self, now: Time) -> None:
-        ours = self._disarming.is_under_way or now - self._since < MODE_TIMEOUT
-        if self._status.armed and not ours:
-            self._lose_control(Override(f"somebody armed it: {self.modes.reported}"))
-        else:
-            self._disarming.step(now)
 
     def _watch_control(self, now: Time) -> None:
         """Detect that the vehicle no longer follows setpoints, or no longer lands, as requested."""
@@ -259,7 +244,7 @@ class OffboardControl:
         self.override = override
         self._recovery.forget()
         self.detector.forget()
-        self.stream.stop()
+        self._stream.stop()
         self.modes.want(None)
 
     def _wait_or_recover(self, override: Override, age: float, now: Time) -> None:
@@ -274,14 +259,11 @@ class OffboardControl:
             back.end()
         if back.is_unasked and is_stable:
             self.reclaim(now)
-        if back.is_under_way:
-            self._recover(override, now)
-
-    def _recover(self, override: Override, now: Time) -> None:
-        """Request control until the vehicle follows, is disarmed, or the time limit is reached."""
-        refused = self._recovery.timed_out(now)
+        if not back.is_under_way:
+            return
+        refused = back.timed_out(now)
         if refused or not self._status.armed:
             self.override = override._replace(refused=refused)
-            self._recovery.end()
-        elif self._recovery.step(now):
+            back.end()
+        elif back.step(now):
             self._begin(OffboardGoal.FOLLOW, now)

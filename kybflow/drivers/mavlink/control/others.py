@@ -23,16 +23,13 @@ from __future__ import annotations
 from collections import deque
 from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.control.requests import name_of
 from kybflow.drivers.mavlink.protocol.codec import NO_ACCELERATION, NO_POSITION, NO_VELOCITY
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 STREAMS = MappingProxyType({"POSITION_TARGET_LOCAL_NED": 4.0})
 """The streams that are read, Hz."""
@@ -96,12 +93,15 @@ class OtherCommanders:
         """Check the target that the autopilot reports (POSITION_TARGET_LOCAL_NED) while it follows
         setpoints in the air."""
         target = _target(message)
-        if target is None or _rests(target) or self._is_ours(target, now):
+        if target is None:
+            return
+        field, value = target
+        rests = (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)
+        if rests or self._is_ours(target, now):
             return
         self._foreign.append(now)
         if len(self._foreign) == OFTEN and now - self._foreign[0] <= WITHIN:
-            x, y, z = target.value
-            kind = FIELDS[target.field]
+            kind, (x, y, z) = FIELDS[field], value
             self._report(
                 f"it follows setpoints that this program did not send: {kind}"
                 f" ({x:.1f}, {y:.1f}, {z:.1f}) north, east, down{self._who()}",
@@ -116,10 +116,15 @@ class OtherCommanders:
 
     def _is_ours(self, target: _Target, now: Time) -> bool:
         last = self._sent[-1][0] if self._sent else now
-        return any(
-            (now - sent <= SENT or sent == last) and _is_near(target, _target(ours))
-            for sent, ours in reversed(self._sent)
-        )
+        for sent, message in reversed(self._sent):
+            if now - sent > SENT and sent != last:
+                break
+            ours = _target(message)
+            if ours is None or ours.field != target.field:
+                continue
+            if distance(target.value, ours.value) <= NEAR[target.field]:
+                return True
+        return False
 
     def answered(self, message: Message, now: Time) -> None:
         """Check a COMMAND_ACK for a command from another system."""
@@ -171,14 +176,3 @@ def _target(message: Message) -> _Target | None:
         if mask & ignored != ignored and all(map(isfinite, value)):
             return _Target(field, value)
     return None
-
-
-def _rests(target: _Target) -> bool:
-    field, value = target
-    return (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)
-
-
-def _is_near(target: _Target, ours: _Target | None) -> bool:
-    if ours is None or target.field != ours.field:
-        return False
-    return distance(target.value, ours.value) <= NEAR[target.field]

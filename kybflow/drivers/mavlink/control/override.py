@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from kybflow.core.signals import NS, Command, Time
-from kybflow.drivers.mavlink.control.modes import Modes
+from kybflow.drivers.mavlink.control.requests import Modes
 from kybflow.drivers.mavlink.control.setpoints import SetpointStream
 from kybflow.drivers.mavlink.telemetry.received_status import (
     NOTICE,
@@ -77,9 +77,14 @@ class OverrideDetector:
             return None
         if self._since is None:
             self._since = now
-        return (
-            self._mode(self._since, now) if self._status.armed else self._rotors(self._since, now)
-        )
+        if self._status.armed:
+            return self._mode(self._since, now)
+        in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
+        if not in_air and now - self._since <= LANDING_GRACE:
+            return None
+        words = self._status.words(self._since - BEFORE)
+        where = "in the air" if in_air else "on the ground"
+        return OverrideCause(f"it disarmed {where}" + (f" ('{words}')" if words else ""))
 
     def _mode(self, since: Time, now: Time) -> OverrideCause | None:
         mode, words, silence = (
@@ -103,15 +108,6 @@ class OverrideDetector:
         return OverrideCause(
             f"a person or itself put it into {mode}, and it does not say why{text}"
         )
-
-    def _rotors(self, since: Time, now: Time) -> OverrideCause | None:
-        """Return the cause of a disarming that was not requested here."""
-        in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
-        if not in_air and now - since <= LANDING_GRACE:
-            return None
-        words = self._status.words(since - BEFORE)
-        where = "in the air" if in_air else "on the ground"
-        return OverrideCause(f"it disarmed {where}" + (f" ('{words}')" if words else ""))
 
 
 REQUESTED: Time = 10 * NS

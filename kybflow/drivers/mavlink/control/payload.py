@@ -49,7 +49,14 @@ class PayloadGrip:
         """Open or close the grip. Called once a tick until it returns the payload's state. Raises
         Refused; the next call then starts over."""
         if self._is_open is not is_open:
-            self._begin(is_open)
+            number, parameter, _ = self._output
+            function = self._parameters.values.get(parameter)
+            self._left = list(self._profile.grip(number, is_open, function))
+            if not self._left:
+                raise Refused(
+                    f"output {number} is for something else: {parameter} is {function or 0.0:g}"
+                )
+            self._is_open, self._refusals, self._request = is_open, [], None
         if self._request is None:
             first = self._left[0]
             self._accepted = None
@@ -64,16 +71,6 @@ class PayloadGrip:
             self._is_open = self._request = None
             return Payload(now, is_open, None)
         return None
-
-    def _begin(self, is_open: bool) -> None:
-        number, parameter, _ = self._output
-        function = self._parameters.values.get(parameter)
-        self._left = list(self._profile.grip(number, is_open, function))
-        if not self._left:
-            raise Refused(
-                f"output {number} is for something else: {parameter} is {function or 0.0:g}"
-            )
-        self._is_open, self._refusals, self._request = is_open, [], None
 
     def _is_done(self, is_open: bool, now: Time) -> bool:
         """Return whether the acknowledged movement is reported; always true if the output is not

@@ -12,15 +12,13 @@ the effect in what the autopilot reports."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
-    from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
+from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.protocol import codec
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
+from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 Outcome = Literal["waiting", "accepted", "refused", "silent"]
 
@@ -127,10 +125,19 @@ class CommandRequests:
         if any(request.command == command for request in self._replaced):
             self._replaced = [r for r in self._replaced if r.command != command]
             return
+        result = message.result
         for request in self._waiting:
-            if request.command == command and request.sent and not request.refusal:
-                _answer(request, message.result, now)
-                break
+            if request.command != command or not request.sent or request.refusal:
+                continue
+            if result == ACCEPTED:
+                request.end("accepted")
+            elif result == IN_PROGRESS:
+                request.is_in_progress = True
+                request.next = now + PROGRESS
+            else:
+                request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
+                request.next = now + WORDS_LATE
+            break
         self._tidy()
 
     def due(self, now: Time) -> list[Message]:
@@ -143,7 +150,22 @@ class CommandRequests:
             if now >= request.next:
                 self._expire(request)
         self._tidy()
-        return [self._send(request, now) for request in self._turns() if now >= request.next]
+        messages = []
+        first: set[int] = set()
+        for request in self._waiting:
+            if request.refusal or request.command in first:
+                continue  # it waits for its reason, or for an older request of the command
+            first.add(request.command)
+            if now < request.next:
+                continue
+            request.next = now + request.wait
+            request.wait = min(2 * request.wait, LONGEST)
+            again = min(request.sent, 255)
+            request.sent += 1
+            messages.append(
+                codec.command_long(self._target, request.command, *request.params, again=again)
+            )
+        return messages
 
     def _expire(self, request: CommandRequest) -> None:
         """End the request if it was refused or has timed out."""
@@ -157,24 +179,6 @@ class CommandRequests:
             tries = "once" if request.sent == 1 else f"{request.sent} times"
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
 
-    def _turns(self) -> Iterator[CommandRequest]:
-        """Yield the first request of each command, except refused ones, which only wait for their
-        reason."""
-        seen: set[int] = set()
-        for request in self._waiting:
-            if not request.refusal and request.command not in seen:
-                seen.add(request.command)
-                yield request
-
-    def _send(self, request: CommandRequest, now: Time) -> Message:
-        request.next = now + request.wait
-        request.wait = min(2 * request.wait, LONGEST)
-        confirmation = min(request.sent, 255)
-        request.sent += 1
-        return mavlink.MAVLink_command_long_message(
-            *self._target, request.command, confirmation, *request.params
-        )
-
     def _tidy(self) -> None:
         self._waiting = [r for r in self._waiting if r.outcome == "waiting"]
 
@@ -183,17 +187,6 @@ def name_of(command: int) -> str:
     """Return a command's name in MAVLink, such as `DO_SET_MODE`."""
     entry = mavlink.enums["MAV_CMD"].get(command)
     return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
-
-
-def _answer(request: CommandRequest, result: int, now: Time) -> None:
-    if result == ACCEPTED:
-        request.end("accepted")
-    elif result == IN_PROGRESS:
-        request.is_in_progress = True
-        request.next = now + PROGRESS
-    else:
-        request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
-        request.next = now + WORDS_LATE
 
 
 SHOWN = 1.5
@@ -223,14 +216,15 @@ class Retries:
         shows."""
         request = self._request
         if request is not None and request.outcome != "waiting":
-            self._answered(request, now)
+            self._request = None
+            accepted = request.outcome == "accepted"
+            self.refusal = "" if accepted else request.words
+            pause = max(self._pause, self._shown) if accepted else self._pause
+            self._due = now + round(pause * NS)
+            self._pause = min(2.0 * self._pause, self._most)
         if self._request is None and (self._due is None or now >= self._due):
             self._request = self._requests.ask(
-                self._command,
-                *self._params,
-                now=now,
-                timeout=min(self._pause, TIMEOUT),
-                attempts=2,
+                self._command, *self._params, now=now, timeout=min(self._pause, TIMEOUT), attempts=2
             )
 
     def drop(self) -> None:
@@ -238,10 +232,89 @@ class Retries:
         if self._request is not None and self._request.outcome == "waiting":
             self._request.end("silent", "it was withdrawn")
 
-    def _answered(self, request: CommandRequest, now: Time) -> None:
-        self._request = None
-        accepted = request.outcome == "accepted"
-        self.refusal = "" if accepted else request.words
-        pause = max(self._pause, self._shown) if accepted else self._pause
-        self._due = now + round(pause * NS)
-        self._pause = min(2.0 * self._pause, self._most)
+
+class Modes:
+    """The modes of one autopilot.
+
+    wanted: the requested mode's name in the profile, None if no mode is requested.
+    was_in_force: whether that mode has been in force since the request.
+    before: the custom_mode before the first request."""
+
+    def __init__(
+        self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests
+    ) -> None:
+        self.wanted: str | None = None
+        self.was_in_force = False
+        self.before: int | None = None
+        self._profile, self._status, self._requests = profile, status, requests
+        self._asking: Retries | None = None
+
+    @property
+    def reported(self) -> str:
+        """The firmware's name of the mode that the autopilot reports."""
+        mode = self._status.mode
+        return "no known mode" if mode is None else self._profile.mode_name(mode)
+
+    def is_in(self, name: str) -> bool:
+        """Return whether the autopilot reports this mode of the profile."""
+        return self._status.mode == self._profile.modes[name]
+
+    @property
+    def is_manual(self) -> bool:
+        """Whether the autopilot reports a mode that a person flies."""
+        return self.reported in self._profile.manual_modes
+
+    @property
+    def in_force(self) -> bool:
+        """Whether the requested mode is in force."""
+        return self.wanted is not None and self.is_in(self.wanted)
+
+    @property
+    def has_left(self) -> bool:
+        """Whether the requested mode was in force and no longer is."""
+        return self.was_in_force and not self.in_force
+
+    def want(self, name: str | None) -> None:
+        """Request this mode from now on; None withdraws the request."""
+        if name != self.wanted:
+            self._want(name)
+
+    def again(self) -> None:
+        """Request the wanted mode again after the autopilot has left it."""
+        self._want(self.wanted)
+
+    def step(self, now: Time) -> bool:
+        """Send the request if it is due; return whether the mode is in force. A mode that was in
+        force and was left is not requested again. Called once a tick."""
+        if self.wanted is None:
+            return False
+        if self.before is None:
+            self.before = self._status.mode
+        if self.in_force:
+            self.was_in_force = True
+            self._drop()
+            return True
+        if not self.was_in_force:
+            if self._asking is None:
+                params = self._profile.mode_params(self._profile.modes[self.wanted])
+                self._asking = Retries(self._requests, mavlink.MAV_CMD_DO_SET_MODE, params)
+            self._asking.step(now)
+        return False
+
+    @property
+    def trouble(self) -> str:
+        """Why the requested mode is not in force, with the autopilot's refusal if there is one."""
+        if self.wanted is None:
+            return "no mode is requested"
+        name = self._profile.mode_name(self._profile.modes[self.wanted])
+        refusal = self._asking.refusal if self._asking is not None else ""
+        return f"it won't go from {self.reported} to {name}" + (f": {refusal}" if refusal else "")
+
+    def _want(self, name: str | None) -> None:
+        self.wanted, self.was_in_force = name, False
+        self._drop()
+
+    def _drop(self) -> None:
+        if self._asking is not None:
+            self._asking.drop()
+            self._asking = None

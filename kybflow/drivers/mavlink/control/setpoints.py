@@ -1,4 +1,4 @@
-"""The setpoints sent to an autopilot: their rate, their latency compensation, and their throttle.
+"""The setpoints sent to an autopilot: which command is sent, when, and with what changes.
 
 `SetpointStream` sends the newest command at its own rate and repeats it until the command is 250 ms
 old. Then it stops, and the vehicle's own watchdog acts.
@@ -6,20 +6,21 @@ old. Then it stops, and the vehicle's own watchdog acts.
 `compensated` extrapolates a setpoint by the vehicle's `Latency`, that of its attitude loop and
 rotors, using the setpoint's own velocity, acceleration and jerk.
 
-`HoverThrottle` learns the hover throttle, which converts newtons to throttle: at first it is the
-autopilot's own parameter; then, while the vehicle hovers under position or acceleration setpoints,
-the slowly averaged throttle of its attitude controller."""
+An autopilot ends its own take-off on the ground if it is commanded down, and the mission's first
+setpoints are at ground level. So `LiftOff` holds back positions until they are above the vehicle,
+and accelerations until they no longer point down, for at most five seconds.
+
+A vehicle that takes off by setpoints gets `raised` ones until it has lifted off: a higher position,
+or a growing upward acceleration, since the autopilot's hover throttle may be set too low.
+Horizontally it follows the command, against the wind."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import isfinite
-from types import MappingProxyType
+from collections.abc import Callable
 
-from kybflow.core.geometry import ZERO, add, norm, scale
-from kybflow.core.signals import NS, Command, CommandKind, Odometry, SetpointKind, Time
+from kybflow.core.geometry import ZERO, Vec3, add, scale
+from kybflow.core.signals import NS, Command, CommandKind, SetpointKind, Time
 from kybflow.drivers.mavlink.firmware import Latency
-from kybflow.drivers.mavlink.protocol.codec import Throttle
 
 OLDEST: Time = NS // 4
 """A command older than this is no longer sent."""
@@ -86,49 +87,95 @@ def compensated(command: Command, latency: Latency) -> Command:
     return command._replace(setpoint=ahead)
 
 
-STREAMS = MappingProxyType({"ATTITUDE_TARGET": 10.0})
-"""The stream from which `HoverThrottle` learns, Hz."""
-USUAL = 0.5
-LEAST, MOST = 0.1, 0.9
-SLOW = 5.0
-"""The time constant of the average, seconds."""
-STILL = 0.3
-"""Below this speed, m/s, the vehicle counts as hovering."""
-
-THRUST_BY_AUTOPILOT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
-"""Kinds of commands under which the autopilot itself sets the thrust."""
+LIFTS: Time = 5 * NS
+"""How long downward commands are held back at most."""
+LOW = 0.3
+"""Height above the ground, metres, below which the vehicle may be landing."""
+PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
+"""An upward acceleration: its initial value, m/s^2, its growth, m/s^3, and its maximum, m/s^2."""
 
 
-class HoverThrottle:
-    """The hover throttle of one vehicle.
+class LiftOff:
+    """The lift-off of one vehicle: holds back commands that would keep it on the ground, for at
+    most `LIFTS`. hold: returns the command that holds the vehicle still at its position, None while
+    that is unknown."""
 
-    parameter: the autopilot's parameter that holds it.
-    newtons: the vehicle's weight, N.
-    raised: whether the autopilot itself raises the thrust with the tilt."""
+    def __init__(self, hold: Callable[[], Command | None]) -> None:
+        self._hold = hold
+        self._until: Time | None = None
+        self._floor: float | None = None
+        self._stood: Time = 0
 
-    def __init__(self, parameter: str, newtons: float, raised: bool) -> None:
-        self._parameter, self._newtons, self._raised = parameter, newtons, raised
-        self._share: float | None = None
-        self._last: Time | None = None
+    @property
+    def height(self) -> float | None:
+        """The vehicle's own height, metres; None while unknown."""
+        holding = self._hold()
+        position = None if holding is None else _position(holding)
+        return None if position is None else position[2]
 
-    def throttle(self, values: Mapping[str, float]) -> Throttle:
-        """Return the conversion from thrust to throttle. values: the parameters that were read."""
-        share = self._share or values.get(self._parameter, USUAL)
-        share = share if isfinite(share) else USUAL
-        return Throttle(min(max(share, LEAST), MOST), self._newtons, self._raised)
+    @property
+    def is_low(self) -> bool:
+        """Whether the vehicle is near the height at which it last stood disarmed, and so may be
+        landing."""
+        height = self.height
+        return height is not None and self._floor is not None and height - self._floor < LOW
 
-    def learn(
-        self, asked: float | None, command: Command, odometry: Odometry | None,
-        values: Mapping[str, float], now: Time,
-    ) -> None:  # fmt: skip
-        """Learn from one tick of hovering. asked: the throttle that the attitude controller
-        commands, 0 to 1; None while the vehicle is not in the air."""
-        still = odometry is not None and norm(odometry.velocity) < STILL
-        if asked is None or not still or command.kind not in THRUST_BY_AUTOPILOT:
-            self._last = None
-            return
-        if self._last is not None:
-            dt = (now - self._last) / NS
-            share = self.throttle(values).hover
-            self._share = share + (asked - share) * dt / (SLOW + dt)
-        self._last = now
+    def stand(self, now: Time) -> None:
+        """Record that the vehicle is disarmed; called once a tick while it is."""
+        self._stood = now
+        height = self.height
+        self._floor = self._floor if height is None else height
+
+    def armed_for(self, now: Time) -> float:
+        """Return for how many seconds the vehicle has been armed."""
+        return (now - self._stood) / NS
+
+    def begin(self, now: Time) -> None:
+        """Begin to hold commands back, because the vehicle is taking off."""
+        self._until = now + LIFTS
+
+    def end(self) -> None:
+        self._until = None
+
+    def holds_back(self, command: Command, now: Time) -> bool:
+        """Return whether a command must wait until the vehicle has lifted off."""
+        if self._until is None:
+            return False
+        if (push := _acceleration(command)) is not None:
+            is_downward = push[2] < 0.0
+        else:
+            target, height = _position(command), self.height
+            is_downward = target is not None and height is not None and target[2] < height
+        if now >= self._until or not is_downward:
+            self._until = None
+        return self._until is not None
+
+
+def raised(command: Command, height: float, seconds: float) -> Command:
+    """Return the command that lifts the vehicle. A position command becomes a hover `height` metres
+    higher. An acceleration command keeps its horizontal part and gets an upward acceleration that
+    grows with `seconds`. Other commands are returned unchanged."""
+    setpoint, position = command.setpoint, _position(command)
+    if setpoint is None:
+        return command
+    if position is not None:
+        x, y, z = position
+        place = (x, y, z + height)
+        higher = setpoint._replace(position=place, velocity=ZERO, acceleration=ZERO, jerk=ZERO)
+        return command._replace(setpoint=higher)
+    if (asked := _acceleration(command)) is not None:
+        push = (asked[0], asked[1], min(PUSH + GROWTH * seconds, HARDEST))
+        return command._replace(setpoint=setpoint._replace(acceleration=push, jerk=ZERO))
+    return command
+
+
+def _position(command: Command) -> Vec3 | None:
+    if command.kind is not CommandKind.POSITION or command.setpoint is None:
+        return None
+    return command.setpoint.position
+
+
+def _acceleration(command: Command) -> Vec3 | None:
+    if command.kind is not CommandKind.ACCELERATION or command.setpoint is None:
+        return None
+    return command.setpoint.acceleration

@@ -22,9 +22,9 @@ unset gives None."""
 from __future__ import annotations
 
 from itertools import takewhile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, conjugate, rotate, scale, to_euler
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, conjugate, rotate, scale, to_euler
 from kybflow.core.signals import (
     NS,
     Battery,
@@ -39,7 +39,6 @@ from kybflow.core.signals import (
     Sticks,
     Time,
 )
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import (
     Anchor,
     Tangent,
@@ -54,10 +53,7 @@ from kybflow.drivers.mavlink.protocol.frames import (
     to_ned,
     with_heading,
 )
-from kybflow.drivers.mavlink.protocol.framing import LAYOUTS
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, Message, mavlink
 
 ODOMETRY = LAYOUTS[mavlink.MAVLINK_MSG_ID_ODOMETRY]
 POSITION_TARGET = LAYOUTS[mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED]
@@ -101,6 +97,13 @@ def encode(
     if command.kind in (CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST):
         return _attitude_target(command, target, boot_ms, anchor, throttle, own_heading)
     return _position_target(command, target, boot_ms, anchor)
+
+
+def command_long(target: tuple[int, int], command: int, *params: float, again: int = 0) -> Message:
+    """Return a COMMAND_LONG with up to seven parameters; missing ones are 0. again: how often it
+    has been sent already, at most 255."""
+    filled = (*params, *(0.0,) * (7 - len(params)))
+    return mavlink.MAVLink_command_long_message(*target, command, again, *filled)
 
 
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
@@ -165,19 +168,14 @@ def _attitude_target(
     if command.kind is CommandKind.RATES_THRUST:
         mask, attitude, rates = NO_ATTITUDE, LEVEL, to_frd(command.rates)
     else:
-        mask, attitude, rates = NO_RATES, _wanted(command, anchor, own_heading), ZERO
+        mask, attitude, rates = NO_RATES, anchor.attitude_from_world(command.attitude), ZERO
+        if command.heading is None and own_heading is not None:
+            attitude = with_heading(command.attitude, own_heading)
         thrust *= lean(attitude) if throttle.raised else 1.0
         attitude = attitude_to_ned(attitude)
     return mavlink.MAVLink_set_attitude_target_message(
         boot_ms, *target, mask, attitude, *rates, throttle.share(thrust)
     )
-
-
-def _wanted(command: Command, anchor: Anchor, own_heading: float | None) -> Quat:
-    """Return the commanded attitude in the autopilot's frame, FLU to ENU."""
-    if command.heading is None and own_heading is not None:
-        return with_heading(command.attitude, own_heading)
-    return anchor.attitude_from_world(command.attitude)
 
 
 def _covariance(spread: float) -> tuple[float, ...]:
@@ -302,7 +300,14 @@ def sticks(message: Message, time: Time) -> Sticks | None:
     """Return the pilot's sticks from RC_CHANNELS, whose first four channels are roll, pitch,
     throttle and yaw, or from MANUAL_CONTROL. Return None if no transmitter is received."""
     if message.get_type() == "RC_CHANNELS":
-        return _transmitter(message, time)
+        count = min(message.chancount, 18)
+        pulses = [getattr(message, f"chan{n}_raw") for n in range(1, count + 1)]
+        known = takewhile(lambda pulse: pulse not in (0, UNKNOWN), pulses)
+        channels = [min(max((pulse - 1500) / 500, -1.0), 1.0) for pulse in known]
+        if len(channels) < 4:
+            return None
+        roll, pitch, throttle, yaw, *switches = channels
+        return Sticks(time, roll, -pitch, -yaw, 0.5 + 0.5 * throttle, tuple(switches))
     axes = (message.y, message.x, message.r, message.z)
     if NO_STICK in axes:
         return None
@@ -319,17 +324,6 @@ def payload(servos: tuple[int, ...], channel: int, time: Time) -> Payload | None
     if pulse in (0, UNKNOWN):
         return None
     return Payload(time, pulse < SERVO_MIDDLE, None)
-
-
-def _transmitter(message: Message, time: Time) -> Sticks | None:
-    count = min(message.chancount, 18)
-    pulses = [getattr(message, f"chan{n}_raw") for n in range(1, count + 1)]
-    known = takewhile(lambda pulse: pulse not in (0, UNKNOWN), pulses)
-    axes = [min(max((pulse - 1500) / 500, -1.0), 1.0) for pulse in known]
-    if len(axes) < 4:
-        return None
-    roll, pitch, throttle, yaw, *switches = axes
-    return Sticks(time, roll, -pitch, -yaw, 0.5 + 0.5 * throttle, tuple(switches))
 
 
 def _gps_spread(accuracy: int, dilution: int) -> float | None:

@@ -20,8 +20,15 @@ from operator import attrgetter, itemgetter
 from typing import Any, ClassVar
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE, Signing
+
+try:
+    from pymavlink.dialects.v20 import all as dialect
+except ImportError as missing:
+    raise DriverError("MAVLink needs pymavlink: pip install 'kybflow[mavlink]'") from missing
+
+mavlink = dialect
+"""The messages and constants of MAVLink. No other module imports pymavlink."""
 
 Message = Any
 """A message object of pymavlink, or a `FieldTuple` with the same attributes: `get_type()`,
@@ -64,25 +71,11 @@ Sender = tuple[int, int, int]
 """A frame's system id, component id and sequence number."""
 
 
-def _head(frame: bytes) -> tuple[int, Sender]:
-    """Return the index at which the payload begins, and the sender."""
-    if frame[0] == FIRST:
-        return _FIRST_HEAD, (frame[3], frame[4], frame[2])
-    return _SECOND_HEAD, (frame[5], frame[6], frame[4])
-
-
 def _body(frame: bytes) -> int:
     """Return the index at which the payload of a complete frame ends."""
     if frame[2] == SIGNED and frame[0] == SECOND:
         return len(frame) - _CHECKSUM - SIGNATURE
     return len(frame) - _CHECKSUM
-
-
-def _is_datagram(data: bytes) -> bool:
-    """Return whether the bytes are exactly one frame of version 2 without a signature, as in most
-    datagrams."""
-    size = len(data)
-    return size >= _SHORTEST and data[0] == SECOND and not data[2] and size == data[1] + _SHORTEST
 
 
 def is_signed(frame: bytes) -> bool:
@@ -106,8 +99,6 @@ class FieldTuple(tuple[Any, ...]):
     the fields as attributes."""
 
     __slots__ = ()
-    _made: ClassVar[Any]
-    """The message's class in pymavlink."""
     _name: ClassVar[str]
     _number: ClassVar[int]
 
@@ -116,9 +107,6 @@ class FieldTuple(tuple[Any, ...]):
 
     def get_msgId(self) -> int:  # noqa: N802 - pymavlink's name
         return self._number
-
-    def get_fieldnames(self) -> list[str]:
-        return list(self._made.fieldnames)
 
     def get_srcSystem(self) -> int:  # noqa: N802
         system: int = self[_SENDER]
@@ -130,20 +118,6 @@ class FieldTuple(tuple[Any, ...]):
 
     def get_seq(self) -> int:
         return int(self[-1])
-
-
-def _tuple_of(made: Any) -> type[FieldTuple]:
-    """Return the `FieldTuple` subclass for a message class of pymavlink."""
-    members: dict[str, Any] = {"__slots__": (), "_made": made}
-    members |= {"_name": made.msgname, "_number": made.id}
-    start = 0
-    for name, length, count in zip(
-        made.ordered_fieldnames, made.lengths, made.array_lengths, strict=True
-    ):
-        span = slice(start, start + length) if count else start
-        members[name] = property(_list_at(span) if isinstance(span, slice) else itemgetter(span))
-        start += length
-    return type(made.__name__, (FieldTuple,), members)
 
 
 def _list_at(span: slice) -> Callable[[tuple[Any, ...]], list[Any]]:
@@ -177,8 +151,16 @@ class MessageLayout:
             values = self._unpack_from(frame, head)
         if not self._has_texts:
             return tuple.__new__(self._kind, values + sender)
+        fields = []
+        for start, count in self._spans:
+            value = values[start]
+            if isinstance(value, bytes):
+                value = value.rstrip(b"\0")
+            elif count > 1:
+                value = list(values[start : start + count])
+            fields.append(value)
         try:
-            message = self.made(*[_value(values, start, count) for start, count in self._spans])
+            message = self.made(*fields)
         except Exception:  # pymavlink may raise anything on foreign bytes
             return None
         header = message.get_header()
@@ -192,44 +174,43 @@ class MessageLayout:
 
     @cached_property
     def _kind(self) -> type[FieldTuple]:
-        return _tuple_of(self.made)
+        """The `FieldTuple` subclass for this message type."""
+        made = self.made
+        members: dict[str, Any] = {"__slots__": (), "_name": made.msgname, "_number": made.id}
+        start = 0
+        for name, length, count in zip(
+            made.ordered_fieldnames, made.lengths, made.array_lengths, strict=True
+        ):
+            members[name] = property(
+                _list_at(slice(start, start + length)) if count else itemgetter(start)
+            )
+            start += length
+        return type(made.__name__, (FieldTuple,), members)
 
     def frame(self, message: Message, sequence: int, sender: tuple[int, int], flags: int) -> bytes:
         """Return a version 2 frame of the message, without a signature. Raises DriverError if a
         value doesn't fit its field."""
-        payload = self._payload(message)
+        try:
+            packed: bytes = self._pack(*self._values(message))
+        except (struct.error, OverflowError, TypeError) as error:
+            raise DriverError(f"a {message.get_type()} can't be sent: {error}") from error
+        payload = packed.rstrip(b"\0") or b"\0"
         head = _HEADER.pack(
             SECOND, len(payload), flags, 0, sequence, *sender, self.id & 0xFFFF, self.id >> 16
         )
         data = head + payload
         return data + _checksum(data[1:] + self.extra).to_bytes(_CHECKSUM, "little")
 
-    def _payload(self, message: Message) -> bytes:
-        try:
-            packed: bytes = self._pack(*self._values(message))
-        except (struct.error, OverflowError, TypeError) as error:
-            raise DriverError(f"a {message.get_type()} can't be sent: {error}") from error
-        return packed.rstrip(b"\0") or b"\0"
-
     def _values(self, message: Message) -> Sequence[Any]:
         if isinstance(message, FieldTuple):
             return message[:_SENDER]
         if self._fields is None:
-            self._fields = _reader([_stored(message, *field) for field in self._arrays.items()])
+            stored = []
+            for name, count in self._arrays.items():
+                raw = f"_{name}_raw"  # holds the bytes of a text field
+                stored.append((raw, False) if hasattr(message, raw) else (name, count > 0))
+            self._fields = _reader(stored)
         return self._fields(message)
-
-
-def _value(values: tuple[Any, ...], start: int, count: int) -> Any:
-    value = values[start]
-    if isinstance(value, bytes):
-        return value.rstrip(b"\0")
-    return value if count == 1 else list(values[start : start + count])
-
-
-def _stored(message: Message, name: str, count: int) -> tuple[str, bool]:
-    """Return the name of the attribute that holds a field, and whether it is a numeric array."""
-    raw = f"_{name}_raw"  # holds the bytes of a text field
-    return (raw, False) if hasattr(message, raw) else (name, count > 0)
 
 
 def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]]:
@@ -248,11 +229,9 @@ def _reader(fields: list[tuple[str, bool]]) -> Callable[[Message], Sequence[Any]
     return read
 
 
-def _slow_checksum(data: bytes) -> int:
-    return int(mavlink.x25crc(data).crc)
-
-
-_checksum: Callable[[bytes], int] = getattr(mavlink, "mcrf4xx", None) or _slow_checksum
+_checksum: Callable[[bytes], int] = getattr(mavlink, "mcrf4xx", None) or (
+    lambda data: int(mavlink.x25crc(data).crc)
+)
 """The checksum, CRC-16/MCRF4XX."""
 LAYOUTS: dict[int, MessageLayout] = {
     number: MessageLayout(made) for number, made in mavlink.mavlink_map.items()
@@ -309,13 +288,18 @@ class Parser:
     def parse(self, data: bytes) -> list[Message]:
         """Return the messages that are now complete, oldest first. After a bad byte the search
         continues at the next byte, so no valid frame is lost."""
-        if self._signing is None and not self._rest and _is_datagram(data):
-            number = int.from_bytes(data[7:10], "little")  # a whole frame, so no search is needed
+        size = len(data)
+        if (
+            self._signing is None and not self._rest and size >= _SHORTEST and data[0] == SECOND
+            and not data[2] and size == data[1] + _SHORTEST
+        ):  # fmt: skip
+            # exactly one unsigned frame, as in most datagrams, so no search is needed
+            number = int.from_bytes(data[7:10], "little")
             if self._wanted and number not in self._wanted:
                 if number in LAYOUTS:
                     self._unread[data[5], number] += 1
                 return []
-            layout, body = LAYOUTS.get(number), len(data) - _CHECKSUM
+            layout, body = LAYOUTS.get(number), size - _CHECKSUM
             if layout is not None and layout.fits(data, body):
                 sender = (data[5], data[6], data[4])
                 message = layout.message(data, _SECOND_HEAD, body, sender)
@@ -366,7 +350,9 @@ class Parser:
         body = _body(frame)
         if not layout.fits(frame, body):
             return None
-        head, sender = _head(frame)
+        head, sender = _SECOND_HEAD, (frame[5], frame[6], frame[4])
+        if frame[0] == FIRST:
+            head, sender = _FIRST_HEAD, (frame[3], frame[4], frame[2])
         system, component, _ = sender
         if not self._is_accepted(frame, system, component):
             self.counts.refused += 1

@@ -85,8 +85,11 @@ def read_key(path: Path) -> bytes:
         warnings.warn(
             f"others on this machine can read the key in `{path}`: `chmod 600 {path}`", stacklevel=2
         )
-    text = _text(data)
-    if text is None:
+    try:
+        text = data.decode().strip()
+    except UnicodeDecodeError:
+        text = "\0"
+    if not text.isprintable():  # 32 random bytes practically never are text
         if len(data) != KEY:
             raise DriverError(
                 f"`{path}` has {len(data)} bytes, which are no text: a key is {KEY} bytes,"
@@ -98,13 +101,3 @@ def read_key(path: Path) -> bytes:
     if len(text) == 2 * KEY and all(character in hexdigits for character in text):
         return bytes.fromhex(text)
     return sha256(text.encode()).digest()
-
-
-def _text(data: bytes) -> str | None:
-    """Return the text in a key file; None if the data is not text. 32 random bytes practically
-    never are."""
-    try:
-        text = data.decode().strip()
-    except UnicodeDecodeError:
-        return None
-    return text if text.isprintable() else None

@@ -19,8 +19,7 @@ from collections import deque
 
 from kybflow.core.clock_offset import Offset
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 MS: Time = NS // 1000
 BACK: Time = NS
@@ -87,8 +86,8 @@ def boot_time(message: Message) -> Time | None:
 
 class TimeSync:
     """Exchanges TIMESYNC messages in both directions. Its methods return the messages to send.
-    `round_trip`: the shorter of the newest two round trips, seconds, including the wait for our
-    tick; zero before the second."""
+    `round_trip`: the shorter of the newest two round trips, seconds, including the wait for
+    kybflow's tick; zero until two have been measured."""
 
     def __init__(self, clock: BootClock) -> None:
         self.round_trip = 0.0

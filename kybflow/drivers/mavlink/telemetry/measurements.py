@@ -1,5 +1,6 @@
 """The measurements of one autopilot: its own estimate, its IMU, its battery, its GPS and the
-pilot's sticks. Values that are not finite, and quaternions that are no rotation, are dropped.
+pilot's sticks. Values that are not finite, and quaternions that do not represent a rotation, are
+dropped.
 
 If the autopilot provides its own position, its frame is anchored in the world as soon as it has a
 valid position on the ground: the vehicle then stands at the mission's start, with the mission's
@@ -9,13 +10,12 @@ that frame stays unknown.
 An autopilot reports a low battery in BATTERY_STATUS (charge_state), in SYS_STATUS (an unhealthy
 battery) and in texts. A reported state counts while it lasts; a text counts from arming until
 disarming, since earlier ones belong to the preflight. The autopilot reports a low battery even if
-its failsafe is disabled; from the state `acts_at` on an enabled failsafe would act."""
+its failsafe is disabled. If the failsafe is enabled, it acts from the state `acts_at` onwards."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Set
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from kybflow.core.signals import (
     NS,
@@ -29,8 +29,8 @@ from kybflow.core.signals import (
     Time,
 )
 from kybflow.drivers.mavlink.protocol import codec
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import IDENTITY, Anchor, Tangent, from_ned
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, boot_time
 from kybflow.drivers.mavlink.telemetry.received_status import (
     LandedState,
@@ -38,9 +38,6 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     ReceivedText,
 )
 from kybflow.world.vehicle_context import VehicleContext
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
 
 MOTION = ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED")
 """The messages that hold the autopilot's own estimate."""
@@ -266,7 +263,13 @@ class BatteryReports:
 
     def _warning(self) -> BatteryWarning | None:
         """Return the warning about a low battery, or None."""
-        self._read_texts()
+        if not self._status.armed:
+            self._worst_text = (0, "")
+        for received in self._status.texts_after(self._text):
+            self._text = received
+            level = self._level(received.text.lower()) if self._status.armed else 0
+            if level >= max(self._worst_text[0], LOW):
+                self._worst_text = (level, received.text)
         level, text = self._worst_text
         reasons = [f"it says '{text}'"] if text else []
         states = self._states.values()
@@ -280,16 +283,6 @@ class BatteryReports:
             return None
         acts = level >= self._acts_at or self._acts_at <= worst <= FAILED
         return BatteryWarning("; ".join(reasons), acts)
-
-    def _read_texts(self) -> None:
-        """Keep the worst battery text received while the vehicle is armed."""
-        if not self._status.armed:
-            self._worst_text = (0, "")
-        for text in self._status.texts_after(self._text):
-            self._text = text
-            level = self._level(text.text.lower()) if self._status.armed else 0
-            if level >= max(self._worst_text[0], LOW):
-                self._worst_text = (level, text.text)
 
     def _level(self, words: str) -> int:
         """Return the charge state that a text reports, 0 if it reports none."""

@@ -13,13 +13,9 @@ import struct
 from collections.abc import Iterable, Mapping
 from math import isnan
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 TRIES = 3
 FIRST_WAIT: Time = NS // 2
@@ -113,7 +109,13 @@ class AutopilotParameters:
         if kind == "PARAM_VALUE":
             self._value(message)
         elif kind == "PARAM_ERROR":
-            self._error(message)
+            name = self._named(message)
+            if (exchange := self._exchanges.pop(name, None)) is None:
+                return
+            if message.error == DOES_NOT_EXIST:
+                self._forget(name, exchange)
+            else:
+                self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
 
     def take_changed(self) -> list[tuple[str, float, float]]:
         """Return name, old and new value of each parameter that has changed since the last call
@@ -130,9 +132,26 @@ class AutopilotParameters:
             return []
         for name, exchange in list(self._exchanges.items()):
             if exchange.tries >= TRIES and now >= exchange.next:
-                self._give_up(name)
+                del self._exchanges[name]
+                if exchange.value is None or name not in self._types:
+                    self._forget(name, exchange)
+                else:
+                    self.refused[name] = f"it stays at {self.values[name]:g}"
         under_way = list(self._exchanges.items())[:AT_ONCE]
-        return [self._send(name, e, now) for name, e in under_way if now >= e.next]
+        messages = []
+        for name, exchange in under_way:
+            if now < exchange.next:
+                continue
+            exchange.next = now + (FIRST_WAIT << exchange.tries)
+            exchange.tries += 1
+            sort, there = self._types.get(name), self.called(name).encode()
+            if exchange.value is None or sort is None:
+                message = mavlink.MAVLink_param_request_read_message(*self._target, there, -1)
+            else:
+                on_wire = self._encoded(exchange.value, sort)
+                message = mavlink.MAVLink_param_set_message(*self._target, there, on_wire, sort)
+            messages.append(message)
+        return messages
 
     def _value(self, message: Message) -> None:
         name = self._named(message)
@@ -153,23 +172,6 @@ class AutopilotParameters:
         elif is_first:
             exchange.begin_anew()  # now that its type is known
 
-    def _error(self, message: Message) -> None:
-        name = self._named(message)
-        exchange = self._exchanges.pop(name, None)
-        if exchange is None:
-            return
-        if message.error == DOES_NOT_EXIST:
-            self._forget(name, exchange)
-        else:
-            self.refused[name] = ERRORS.get(message.error, f"error {message.error}")
-
-    def _give_up(self, name: str) -> None:
-        exchange = self._exchanges.pop(name)
-        if exchange.value is None or name not in self._types:
-            self._forget(name, exchange)
-        else:
-            self.refused[name] = f"it stays at {self.values[name]:g}"
-
     def _named(self, message: Message) -> str:
         """Return our name of the parameter in a message."""
         name = name_in(message)
@@ -187,15 +189,6 @@ class AutopilotParameters:
         self.missing.add(name)
         self.values.pop(name, None)
         self._types.pop(name, None)
-
-    def _send(self, name: str, exchange: _Exchange, now: Time) -> Message:
-        exchange.next = now + (FIRST_WAIT << exchange.tries)
-        exchange.tries += 1
-        sort, there = self._types.get(name), self.called(name).encode()
-        if exchange.value is None or sort is None:
-            return mavlink.MAVLink_param_request_read_message(*self._target, there, -1)
-        on_wire = self._encoded(exchange.value, sort)
-        return mavlink.MAVLink_param_set_message(*self._target, there, on_wire, sort)
 
     def _decoded(self, message: Message) -> float:
         value = float(message.param_value)

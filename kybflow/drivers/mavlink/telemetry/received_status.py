@@ -14,13 +14,10 @@ from enum import Enum
 from itertools import takewhile
 from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 WARNING, NOTICE = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_NOTICE
 """Severities; a lower number is more severe."""
@@ -140,7 +137,9 @@ class ReceivedStatus:
             handle(message, now)
         self.at[kind] = now
         if self._chunks:
-            self._expire_chunks(now)
+            waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_TIMEOUT]
+            for key in waited:
+                self._end(key)
 
     @property
     def unhealthy(self) -> str:
@@ -183,9 +182,10 @@ class ReceivedStatus:
         self.ready = bool(m.onboard_control_sensors_health & READY)
 
     def _extended_sys_state(self, message: Message, now: Time) -> None:
-        known = {landed.value for landed in LandedState}
-        state = message.landed_state
-        self.landed = LandedState(state) if state in known else LandedState.UNKNOWN
+        try:
+            self.landed = LandedState(message.landed_state)
+        except ValueError:
+            self.landed = LandedState.UNKNOWN
 
     def _flags(self, message: Message, now: Time) -> None:
         self.ekf = message.flags
@@ -212,12 +212,6 @@ class ReceivedStatus:
         if len(text) < CHUNK:
             chunks.last = max(message.chunk_seq, chunks.last or 0)
         if chunks.is_whole:
-            self._end(key)
-
-    def _expire_chunks(self, now: Time) -> None:
-        """Accept incomplete texts that have waited too long for their missing chunks."""
-        waited = [k for k, c in self._chunks.items() if now - c.since > CHUNK_TIMEOUT]
-        for key in waited:
             self._end(key)
 
     def _end(self, key: tuple[int, int]) -> None:

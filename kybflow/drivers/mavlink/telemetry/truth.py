@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from math import sqrt
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import (
     GRAVITY,
@@ -41,11 +40,9 @@ from kybflow.drivers.mavlink.protocol.frames import (
     from_frd,
     from_ned,
 )
+from kybflow.drivers.mavlink.protocol.framing import Message
 from kybflow.drivers.sim.model import mount
 from kybflow.world.vehicle_context import Parcel, VehicleContext
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
 
 STREAMS = MappingProxyType({"SIM_STATE": 50.0, "HIL_STATE_QUATERNION": 50.0})
 """The messages that hold the truth, Hz; each firmware's simulator sends one of them."""
@@ -94,7 +91,11 @@ class GroundTruth:
         if self._tangent is None:
             if not on_ground:
                 return
-            self._tangent = self._touching(*degrees, height)
+            self._tangent = (
+                Tangent.on_ellipsoid(*degrees, height)
+                if self._sphere is None
+                else Tangent.on_sphere(*degrees, height, self._sphere)
+            )
             start, heading = self._context.start, self._context.heading
             self._anchor = Anchor.joining(ZERO, heading_of(attitude), start, heading)
         velocity = self._anchor.turned(from_ned(speed))
@@ -131,7 +132,11 @@ class GroundTruth:
         if self._newest is None or gone > LONGEST:
             return None
         if self._now is None or self._now[0] != now:
-            self._now = now, _moved_on(self._newest, gone) if gone else self._newest
+            position, velocity, attitude, turn, payload = self._newest
+            if gone:
+                position = add(position, scale(velocity, gone))
+                attitude = integrate(attitude, turn, gone)
+            self._now = now, Truth(position, velocity, attitude, turn, payload)
         return self._now[1]
 
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
@@ -143,17 +148,6 @@ class GroundTruth:
         ahead = add(last.position, scale(mean, gone))
         (x, y, z), (a, b, c) = ahead, place
         return (_corrected(x, a), _corrected(y, b), _corrected(z, c))
-
-    def _touching(self, latitude: float, longitude: float, height: float) -> Tangent:
-        if self._sphere is None:
-            return Tangent.on_ellipsoid(latitude, longitude, height)
-        return Tangent.on_sphere(latitude, longitude, height, self._sphere)
-
-
-def _moved_on(truth: Truth, seconds: float) -> Truth:
-    position, velocity, attitude, turn, payload = truth
-    position = add(position, scale(velocity, seconds))
-    return Truth(position, velocity, integrate(attitude, turn, seconds), turn, payload)
 
 
 def _corrected(ahead: float, reported: float) -> float:

@@ -11,16 +11,11 @@ the autopilot's filter knows better, is left to that filter."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from kybflow.core.geometry import add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Estimate, Odometry, Time
 from kybflow.drivers.mavlink.protocol import codec
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.frames import Anchor
-
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.protocol.framing import Message
+from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 OLDEST = 0.1
 """An estimate older than this, seconds, is not sent."""
@@ -56,34 +51,25 @@ class ExternalVision:
         if not self.is_due(now) or estimate.age > OLDEST:
             return []
         last, self._last = self._last, estimate
-        if last is not None and _jumped(last, estimate):
-            self._resets += 1
+        if last is not None:
+            foreseen = add(last.position, scale(last.velocity, (estimate.time - last.time) / NS))
+            has_jumped = distance(foreseen, estimate.position) > JUMP
+            self._resets += has_jumped or estimate.source != last.source
         self._due += self._period
         if self._due <= now:
             self._due = now + self._period
         self.newest = estimate, now
-        origin = self._origin(now) if is_lost else []
-        return [*origin, codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)]
-
-    def _origin(self, now: Time) -> list[Message]:
-        if now < self._origin_due:
-            return []
+        pose = codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)
+        if not is_lost or now < self._origin_due:
+            return [pose]
         self._origin_due = now + round(AGAIN * NS)
         place = (LATITUDE, LONGITUDE, HEIGHT)
         command, number = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         return [
             mavlink.MAVLink_set_gps_global_origin_message(self._target[0], *place),
-            mavlink.MAVLink_command_long_message(
-                *self._target, command, 0, number, 0, 0, 0, 0, 0, 0
-            ),
+            codec.command_long(self._target, command, number),
+            pose,
         ]
-
-
-def _jumped(last: Estimate, estimate: Estimate) -> bool:
-    if estimate.source != last.source:
-        return True
-    foreseen = add(last.position, scale(last.velocity, (estimate.time - last.time) / NS))
-    return distance(foreseen, estimate.position) > JUMP
 
 
 SLOW = 1.0

@@ -16,7 +16,6 @@ from typing import Any
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.protocol.dialect import mavlink
 from kybflow.drivers.mavlink.protocol.framing import (
     NUMBERS,
     ONBOARD,
@@ -24,10 +23,10 @@ from kybflow.drivers.mavlink.protocol.framing import (
     Message,
     Packer,
     Parser,
+    mavlink,
 )
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.address import to_ask
-from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire
+from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire, to_ask
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 """The component id of the autopilot itself."""
@@ -141,25 +140,21 @@ class Port:
         the first is in use."""
         if self.deaf:
             return
-        if place != self._place and self._place is not None and self._holds(now):
+        if (
+            place != self._place and self._place is not None and self.last_heard is not None
+            and now - self.last_heard < GONE and self._line.wire.is_open(self._place)
+        ):  # fmt: skip
             self._clash = now, place
             return
         self._place, self.last_heard = place, now
         self._messages.append(message)
 
     def answer(self, place: Any) -> None:
-        """Send one heartbeat to `place`, unless that is the autopilot's address, which gets our
-        heartbeats anyway. Called by the router when frames from there are signed with an old
-        time."""
+        """Send one heartbeat to the address `place`, unless it is the autopilot's, which gets our
+        heartbeats anyway. The router calls this when frames from that address carry an outdated
+        signing time."""
         if place != self._place:
             self._line.wire.send(self._packer.pack(HEARTBEAT), place)
-
-    def _holds(self, now: Time) -> bool:
-        return (
-            self.last_heard is not None
-            and now - self.last_heard < GONE
-            and self._line.wire.is_open(self._place)
-        )
 
 
 class Router:
@@ -167,19 +162,14 @@ class Router:
 
     wires: by address.
     system: our own system id.
-    key: the secret key of signed messages."""
+    signing: signs and checks messages; None if they are not signed."""
 
     def __init__(
-        self,
-        wires: Mapping[str, Wire],
-        system: int,
-        key: bytes | None = None,
-        signing: Signing | None = None,
+        self, wires: Mapping[str, Wire], system: int, signing: Signing | None = None
     ) -> None:
-        self._signing = Signing(key) if key is not None and signing is None else signing
-        self._system = system
+        self._system, self._signing = system, signing
         self._lines = {
-            address: _Line(wire, link, system, self._signing)
+            address: _Line(wire, link, system, signing)
             for link, (address, wire) in enumerate(wires.items())
         }
 
@@ -277,12 +267,10 @@ class _Line:
         return f"nothing is heard at {place}"
 
     def _new_parser(self, place: Any) -> Parser:
-        """Return a parser for a new sender."""
         if len(self._parsers) >= MOST_SENDERS:
             self._parsers.pop(next(iter(self._parsers)))
-        parser = self._parsers[place] = Parser(
-            self._signing, self.counts, self.wanted, self.unread
-        )  # fmt: skip
+        parser = Parser(self._signing, self.counts, self.wanted, self.unread)
+        self._parsers[place] = parser
         return parser
 
 

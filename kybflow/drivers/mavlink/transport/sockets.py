@@ -6,14 +6,13 @@ from __future__ import annotations
 import os
 import socket
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from errno import EACCES, EAGAIN, EBUSY, EINPROGRESS, ENOENT
 from typing import Any, ClassVar
 
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.transport.address import Address
-from kybflow.drivers.mavlink.transport.wire import Received, Wire
+from kybflow.drivers.mavlink.transport.wire import Address, Received, Wire, read_address
 
 MOST_AT_ONCE = 1000
 MOST_BYTES = 1 << 16
@@ -58,19 +57,37 @@ def listener(address: Address, kind: socket.SocketKind) -> socket.socket:
 
 
 class _Udp(Wire):
-    """A wire over one UDP socket; keeps the socket's last error."""
+    """A wire over one UDP socket; keeps the socket's last error. `_newest`: the newest sender."""
 
     def __init__(self, address: Address, opened: socket.socket) -> None:
         super().__init__(str(address))
         self._socket = opened
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
         self._trouble: str | None = None
+        self._newest: Any = None
 
     def trouble(self) -> str | None:
         return self._trouble
 
     def close(self) -> None:
         self._socket.close()
+
+    def receive(self, now: Time) -> Received:
+        came: list[tuple[bytes, Any]] = []
+        left = MOST_BYTES
+        for _ in range(MOST_AT_ONCE):
+            try:
+                came.append(self._socket.recvfrom(LONGEST))
+                left -= len(came[-1][0])
+            except BlockingIOError:
+                break
+            except OSError as error:  # such as that nobody listens there, as ICMP reports
+                self._trouble = f"{self.address}: {os_error(error)}"
+            if left <= 0:
+                break
+        if came:
+            self._newest, self._trouble = came[-1][1], None
+        return came
 
 
 class UdpIn(_Udp):
@@ -83,24 +100,8 @@ class UdpIn(_Udp):
         """Open the socket. Raises DriverError."""
         super().__init__(address, listener(address, socket.SOCK_DGRAM))
         self.port: int = self._socket.getsockname()[1]
-        self._newest: Any = None
 
-    def _receive(self, now: Time) -> Received:
-        came: list[tuple[bytes, Any]] = []
-        left = MOST_BYTES
-        try:
-            while left > 0 and len(came) < MOST_AT_ONCE:
-                came.append(self._socket.recvfrom(LONGEST))
-                left -= len(came[-1][0])
-        except BlockingIOError:
-            pass
-        except OSError as error:
-            self._trouble = f"{self.address}: {os_error(error)}"
-        if came:
-            self._newest, self._trouble = came[-1][1], None
-        return came
-
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         """Send to `to`, or to the newest sender if it is None."""
         if (to := to or self._newest) is None:
             return
@@ -121,24 +122,7 @@ class UdpOut(_Udp):
         self._socket.setblocking(False)
         self._socket.connect(resolved(address))
 
-    def _receive(self, now: Time) -> Received:
-        came: list[tuple[bytes, Any]] = []
-        left = MOST_BYTES
-        for _ in range(MOST_AT_ONCE):
-            try:
-                came.append((self._socket.recv(LONGEST), None))
-                left -= len(came[-1][0])
-            except BlockingIOError:
-                break
-            except OSError as error:  # nobody listens there, as ICMP reports
-                self._trouble = f"{self.address}: {os_error(error)}"
-            if left <= 0:
-                break
-        if came:
-            self._trouble = None
-        return came
-
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         for _ in range(2):  # the first call may report an earlier failure
             try:
                 self._socket.send(data)
@@ -211,6 +195,9 @@ def socket_pipe(opened: socket.socket) -> Pipe:
 class ReopeningWire(Wire):
     """A connection that is reopened when it is lost, with growing pauses."""
 
+    _ways_out: ClassVar[Mapping[int, str]] = {}
+    """What to say and to advise instead of the system's own words, by `errno`."""
+
     def __init__(self, address: Address) -> None:
         super().__init__(str(address))
         self._pipe: Pipe | None = None
@@ -227,7 +214,7 @@ class ReopeningWire(Wire):
         self._pipe = None
         self._end()
 
-    def _receive(self, now: Time) -> Received:
+    def receive(self, now: Time) -> Received:
         self._now = now
         try:
             pipe = self._pipe or self._open(now)
@@ -239,7 +226,7 @@ class ReopeningWire(Wire):
             self._pause = SOON
         return ((data, None),) if data else ()
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         if self._pipe is None:
             return
         try:
@@ -261,14 +248,12 @@ class ReopeningWire(Wire):
         return self._pipe
 
     def _lost(self, error: OSError) -> None:
-        self._trouble = f"{self.address}: {self._words(error)}"
+        words = self._ways_out.get(error.errno or 0) or os_error(error)
+        self._trouble = f"{self.address}: {words}"
         self._pipe = self._began = None
         self._next = self._now + self._pause
         self._pause = min(2 * self._pause, LATE)
         self._end()
-
-    def _words(self, error: OSError) -> str:
-        return os_error(error)
 
     @abstractmethod
     def _begin(self) -> None:
@@ -342,8 +327,13 @@ class TcpServer(Wire):
     def is_open(self, sender: Any) -> bool:
         return sender in self._clients
 
-    def _receive(self, now: Time) -> Received:
-        self._accept()
+    def receive(self, now: Time) -> Received:
+        while len(self._clients) < MOST_CLIENTS:
+            try:
+                client, sender = self._listener.accept()
+            except OSError:  # no client, or it has already gone
+                break
+            self._clients[sender] = (_quick(client), socket_pipe(client))
         came: list[tuple[bytes, Any]] = []
         for sender, (_, pipe) in list(self._clients.items()):
             try:
@@ -353,7 +343,7 @@ class TcpServer(Wire):
                 self._drop(sender)
         return came
 
-    def _send(self, data: bytes, to: Any) -> None:
+    def send(self, data: bytes, to: Any = None) -> None:
         """Send to `to`, or to every client if it is None."""
         for sender in list(self._clients) if to is None else [to]:
             if sender not in self._clients:
@@ -362,14 +352,6 @@ class TcpServer(Wire):
                 self._clients[sender][1].write(data)
             except OSError:
                 self._drop(sender)
-
-    def _accept(self) -> None:
-        while len(self._clients) < MOST_CLIENTS:
-            try:
-                client, sender = self._listener.accept()
-            except OSError:  # no client, or it has already gone
-                return
-            self._clients[sender] = (_quick(client), socket_pipe(client))
 
     def _drop(self, sender: Any) -> None:
         self._clients.pop(sender)[0].close()
@@ -382,16 +364,15 @@ def _quick(opened: socket.socket) -> socket.socket:
     return opened
 
 
-_WAYS_OUT = {
-    ENOENT: "there is no such device: is it plugged in?",
-    EACCES: "no permission: join the group that owns it, as `dialout`, and log in again",
-    EAGAIN: "another program has it: close it",
-    EBUSY: "another program has it: close it",
-}
-
-
 class SerialLine(ReopeningWire):
     """A serial cable or a telemetry radio; reopened after it was unplugged."""
+
+    _ways_out: ClassVar[Mapping[int, str]] = {
+        ENOENT: "there is no such device: is it plugged in?",
+        EACCES: "no permission: join the group that owns it, as `dialout`, and log in again",
+        EAGAIN: "another program has it: close it",
+        EBUSY: "another program has it: close it",
+    }
 
     def __init__(self, address: Address) -> None:
         """Prepare the line without opening it. Raises DriverError if pyserial is missing."""
@@ -425,5 +406,14 @@ class SerialLine(ReopeningWire):
     def _end(self) -> None:
         self._line.close()
 
-    def _words(self, error: OSError) -> str:
-        return _WAYS_OUT.get(error.errno or 0, os_error(error))
+
+def open_wire(address: str | Address) -> Wire:
+    """Open the wire to an address. Raises DriverError if it cannot work: a port in use, an unknown
+    host, pyserial missing. A device or simulator that may still appear is reported by `trouble`
+    instead."""
+    place = read_address(address) if isinstance(address, str) else address
+    kinds: dict[str, Callable[[Address], Wire]] = {
+        "tcp": TcpClient, "tcpin": TcpServer, "udpin": UdpIn, "udpout": UdpOut,
+        "serial": SerialLine,
+    }  # fmt: skip
+    return kinds[place.kind](place)

@@ -1,13 +1,22 @@
-"""Wires: connections that carry bytes to and from autopilots and are polled without blocking. The
-router reads and writes them; `MemoryWire` connects two ends within this process."""
+"""Wires, which carry bytes to and from autopilots without blocking, and autopilots' addresses.
+
+The router reads and writes the wires; those of the operating system are in `sockets`. `MemoryWire`
+connects two ends within this process.
+
+`udpin:[HOST:]PORT` waits for datagrams and answers their senders; `udpout:HOST:PORT` sends first;
+`tcp:HOST:PORT` connects; `tcpin:[HOST:]PORT` accepts connections; `serial:DEVICE:BAUD` is a cable
+or a radio. A listening address without a host listens on this machine's loopback.
+"""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
+from kybflow.core.errors import DriverError
 from kybflow.core.signals import Time
 
 MOST_HELD = 10_000
@@ -20,27 +29,22 @@ class Wire(ABC):
     """One connection to autopilots.
 
     address: as written in the mission or on the command line.
-    answers: whether it can only answer senders.
-    deaf, mute: set by injected faults; what arrives, or what is sent, is lost."""
+    answers: whether it can only answer senders."""
 
     answers: ClassVar[bool] = False
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self.deaf = False
-        self.mute = False
 
+    @abstractmethod
     def receive(self, now: Time) -> Received:
         """Return the bytes since the last call, oldest first, each with its sender, which `send`
         takes as `to`. Reopens a lost connection. Never blocks, never raises."""
-        received = self._receive(now)
-        return () if self.deaf else received
 
+    @abstractmethod
     def send(self, data: bytes, to: Any = None) -> None:
         """Send one frame now, or lose it. to: the receiver, None if there is only one. Never
         blocks, never raises."""
-        if not self.mute:
-            self._send(data, to)
 
     @abstractmethod
     def trouble(self) -> str | None:
@@ -53,16 +57,11 @@ class Wire(ABC):
         """Return whether that sender may still be connected."""
         return True
 
-    @abstractmethod
-    def _receive(self, now: Time) -> Received: ...
-
-    @abstractmethod
-    def _send(self, data: bytes, to: Any) -> None: ...
-
 
 class MemoryWire(Wire):
     """One end of a pair within this process: bytes arrive at the other end in order, at once.
 
+    deaf, mute: set by injected faults; what arrives, or what is sent, is lost.
     late: the delay of bytes to this end, nanoseconds, set by a fault. When it returns to zero,
     delayed bytes are lost."""
 
@@ -71,6 +70,7 @@ class MemoryWire(Wire):
 
     def __init__(self, address: str) -> None:
         super().__init__(address)
+        self.deaf = self.mute = False
         self._coming: deque[bytes] = deque(maxlen=MOST_HELD)
         self._on_the_way: deque[tuple[Time, bytes]] = deque(maxlen=MOST_HELD)
 
@@ -81,27 +81,21 @@ class MemoryWire(Wire):
         self._coming.clear()
         self._on_the_way.clear()
 
-    def _receive(self, now: Time) -> Received:
-        if self.late:
-            return self._delayed(now)
-        if self._on_the_way:
-            self._on_the_way.clear()
-        came = [(data, None) for data in self._coming]
-        self._coming.clear()
-        return came
-
-    def _delayed(self, now: Time) -> Received:
-        """Return the bytes that arrived at least `late` before `now`."""
+    def receive(self, now: Time) -> Received:
         waiting = self._on_the_way
-        waiting.extend((now, data) for data in self._coming)
+        came: list[tuple[bytes, Any]] = []
+        if self.late:
+            waiting.extend((now, data) for data in self._coming)
+            while waiting and now - waiting[0][0] >= self.late:
+                came.append((waiting.popleft()[1], None))
+        else:
+            waiting.clear()
+            came += [(data, None) for data in self._coming]
         self._coming.clear()
-        came = []
-        while waiting and now - waiting[0][0] >= self.late:
-            came.append((waiting.popleft()[1], None))
-        return came
+        return () if self.deaf else came
 
-    def _send(self, data: bytes, to: Any) -> None:
-        if not self.other.deaf:
+    def send(self, data: bytes, to: Any = None) -> None:
+        if not (self.mute or self.other.deaf):
             self.other._coming.append(data)
 
 
@@ -110,3 +104,69 @@ def memory_wires(address: str = "memory") -> tuple[MemoryWire, MemoryWire]:
     one, other = MemoryWire(address), MemoryWire(address)
     one.other, other.other = other, one
     return one, other
+
+
+LOOPBACK = "127.0.0.1"
+LISTENING = frozenset({"udpin", "tcpin"})
+CALLING = frozenset({"udpout", "tcp"})
+KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial")
+_PLACE = re.compile(r"(?:([^\s:/@\[\]]+):)?(\d{1,5})")
+_FORMS = (
+    "write `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, `tcpin:HOST:PORT` or"
+    " `serial:DEVICE:BAUD`"
+)
+
+
+_QUESTIONS = {
+    "udpin": "does the autopilot send to that port, and does no other program take it?",
+    "udpout": "does an autopilot listen there?",
+    "tcp": "does an autopilot listen there, and is no other program connected?",
+    "tcpin": "does the autopilot connect there?",
+    "serial": "is it the right device, with the autopilot's baud rate?",
+}
+
+
+class Address(NamedTuple):
+    """An autopilot's address. kind: one of `KINDS`. place: a host or a serial device. number: a
+    port or a baud rate. Port 0, which a mission can't use, stands for any free one."""
+
+    kind: str
+    place: str
+    number: int
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.place}:{self.number}"
+
+
+def read_address(text: str) -> Address:
+    """Parse an address. Raises DriverError, which says what to write instead."""
+    kind, _, rest = text.strip().partition(":")
+    if kind == "serial":
+        device, _, baud = rest.rpartition(":")  # a device may have colons in its name
+        if not device or not re.fullmatch(r"\d{3,8}", baud):
+            raise DriverError(
+                f"`{text}` is no serial line: write `serial:DEVICE:BAUD`, as in"
+                " `serial:/dev/ttyUSB0:57600`"
+            )
+        return Address("serial", device, int(baud))
+    if kind == "udp":
+        raise DriverError(
+            f"`{text}` could mean two things: write `udpin:{rest}` to wait for the autopilot to"
+            f" send, or `udpout:{rest}` to send first"
+        )
+    if kind not in KINDS:
+        raise DriverError(f"`{text}` is no MAVLink address: {_FORMS}")
+    match = _PLACE.fullmatch(rest)
+    if match is None:
+        raise DriverError(f"`{text}` is no MAVLink address: write `{kind}:HOST:PORT`")
+    host, port = match[1], int(match[2])
+    if host is None and kind in CALLING:
+        raise DriverError(f"`{text}` says no host: write `{kind}:HOST:{port}`")
+    if not 0 < port < 65536:
+        raise DriverError(f"`{text}` has port {port}: ports go from 1 to 65535")
+    return Address(kind, host or LOOPBACK, port)
+
+
+def to_ask(address: str) -> str:
+    """Return what to check if no autopilot is heard at an address, as a question."""
+    return _QUESTIONS.get(address.partition(":")[0], "is it switched on?")

@@ -1,23 +1,119 @@
-"""The parameters that an autopilot must have before it flies: the preflight checks of them, and
-their setup with `kybflow mavlink setup`.
+"""The preflight checks of an autopilot and of its parameters, with the autopilot's texts.
 
-The check `watchdog` fails on values that make the vehicle dangerous if this program or the link
-fails. The check `parameters` covers what else flight without GPS needs: it lists each wrong value
-on a line, and the command that corrects them all. Each wrong value appears only once."""
+An autopilot reports its readiness only for its current mode, so a disarmed vehicle is first put
+into the mode in which it follows setpoints. If it stays unready, it is requested to run its own
+checks, because not every autopilot reports unasked what is wrong. Unhealthy sensors are named along
+with its texts.
+
+`RequiredParameters` has two checks. `watchdog` fails on values that make the vehicle dangerous if
+this program or the link fails. `parameters` covers what else flight without GPS needs: it lists
+each wrong value on a line, and the command that corrects them all. Each wrong value appears only
+once.
+
+The link runs the checks once a tick before take-off; nothing here is used in flight."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Iterator, Sequence
 
 from kybflow.core.details import detailed
-from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
+from kybflow.core.geometry import distance
+from kybflow.core.signals import NS, Estimate, Time
+from kybflow.drivers.mavlink.autopilot_state import AutopilotState
+from kybflow.drivers.mavlink.control.requests import Modes
+from kybflow.drivers.mavlink.firmware import Needed, firmware_by
+from kybflow.drivers.mavlink.params import MavlinkParams
+from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.parts import Check
 
-if TYPE_CHECKING:
-    from kybflow.drivers.mavlink.autopilot_state import AutopilotState
-    from kybflow.drivers.mavlink.params import MavlinkParams
-    from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
+ALIVE: Time = 3 * NS
+REPEATED: Time = 35 * NS
+"""How long a text about arming counts; autopilots repeat it every 30 s."""
+UNREADY: Time = 3 * NS
+"""How long an autopilot may be unready before its own checks are requested."""
+AGAIN: Time = 10 * NS
+"""The pause between two such requests."""
+APART = 0.5
+"""The largest allowed distance between the autopilot's position and ours, metres."""
+
+
+class PreflightChecks:
+    """The preflight checks of one autopilot. params: the driver's parameters in the mission."""
+
+    def __init__(self, autopilot: AutopilotState, modes: Modes, params: MavlinkParams) -> None:
+        self._profile, self._status, self._modes = autopilot.profile, autopilot.status, modes
+        self._autopilot = autopilot
+        self._telemetry, self._requests = autopilot.telemetry, autopilot.requests
+        self._is_outside = autopilot.is_outside
+        self._required = RequiredParameters(autopilot, params)
+        self._checks_at: Time | None = None
+
+    def names(self) -> list[str]:
+        """Return the names of the parameters to read."""
+        return self._required.names()
+
+    def checks(self, misses: str, sent: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
+        """Return the current checks. misses: why the mode that follows setpoints is not in force,
+        empty if it is. sent: the last estimate sent to the autopilot, and the time of sending."""
+        heartbeat = self._heartbeat(now)
+        if not heartbeat.green:
+            unknown = "not known: its parameters are read once its heartbeat is right"
+            return [heartbeat, Check("watchdog", False, unknown)]
+        lines = [heartbeat, self._required.watchdog()]
+        if self._is_outside:
+            lines.append(self._required.set_up())
+        misses = misses and misses + self._autopilot.ignored_because
+        lines.append(Check("command mode", not misses, misses or self._modes.reported))
+        return [*lines, self._position(sent, now), self._readiness(now)]
+
+    def _heartbeat(self, now: Time) -> Check:
+        status, wanted = self._status, self._profile.name
+        if status.heartbeat is None:
+            return Check("heartbeat", False, "none was received")
+        age = (now - status.heartbeat) / NS
+        if now - status.heartbeat > ALIVE:
+            return Check("heartbeat", False, f"the last one {age:.1f} s ago")
+        maker = firmware_by(status.autopilot) or f"autopilot {status.autopilot}"
+        if maker != wanted:
+            way_out = "set the driver's `autopilot`, or `system`"
+            reason = f"it is {maker}, {wanted} is expected: {way_out}"
+            return Check("heartbeat", False, reason, waits=False)
+        return Check("heartbeat", True, f"{maker} in {self._modes.reported}, {age:.1f} s ago")
+
+    def _position(self, sent: tuple[Estimate, Time] | None, now: Time) -> Check:
+        own, spread = self._telemetry.odometry, self._telemetry.spread
+        if self._is_outside and (sent is None or now - sent[1] > NS):
+            return Check("position", False, "there is no estimate to send")
+        if spread is None:
+            flags = f"it has none (estimator flags {self._status.ekf})"
+            return Check("position", False, f"{flags}; {self._required.fed()}")
+        if own is None:
+            return Check("position", False, "it reports none yet")
+        if self._is_outside and sent is not None:
+            apart = distance(own.position, sent[0].position)
+            reason = f"{apart:.2f} m from the one that kybflow sends ({APART:.2f} m allowed)"
+            return Check("position", apart <= APART, reason)
+        return Check("position", True, f"spread {spread:.2f} m")
+
+    def _readiness(self, now: Time) -> Check:
+        status = self._status
+        if status.armed:
+            reason = f"it is armed already, in {self._modes.reported}"
+            return Check("autopilot", False, reason, waits=False)
+        unready = self._profile.ready(status)
+        if unready is None:
+            self._checks_at = None
+            return Check("autopilot", True, "ready to arm")
+        if self._checks_at is None:
+            self._checks_at = now + UNREADY
+        elif now >= self._checks_at:
+            self._checks_at = now + AGAIN
+            self._requests.ask(mavlink.MAV_CMD_RUN_PREARM_CHECKS, now=now)
+        words = status.words(max(now - REPEATED, 0))
+        reason = f"{unready}: {words}" if words else unready
+        return Check(
+            "autopilot", False, f"{reason}; {status.unhealthy}" if status.unhealthy else reason
+        )
 
 
 class RequiredParameters:
@@ -50,7 +146,14 @@ class RequiredParameters:
             reason = f"it does not report {reaction}, what it does once this program is dead"
             reason += self._autopilot.ignored_because or ": does it receive our messages?"
             return Check("watchdog", False, reason, waits=False)
-        return Check("watchdog", True, self._reaction() + self._missing(names))
+        found = self._parameters.values[reaction]
+        setting = next(s for s in self._profile.indoors if s.name == reaction)
+        effect = (
+            f"{reaction} is {found:g}, which is not dangerous here"
+            if self._is_wrong(setting)
+            else setting.does(found)
+        )
+        return Check("watchdog", True, effect + self._missing(names))
 
     def set_up(self) -> Check:
         """Check that the autopilot is set up for flight without GPS."""
@@ -103,13 +206,6 @@ class RequiredParameters:
         called = self._parameters.called
         return {name: words.replace(name, called(name), 1) for name, words in found.items()}
 
-    def _reaction(self) -> str:
-        name, values = self._profile.reaction, self._parameters.values
-        setting = next(s for s in self._profile.indoors if s.name == name)
-        if not self._is_wrong(setting):
-            return setting.does(values[name])
-        return f"{name} is {values[name]:g}, which is not dangerous here"
-
     def _table(self, wrong: Sequence[Needed]) -> Iterator[str]:
         """Yield one line per parameter: its name, the value found, the value needed, and the
         reason."""
@@ -145,79 +241,3 @@ class RequiredParameters:
     def _missing(self, names: list[str]) -> str:
         missing = [name for name in dict.fromkeys(names) if name in self._parameters.missing]
         return f"; it does not know {', '.join(missing)}" if missing else ""
-
-
-RowState = Literal["right", "written", "WRONG", "MISSING", "REFUSED"]
-
-
-class ParameterRow(NamedTuple):
-    """One setting as it was found.
-
-    found: the autopilot's value, None if it has no such parameter.
-    needs: a description of the value needed.
-    reason: why the autopilot refused the written value."""
-
-    setting: Needed
-    found: float | None
-    needs: str
-    state: RowState
-    reason: str = ""
-
-    @property
-    def is_right(self) -> bool:
-        return self.state in ("right", "written")
-
-
-class ParameterSetup:
-    """The parameters that a firmware needs. own: our system id. simulator: whether it is the
-    firmware's own simulator, which has a few more. names: all parameters to read, including
-    dangerous ones."""
-
-    def __init__(self, profile: FirmwareProfile, own: int, *, simulator: bool) -> None:
-        self.profile, self._own = profile, own
-        self.settings = [s for s in profile.indoors if simulator or not s.simulator_only]
-        dangers = (danger.name for danger in profile.dangers)
-        self.names = tuple(dict.fromkeys((*(s.name for s in self.settings), *dangers)))
-
-    def wrong(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values to write, by name. values: the autopilot's values."""
-        return {
-            s.name: s.wanted(self._own, values[s.name])
-            for s in self.settings
-            if s.name in values and not s.accepts(values[s.name], self._own)
-        }
-
-    def rows(
-        self, parameters: AutopilotParameters, written: Mapping[str, float]
-    ) -> list[ParameterRow]:
-        """Return one row per setting. written: the written values, by name."""
-        return [
-            self._row(setting, parameters, setting.name in written) for setting in self.settings
-        ]
-
-    def dangers(self, values: Mapping[str, float]) -> list[str]:
-        """Return descriptions of the dangers that no setting removes."""
-        cured = {setting.name for setting in self.settings}
-        rest = {name: value for name, value in values.items() if name not in cured}
-        return list(self.profile.dangers_in(rest, self._own, indoors=True).values())
-
-    def _row(
-        self, setting: Needed, parameters: AutopilotParameters, was_written: bool
-    ) -> ParameterRow:
-        found = parameters.values.get(setting.name)
-        needs = self._needs(setting)
-        reason = parameters.refused.get(setting.name, "")
-        setting = setting._replace(name=parameters.called(setting.name))
-        if found is None:
-            return ParameterRow(setting, None, needs, "REFUSED" if reason else "MISSING", reason)
-        if setting.accepts(found, self._own):
-            return ParameterRow(setting, found, needs, "written" if was_written else "right")
-        return ParameterRow(setting, found, needs, "REFUSED" if was_written else "WRONG", reason)
-
-    def _needs(self, setting: Needed) -> str:
-        value = f"{self._own if setting.value == OWN else setting.value:g}"
-        if setting.rule == "at_most":
-            return f"at most {value}"
-        if setting.rule == "bits":
-            return f"with bits {value}"
-        return " or ".join((value, *(f"{other:g}" for other in setting.allowed)))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from copy import copy
 from math import inf, isfinite, nan
 
-import pytest
-from scripted_autopilot import Bench, at, estimate, mavlink
+from scripted_autopilot import BOTH, Bench, at, estimate, mavlink, standing
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
-from kybflow.drivers.mavlink.control.setpoints import USUAL, HoverThrottle
+from kybflow.drivers.mavlink.control.hover_throttle import USUAL, HoverThrottle
 
 MS = 1_000_000
 FLOATS = ("float", "double")
@@ -77,8 +76,7 @@ def floats_in(message):
 
 
 def flying(name: str) -> Bench:
-    bench = Bench(name, simulator=True)
-    bench.run(1.0)
+    bench = standing(name, simulator=True)
     for _ in range(50):
         bench.tick()
         bench.link.tell_position(estimate(bench.now), bench.now)
@@ -86,7 +84,7 @@ def flying(name: str) -> Bench:
     return bench
 
 
-@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+@BOTH
 def test_what_is_not_finite_goes_no_further(name):
     bench = flying(name)
     for message in [wrong for one in samples(0, name) for wrong in spoilt(one)]:
