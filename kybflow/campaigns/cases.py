@@ -13,8 +13,8 @@ from typing import Literal
 from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.api.validation import findings
 from kybflow.campaigns.coverage import CoverageItem, CoverageListener, coverage_items
-from kybflow.core.details import headline
 from kybflow.core.errors import KybflowError
+from kybflow.core.text import headline
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.language.judge import is_library
 from kybflow.dsl.reading.folders import RESOLVED, mission_files

@@ -21,7 +21,7 @@ from queue import SimpleQueue
 
 from kybflow.campaigns.cases import FlightCase, FlightResult, Verdict, fly_case
 from kybflow.campaigns.coverage import Coverage, covered
-from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
+from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
 from kybflow.runtime.interrupts import Interrupts
 
 Fly = Callable[[FlightCase], FlightResult]

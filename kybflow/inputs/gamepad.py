@@ -31,13 +31,12 @@ from functools import cache
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
+from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.signals import InputReading, Time
-from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, Number, Ratio
 from kybflow.inputs import sdl
-from kybflow.inputs.deflection import beyond
+from kybflow.inputs.deflection import deflection
 from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.base import Objection
 from kybflow.parts.input import SticksOf
@@ -165,7 +164,7 @@ class PadLink(InputLink):
         tables = {} if p.controllers is None else read_controllers(p.controllers)
         named = next((table for part, table in tables.items() if part.lower() in name), {})
         maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
-        return {axis: beyond(_value(state, maps[axis]), p.dead_zone, p.expo) for axis in AXES}
+        return {axis: deflection(_value(state, maps[axis]), p.dead_zone, p.expo) for axis in AXES}
 
     def trouble(self) -> str | None:
         if not self._gone:

@@ -27,7 +27,7 @@ from kybflow.core.geometry import Vec3, add, scale
 from kybflow.core.signals import InputReading, Time
 from kybflow.core.units import Force, Length, Ratio
 from kybflow.flight.governor import shortened
-from kybflow.inputs.deflection import beyond
+from kybflow.inputs.deflection import deflection
 from kybflow.inputs.haptics import (
     STEP,
     ForceDimension,
@@ -128,7 +128,7 @@ class HapticLink(FeltLink):
         if not isfinite(place):
             return place
         share = max(-1.0, min(1.0, place / self._params.reach))
-        return beyond(share, self._params.dead_zone)
+        return deflection(share, self._params.dead_zone)
 
     def apply_force(self, push: Vec3 | None) -> None:
         self._servo.apply_force(push, self._now)

@@ -15,7 +15,7 @@ from kybflow.inputs.rows import parse
 from kybflow.recording.growing_file import whole_lines
 from kybflow.recording.run_folder import EVENTS, INPUTS, RunFolderError
 from kybflow.runtime.commanding.command_queue import RecordedCommand
-from kybflow.runtime.commanding.lease import SCHEDULE
+from kybflow.runtime.commanding.orders import SCHEDULE
 
 
 class EarlierRun(NamedTuple):

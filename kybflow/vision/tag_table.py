@@ -1,4 +1,4 @@
-"""Tables of tags in text form (`kybflow.core.tables`), with one row per tag:
+"""Tables of tags in text form (`kybflow.core.files`), with one row per tag:
 
     family, id, size, x, y, z, heading [deg]
     36h11, 300, 0.1, 1.0, 2.0, 0.0, 90
@@ -16,9 +16,8 @@ from math import degrees
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
+from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.geometry import from_euler, to_euler
-from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, Dimension
 from kybflow.vision.families import FAMILIES

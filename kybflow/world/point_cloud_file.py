@@ -1,5 +1,5 @@
 """Reads the points of a scan from a PLY file (ASCII or binary) or from text: three numbers per
-line, or a table (`kybflow.core.tables`) with the columns x, y and z.
+line, or a table (`kybflow.core.files`) with the columns x, y and z.
 
 From a PLY file it reads x, y and z of the element `vertex` and skips the rest. Some programs write
 NaN where the scanner saw nothing; such points are refused, because an obstacle may be there. Every
@@ -15,8 +15,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
-from kybflow.core.tables import header_line, need, read_table
+from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.units import LENGTH, Dimension
 
 if TYPE_CHECKING:

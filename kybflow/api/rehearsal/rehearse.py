@@ -18,8 +18,8 @@ from kybflow.core.units import format_measured
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.clock import SimulatedClock
-from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue
+from kybflow.runtime.commanding.legal import check_emitted
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.making import parts_of

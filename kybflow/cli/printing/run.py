@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from kybflow.core.details import details, headline
 from kybflow.core.signals import NS, Event
+from kybflow.core.text import details, headline
 from kybflow.core.units import format_measured
 
 if TYPE_CHECKING:

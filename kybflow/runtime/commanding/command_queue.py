@@ -9,8 +9,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.orders import LONGEST, Answer, Order, named, parse, text
+from kybflow.runtime.commanding.orders import LONGEST, SCHEDULE, Answer, Order, named, parse, text
 from kybflow.runtime.commanding.situation import Situation
 
 OVER = "the run is over"

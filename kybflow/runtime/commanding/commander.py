@@ -20,7 +20,6 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 from kybflow.parts.events import ClientsRefusedEvent, CommandGiven, CommandsFailed, LeaseTaken
 from kybflow.parts.observables import is_in
-from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
     OVER,
     ClientDisconnected,
@@ -30,12 +29,12 @@ from kybflow.runtime.commanding.command_queue import (
     Question,
     ServerFailure,
 )
-from kybflow.runtime.commanding.lease import Lease
-from kybflow.runtime.commanding.legal import NOT_FLYING, RunView
+from kybflow.runtime.commanding.legal import NOT_FLYING, RunView, check_emitted
 from kybflow.runtime.commanding.orders import (
     PREFIX,
     Answer,
     LandOrder,
+    Lease,
     PauseOrder,
     ReleaseLease,
     ResetOrder,
@@ -46,7 +45,7 @@ from kybflow.runtime.commanding.orders import (
     word,
 )
 from kybflow.runtime.commanding.situation import Situation
-from kybflow.runtime.fleet.action_context import RunControls
+from kybflow.runtime.fleet.callbacks import RunControls
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "operator"

@@ -13,6 +13,10 @@
 The command line, the socket and the recording of a run use this spelling. The commands that
 callbacks can give too are values of `kybflow.dsl.plan`. The names in a command are checked when it
 is executed.
+
+The lease is the right to command a run. The first person who gives a command holds the lease until
+they release it or another person takes it. `land`, `pause` and `stop` need no lease, nor do the
+run's scheduled commands.
 """
 
 from __future__ import annotations
@@ -257,3 +261,31 @@ _FORMS: Mapping[str, _Form] = {
 }
 WORDS = tuple(_FORMS)
 """The first words of all commands."""
+
+
+SCHEDULE = "command line"
+"""The name of the requester of scheduled commands."""
+_FROM_ANYONE = (LandOrder, PauseOrder, Stop)
+
+
+def is_for_anyone(order: Order) -> bool:
+    """Return whether a command needs no lease, because it makes the flight safer."""
+    return isinstance(order, _FROM_ANYONE)
+
+
+class Lease:
+    """The lease of a run. holder: the name of the person who holds it, or None."""
+
+    def __init__(self) -> None:
+        self.holder: str | None = None
+
+    def objection(self, order: Order, by: str, take: bool) -> str | None:
+        """Return why the person `by` may not give this command now. If they may, give them the
+        lease if the command needs it, and return None. take: whether to take the lease from
+        another."""
+        if by == SCHEDULE or is_for_anyone(order):
+            return None
+        if self.holder not in (None, by) and not take:
+            return f"`{self.holder}` commands this run; take the lease (`--take`) to command it"
+        self.holder = None if isinstance(order, ReleaseLease) else by
+        return None

@@ -1,4 +1,4 @@
-"""Tables of a body's poses in text form (`kybflow.core.tables`), with one row per pose in order of
+"""Tables of a body's poses in text form (`kybflow.core.files`), with one row per pose in order of
 time:
 
     time, x, y, z, qw, qx, qy, qz
@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
+from kybflow.core.files import header_line, need, read_table
 from kybflow.core.geometry import Quat, Vec3, from_euler
-from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, Dimension
 
 _QUATERNION = ("qw", "qx", "qy", "qz")

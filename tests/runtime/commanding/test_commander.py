@@ -13,15 +13,13 @@ from kybflow.core.errors import EventRefused
 from kybflow.core.signals import NS, SetpointKind
 from kybflow.dsl.plan import CallbackPlan, Emit, LogText, Stop, Switch, TransitionPlan
 from kybflow.parts import AIR
-from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import MOST_WAITING, CommandQueue
 from kybflow.runtime.commanding.commander import Commander
-from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.legal import RunView
-from kybflow.runtime.commanding.orders import Answer
+from kybflow.runtime.commanding.legal import RunView, check_emitted
+from kybflow.runtime.commanding.orders import SCHEDULE, Answer
 from kybflow.runtime.commanding.situation import Situation
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.action_context import RunControls
+from kybflow.runtime.fleet.callbacks import RunControls
 
 
 def idle(target: str):

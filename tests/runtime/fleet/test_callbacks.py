@@ -27,8 +27,7 @@ from kybflow.dsl.plan import (
 from kybflow.parts import AIR, Action, ActionContext, Entry
 from kybflow.parts.events import BehaviorEnded, Collided, Landed, TookOff
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.action_context import RunControls
-from kybflow.runtime.fleet.callbacks import Callbacks, filled
+from kybflow.runtime.fleet.callbacks import Callbacks, RunControls, filled
 from kybflow.runtime.vehicle.requests import Requester
 
 

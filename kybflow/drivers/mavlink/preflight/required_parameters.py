@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from kybflow.core.details import detailed
+from kybflow.core.text import detailed
 from kybflow.drivers.mavlink.firmware import OWN, FirmwareProfile, Needed
 from kybflow.parts import Check
 

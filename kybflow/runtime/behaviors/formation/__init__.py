@@ -66,15 +66,17 @@ from kybflow.runtime.behaviors.formation.drives import (
     Drive,
     Still,
 )
-from kybflow.runtime.behaviors.formation.meeting import Assigned, Meeting, Rest
 from kybflow.runtime.behaviors.formation.members import (
     WAITING,
+    Assigned,
     InFormation,
+    Meeting,
     Members,
     NeighbourJoined,
     NeighbourLeft,
     NeighbourLost,
     NeighbourRecovered,
+    Rest,
     Team,
 )
 from kybflow.runtime.behaviors.formation.room import (
