@@ -36,15 +36,11 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     Only the first 80 characters of `name` are compared; if there are many known names, only its
     alphabetical neighbours are considered."""
     names = sorted(known)
-    near = get_close_matches(name[:_LONGEST], _around(names, name), n=1, cutoff=cutoff)
+    if len(names) > _COMPARED:
+        place = bisect(names, name)
+        names = names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
+    near = get_close_matches(name[:_LONGEST], names, n=1, cutoff=cutoff)
     return near[0] if near else ""
-
-
-def _around(names: list[str], name: str) -> list[str]:
-    if len(names) <= _COMPARED:
-        return names
-    place = bisect(names, name)
-    return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
 
 
 _TYPED = str.maketrans(

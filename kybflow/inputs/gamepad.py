@@ -64,10 +64,12 @@ class Calibration(NamedTuple):
     centre: float = 0.0
     high: float = 1.0
 
-    def scaled(self, raw: float) -> float:
-        """Return a raw value scaled to the range -1 to 1."""
+    def read(self, state: sdl.PadState) -> float:
+        """Return the axis's value, -1 to 1; zero if the device doesn't have its source."""
+        raw = state.axes.get(self.source.removeprefix("-"), self.centre)
         span = self.high - self.centre if raw > self.centre else self.centre - self.low
-        return max(-1.0, min(1.0, (raw - self.centre) / span))
+        value = max(-1.0, min(1.0, (raw - self.centre) / span))
+        return -value if self.source.startswith("-") else value
 
 
 @cache
@@ -164,7 +166,7 @@ class PadLink(InputLink):
         tables = {} if p.controllers is None else read_controllers(p.controllers)
         named = next((table for part, table in tables.items() if part.lower() in name), {})
         maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
-        return {axis: deflection(_value(state, maps[axis]), p.dead_zone, p.expo) for axis in AXES}
+        return {axis: deflection(maps[axis].read(state), p.dead_zone, p.expo) for axis in AXES}
 
     def trouble(self) -> str | None:
         if not self._gone:
@@ -176,9 +178,3 @@ class PadLink(InputLink):
 
     def close(self) -> None:
         sdl.ignore(self._receive)
-
-
-def _value(state: sdl.PadState, own: Calibration) -> float:
-    """Return the value of an axis, -1 to 1; zero if the device doesn't have its source."""
-    value = own.scaled(state.axes.get(own.source.removeprefix("-"), own.centre))
-    return -value if own.source.startswith("-") else value

@@ -154,7 +154,10 @@ class Commander:
         controls = self._controls
         match given.order:
             case Emit(name):
-                answered(self._emitted(name))
+                check_emitted(self._plan, (name,))
+                waits = name in self._watched.awaited_now()
+                self._events.emit(Custom(name))
+                answered(Answer(True, "" if waits else "nothing waits for it now"))
             case Switch(vehicle, state, written):
                 requests, goal = self._requests(vehicle), self._goal(vehicle, state)
                 values, said = requests.read(goal, written), _as_answer(answered)
@@ -178,12 +181,6 @@ class Commander:
                 _as_answer(answered)(self._requests(vehicle).track(point))
             case order:
                 self._ask_vehicles(order, answered)
-
-    def _emitted(self, name: str) -> Answer:
-        check_emitted(self._plan, (name,))
-        waits = name in self._watched.awaited_now()
-        self._events.emit(Custom(name))
-        return Answer(True, "" if waits else "nothing waits for it now")
 
     def _ask_vehicles(self, order: VehicleOrder, answered: _Answered) -> None:
         """Make a request to each vehicle that the command names. A command to all vehicles is also

@@ -206,28 +206,18 @@ def _track(rest: list[str]) -> TrackOrder | None:
     names, written = pairs[::2], pairs[1::2]
     if not rest or before or len(set(names)) < len(names) or not {"time", "position"} <= {*names}:
         return None
-    try:
-        values = {name: _numbers(text) for name, text in zip(names, written, strict=True)}
-        return TrackOrder(rest[0], _point(values))
-    except (ValueError, TypeError):
-        return None
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    return tuple(float(number) for number in text.strip().strip("[]").split(","))
-
-
-def _point(values: Mapping[str, tuple[float, ...]]) -> PlannedPoint:
-    """Return the point with these values. Raises TypeError for an unknown name and ValueError for
-    too many or too few numbers."""
     known: dict[str, Any] = {}
-    for name, numbers in values.items():
-        if name in ("time", "heading"):
-            (known[name],) = numbers
-        else:
-            x, y, z = numbers
-            known[name] = (x, y, z)
-    return PlannedPoint(**known)
+    try:
+        for name, value in zip(names, written, strict=True):
+            numbers = [float(number) for number in value.strip().strip("[]").split(",")]
+            if name in ("time", "heading"):
+                (known[name],) = numbers
+            else:
+                x, y, z = numbers
+                known[name] = (x, y, z)
+        return TrackOrder(rest[0], PlannedPoint(**known))
+    except (ValueError, TypeError):  # too few or too many numbers, or an unknown name
+        return None
 
 
 def _written(point: PlannedPoint) -> list[str]:

@@ -22,7 +22,6 @@ from kybflow.dsl.plan import (
     Enable,
     EnterPhase,
     LogText,
-    PartPlan,
     Perform,
     SetOption,
     Stop,
@@ -213,7 +212,10 @@ def _bound(action: ActionPlan, context: ActionContext) -> Do:
         case Stop(reason):
             return lambda _: context.stop(reason)
         case Call(part):
-            made = _made(part)
+            try:
+                made: Action[Any] = part.cls(part.params)
+            except Exception as error:  # a part may raise anything
+                raise PartFailed(part.label, error) from error
             return lambda event: made(event, context)
 
 
@@ -225,14 +227,6 @@ def _of_vehicle(action: Switch | Enable | Perform, context: ActionContext) -> Do
             return lambda _: context.enable(vehicle, label, on)
         case Perform(vehicle, act):
             return lambda _: context.perform(vehicle, act)
-
-
-def _made(part: PartPlan) -> Action[Any]:
-    try:
-        action: Action[Any] = part.cls(part.params)
-    except Exception as error:  # a part may raise anything
-        raise PartFailed(part.label, error) from error
-    return action
 
 
 def filled(text: str, event: Event) -> str:

@@ -175,12 +175,19 @@ class Flows:
     def step(self, now: Time, dt: float) -> None:
         """Step every active flow for one tick, or begin the flows in the first one."""
         if not self._begun:
-            self._begin()
+            self._begun = True
+            for flow in self._flows.values():
+                if not (flow.plan.waits or flow.active):
+                    flow.machine.begin()
             return
         for flow in self._flows.values():
             if not flow.active or flow.entered == now:
                 continue  # vehicles learn what a phase asks of them in the next tick
-            self._guarded(flow, now, dt)
+            try:
+                self._step(flow, now, dt)
+            except Exception as error:  # a lab's own link may show anything; only this flow ends
+                self._events.emit(FlowFailed(flow=flow.plan.name, reason=described(error)))
+                flow.machine.end("failed")
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase at the request of a callback or a person. Return why it is refused, which
@@ -200,7 +207,7 @@ class Flows:
         return f"no flow has given `{flow}` a vehicle"
 
     def running(self, flow: str) -> RunningFlow:
-        """Return the flow of this name."""
+        """Return the flow with this name, active or not."""
         return self._flows[flow]
 
     def driven(self, flow: str) -> list[str]:
@@ -237,21 +244,6 @@ class Flows:
         )
         flow = RunningFlow(plan, machine)
         return flow
-
-    def _begin(self) -> None:
-        """Begin every flow that doesn't wait for vehicles and is not active yet."""
-        self._begun = True
-        for flow in self._flows.values():
-            if not (flow.plan.waits or flow.active):
-                flow.machine.begin()
-
-    def _guarded(self, flow: RunningFlow, now: Time, dt: float) -> None:
-        """Step one flow. If it raises, only this flow ends; its vehicles continue what they do."""
-        try:
-            self._step(flow, now, dt)
-        except Exception as error:  # a lab's own link may show anything
-            self._events.emit(FlowFailed(flow=flow.plan.name, reason=described(error)))
-            flow.machine.end("failed")
 
     def _step(self, flow: RunningFlow, now: Time, dt: float) -> None:
         phase = flow.phase

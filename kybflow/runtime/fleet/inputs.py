@@ -127,7 +127,10 @@ class _Input:
     def step(self, now: Time, flying: bool) -> InputReading | None:
         self._began = now if self._began is None else self._began
         reading, silence = self._read(now)
-        self._record(reading, silence, now)
+        new = _SILENT if reading is None else (reading.axes, reading.held)
+        if new != self._noted and (reading is not None or silence is not None):
+            self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
+            self._noted = new
         trouble = silence or self._unfelt or self._doubt(reading, now)
         self._unfelt = None
         if reading is not None:
@@ -164,21 +167,11 @@ class _Input:
         age, bound = (now - (heard or 0)) / NS, self.plan.silent_after
         if age > bound:
             return None, InputTrouble(f"silent for {age:.2f} s", age, bound)
-        return (None if reading is None else self._named(reading)), None
-
-    def _named(self, reading: InputReading) -> InputReading:
+        if reading is None:
+            return None, None
         names, dead_man = self.plan.button_names, self.plan.dead_man
         held = frozenset(names[button] for button in reading.held if button in names)
-        return reading._replace(held=held, engaged=dead_man is None or dead_man in held)
-
-    def _record(
-        self, reading: InputReading | None, silence: InputTrouble | None, now: Time
-    ) -> None:
-        """Record the reading, or that there is none, if it has changed."""
-        new = _SILENT if reading is None else (reading.axes, reading.held)
-        if new != self._noted and (reading is not None or silence is not None):
-            self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
-            self._noted = new
+        return reading._replace(held=held, engaged=dead_man is None or dead_man in held), None
 
     def _doubt(self, reading: InputReading | None, now: Time) -> InputTrouble | None:
         """Return why the reading is missing or implausible, or None if it is good."""
