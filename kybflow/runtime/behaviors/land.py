@@ -135,7 +135,9 @@ class Land(
         if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
         below = self._below(tick, own)
-        gap = self._gap(own)
+        goal, gap = self._goal, 0.0
+        if goal is not None:
+            gap = hypot(own[0] - goal[0], own[1] - goal[1])
         if not self._descends and tick.elapsed >= self._arrival:
             close = gap <= self.params.tolerance
             self._descends = self._above.reached(close, _ABOVE, tick.dt)
@@ -178,12 +180,6 @@ class Land(
     def _to(self, start: Vec3, goal: Vec3) -> Straight:
         return Straight(start, goal, self._speed, self.params.acceleration)
 
-    def _gap(self, own: Vec3) -> float:
-        """Return the distance (m) from the vertical through the goal, zero without a goal."""
-        if self._goal is None:
-            return 0.0
-        return hypot(own[0] - self._goal[0], own[1] - self._goal[1])
-
     def _waits(self, gap: float, dt: float) -> bool:
         """Return whether the descent pauses in this tick."""
         if not self._descends:
@@ -208,14 +204,11 @@ class Land(
         )
 
     def _has_stopped(self, own: float, dt: float) -> bool:
+        """Return whether the height, or its average, has stayed where it is for long enough."""
         stays = abs(own - self._resting) <= _STILL and own - self._height >= _DEPTH
         if not stays:
             self._resting = own
-        settled = self._has_settled(own, dt)
-        return self._stopped.reached(stays, self.params.dwell, dt) or settled
-
-    def _has_settled(self, own: float, dt: float) -> bool:
-        """Update the average height; return whether it has stopped falling."""
+        stopped = self._stopped.reached(stays, self.params.dwell, dt)
         self._average += (own - self._average) * dt / (_AVERAGED + dt)
         if self._average < self._lowest - _LOWER:
             self._lowest, self._stalled = self._average, 0.0
@@ -223,7 +216,7 @@ class Land(
         stays = abs(self._average - self._level) <= _LEVEL and deep
         if not stays:
             self._level = self._average
-        return self._settled.reached(stays, _LONGER * self.params.dwell, dt)
+        return self._settled.reached(stays, _LONGER * self.params.dwell, dt) or stopped
 
     def _descend(self, dt: float, own: float, waits: bool) -> float:
         """Lower the setpoint by one tick, or slow it to a stop if the descent `waits`. Return its

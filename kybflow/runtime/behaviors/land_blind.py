@@ -115,22 +115,19 @@ class LandBlind(
     def update(self, tick: Tick) -> Command | Done:
         if self._grounded or (self._descent is not None and self._landed(self._descent, tick)):
             return Done(IDLE)
-        if self._is_over(tick):
-            return Done(IDLE)
+        if self._descent is None and tick.elapsed >= self.params.time_bound:
+            known = tick.estimate
+            if known is None or height_in_the_air(self._context, known, ()) <= 0.0:
+                return Done(IDLE)
         self.lets_go = self._descent is None and tick.link_age > _UNHEARD
         self.waits_for = "its own watchdog, as nothing is heard of it" if self.lets_go else None
         thrust = self._felt
         if thrust is None:
-            thrust = self._hover * self._share_at(tick.elapsed)
+            p, time = self.params, tick.elapsed
+            share = 1.0 - (1.0 - p.share) * min(time / p.settle, 1.0)
+            share = share - p.fade * max(time - p.settle, 0.0)
+            thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST, 0.0))
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
-
-    def _is_over(self, tick: Tick) -> bool:
-        """Return whether an open-loop descent has lasted for `time_bound` and no estimate shows the
-        vehicle in the air."""
-        if self._descent is not None or tick.elapsed < self.params.time_bound:
-            return False
-        known = tick.estimate
-        return known is None or height_in_the_air(self._context, known, ()) <= 0.0
 
     def _landed(self, descent: Descent, tick: Tick) -> bool:
         """Process the newest IMU sample; return whether the vehicle has touched down. If no sample
@@ -151,10 +148,3 @@ class LandBlind(
         total = x + y + z
         stuck = last is not None and last.specific_force == imu.specific_force
         return total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck
-
-    def _share_at(self, time: float) -> float:
-        p = self.params
-        ramp = (
-            1.0 - (1.0 - p.share) * min(time / p.settle, 1.0) - p.fade * max(time - p.settle, 0.0)
-        )
-        return ramp + self._kick * max(1.0 - time / _ARREST, 0.0)

@@ -62,17 +62,14 @@ class ReleasePayload(
             if first:  # it was before: the vehicle is not asked again, and an event says so
                 self._released = -inf
                 return Grip(setpoint, True)
-            return self._settled(setpoint, time)
+            if self._released is None:
+                self._released = time
+            settle = 0.0 if self._coast is None else self.params.settle
+            return Done(setpoint) if time - self._released >= settle else setpoint
         if time - self._asked > self.params.patience:
             limit = self.params.patience
             return Failed(setpoint, f"the release was not acknowledged within {limit:g} s")
         return Grip(setpoint, True)
-
-    def _settled(self, setpoint: Setpoint, time: float) -> Setpoint | Done:
-        if self._released is None:
-            self._released = time
-        settle = 0.0 if self._coast is None else self.params.settle
-        return Done(setpoint) if time - self._released >= settle else setpoint
 
     @classmethod
     def footprint(cls, params: ReleasePayloadParams, entry: Vec3 | None) -> Footprint | None:

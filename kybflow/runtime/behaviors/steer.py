@@ -165,7 +165,9 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         enough to limit the velocity."""
         p, context, position = self.params, self._context, self._position
         if (fence := context.fence) is not None:
-            yield from walls(position, _room(fence, p, context.start[2]))
+            (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
+            floor = max(z0, context.start[2] + p.lowest)
+            yield from walls(position, Box((x0 + m, y0 + m, floor), (x1 - m, y1 - m, z1 - m)))
         keep = context.airframe.arm + p.clearance
         speed = hypot(p.speed, p.climb) + norm(self._velocity)
         for hazard in self._surroundings.near(position, speed, tick, lambda v: keep + reach_of(v)):
@@ -191,9 +193,3 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
 
 def _towards(before: float, wanted: float, most: float) -> float:
     return before + max(-most, min(most, wanted - before))
-
-
-def _room(fence: Box, p: SteerParams, ground: float) -> Box:
-    """Return the box in which the setpoint may be."""
-    (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
-    return Box((x0 + m, y0 + m, max(z0, ground + p.lowest)), (x1 - m, y1 - m, z1 - m))

@@ -198,12 +198,14 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def __init__(self, params: FormationParams, entry: Entry) -> None:
         super().__init__(params, entry)
         context = entry.context
-        team = _team(params, context)
+        team = context.groups.get(params.members, (context.vehicle,))
         self._shape = _shape(params, len(team))
         if len(self._shape) < len(team):
             raise Refused(f"it has {len(self._shape)} places for {len(team)} members")
         self._context, self._delay = context, round(params.delay * NS)
-        self._members = Members(team, context.vehicle, _key(params))
+        p = params
+        identity = (p.members, p.shape, p.side, p.points, p.center, p.turned)
+        self._members = Members(team, context.vehicle, zlib.crc32(repr(identity).encode()))
         self._room = FormationRoom(context, team)
         self._meeting = Meeting(
             team, context.vehicle, self._shape, self._room, params.center, params.turned,
@@ -333,7 +335,10 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._move(taken, team, limits, tick)
         wanted = self._frame.motion(motion)
         self._point = wanted.position
-        self._turn_with(own, tick)
+        span = max(own.way.duration, STEEPEST * abs(own.turn) / p.turn_rate)
+        done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
+        left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
+        self._heading = wrap(self._frame.heading + left)
         self._let_feel(team, limits, tick)
         self._judge(own, taken, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
@@ -374,13 +379,6 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
                 lag = max(lag, distance(theirs, self._point))
         slow = _UNHURRIED * p.doubt
         return max(0.0, min(1.0, (p.doubt - lag) / (p.doubt - slow)))
-
-    def _turn_with(self, own: _Placed, tick: Tick) -> None:
-        """Turn with the frame, and close the initial difference between the two headings."""
-        span = max(own.way.duration, STEEPEST * abs(own.turn) / self.params.turn_rate)
-        done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
-        left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
-        self._heading = wrap(self._frame.heading + left)
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
         """Determine whether the member has settled. Emit `formation_settled` when all have, for the
@@ -462,19 +460,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         )
 
 
-def _team(params: FormationParams, context: VehicleContext) -> tuple[str, ...]:
-    return context.groups.get(params.members, (context.vehicle,))
-
-
 def _shape(params: FormationParams, count: int) -> tuple[Vec3, ...]:
     return params.points or shapes.places_of(params.shape, params.side, count)
-
-
-def _key(params: FormationParams) -> int:
-    """Return a number that is equal for members of the same formation."""
-    p = params
-    what = (p.members, p.shape, p.side, p.points, p.center, p.turned)
-    return zlib.crc32(repr(what).encode())
 
 
 def _drive(params: FormationParams, entry: Entry) -> Drive:
