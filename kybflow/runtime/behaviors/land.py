@@ -25,8 +25,8 @@ It does not land on another vehicle (`kybflow.flight.landing_place`): the descen
 is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
 `patience` and then fails.
 
-On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is reduced to zero
-on the way. World frame, metres; the heading is kept.
+If the vehicle is already on the ground, the behavior ends at once. Its last setpoint is IDLE. A
+velocity at entry is reduced to zero on the way. World frame, metres; the heading is kept.
 """
 
 from __future__ import annotations

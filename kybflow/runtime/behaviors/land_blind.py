@@ -1,4 +1,4 @@
-"""Come down without knowing where: level attitude, a descent held by the IMU, then rotors off.
+"""Land without a position: level attitude, a descent controlled by the IMU, then rotors off.
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
 controller keeps the attitude level and its heading from the IMU, and the thrust follows the law of
@@ -12,9 +12,10 @@ m/s (time in s), from rest, for an error e of the thrust model:
     1.5 m     0.76 (2.8)    0.77 (2.9)    0.78 (3.0)
     2.5 m     1.01 (4.0)    1.02 (4.0)    1.03 (4.1)
 
-An accelerometer error of 0.25 m/s^2 changes the 1.0 m/s from 2.5 m to 1.5 m/s (2.9 s) or 1.0 m/s
-(10 s). If an estimator needs the IMU, its measurement at rest on the ground is known and taken as
-gravity (`kybflow.runtime.monitoring.resting_bias`); only a later change then has this effect.
+With an accelerometer error of 0.25 m/s^2, the touch-down speed from 2.5 m is 1.5 m/s (2.9 s) or
+1.0 m/s (10 s), depending on the sign of the error. If an estimator needs the IMU, its measurement
+at rest on the ground is known and taken as gravity (`kybflow.runtime.monitoring.resting_bias`);
+only a later change then has this effect.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 
@@ -30,13 +31,14 @@ entry, for the rest of the descent:
 where T0 is the tracker's estimate of the hover thrust (or that of the closed-loop descent, once it
 has one) and vz0 the vertical speed at entry, which the last term reduces to zero. The closed-loop
 descent ends with the touch-down; in open loop the rotors stop after `time_bound`, unless an
-estimate shows the vehicle in the air. On the ground it is done at once.
+estimate shows the vehicle in the air. If the vehicle is already on the ground, the behavior ends at
+once.
 
 Open loop the vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; a share of 90 % is the most that
 still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net acceleration of 0.19 g.
 Touch-down speed in m/s (time in s), from rest, drag d = 0.3 1/s:
 
-    open loop e = -10 %     -5 %          0            +5 %          +10 % (climbs first by)
+    open loop e = -10 %     -5 %          0            +5 %          +10 % (time; initial climb)
     1.0 m     1.66 (1.3)    1.45 (1.6)    1.22 (2.0)   1.00 (3.0)    0.98 (5.8; 0.56 m)
     1.5 m     2.03 (1.6)    1.76 (1.9)    1.48 (2.4)   1.20 (3.4)    1.14 (6.3; 0.56 m)
     2.5 m     2.57 (2.0)    2.23 (2.4)    1.86 (3.0)   1.51 (4.2)    1.40 (7.1; 0.56 m)
