@@ -178,9 +178,7 @@ def waited(true) -> bool:
     return true()
 
 
-def test_a_device_of_force_dimension_is_driven_by_a_thread(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_device_of_force_dimension_is_driven_by_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     dhd = FakeForceDimension()
     monkeypatch.setitem(sys.modules, "forcedimension_core", dhd)
     dhd.position, dhd.mask = (-0.05, 0.0, 0.0), 2

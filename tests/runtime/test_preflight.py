@@ -331,9 +331,7 @@ def test_what_a_supervisor_foresees_is_said_with_its_mission_line(run):
 
 def test_a_second_take_off_asks_where_it_landed(run):
     again = state(
-        "again",
-        part("behaviors", "wait_on_ground"),
-        TransitionPlan(target="up2", after=4.0),
+        "again", part("behaviors", "wait_on_ground"), TransitionPlan(target="up2", after=4.0)
     )
     up2 = state("up2", part("behaviors", "take_off", height=0.5), then("end"))
     away = state("away", part("behaviors", "fly_to", position=(1.0, 0.0, 0.6)), then("down"))

@@ -85,9 +85,7 @@ class CommandQueue:
     """
 
     def __init__(
-        self,
-        emitted: Iterable[tuple[float, str]] = (),
-        recorded: Iterable[RecordedCommand] = (),
+        self, emitted: Iterable[tuple[float, str]] = (), recorded: Iterable[RecordedCommand] = ()
     ) -> None:
         events = ((round(s * NS), GivenCommand(named(n), SCHEDULE, name=n)) for s, n in emitted)
         again = ((r.heard, GivenCommand(parse(r.command), r.by, r.take)) for r in recorded)

@@ -191,10 +191,7 @@ def test_an_action_that_raises_is_told_and_left_out_and_the_others_go_on():
     assert bench.logged() == ["still here"] * 2
     [failed] = named(bench.told, "action_failed")
     assert failed.at == "m.yaml:9"
-    assert failed.fields == {
-        "action": "broken",
-        "reason": "ZeroDivisionError: a lab's own bug",
-    }
+    assert failed.fields == {"action": "broken", "reason": "ZeroDivisionError: a lab's own bug"}
 
 
 def test_an_action_that_cannot_be_made_is_known_before_anything_flies():

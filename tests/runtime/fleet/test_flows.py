@@ -197,12 +197,7 @@ def two() -> tuple[FlowPlan, FlowPlan]:
     return (
         flow(
             "team",
-            phase(
-                "part",
-                go("join", event="solo.finished"),
-                give={"b": "solo"},
-                run={"a": "turn"},
-            ),
+            phase("part", go("join", event="solo.finished"), give={"b": "solo"}, run={"a": "turn"}),
             phase("join", go("end", after=1.0), run={"a": "up", "b": "up"}),
             vehicles="ab",
         ),
@@ -371,10 +366,7 @@ def test_a_switch_that_the_flight_types_forbid_is_heard_by_the_flow(run) -> None
     team = flow(
         "team",
         phase(
-            "wrong",
-            go("right", event="a.switch_refused"),
-            limit("end", 5.0),
-            run={"a": "still"},
+            "wrong", go("right", event="a.switch_refused"), limit("end", 5.0), run={"a": "still"}
         ),
         phase("right", go("land", when=UP), limit("land", 20.0), run={"a": "up"}),
         phase("land", run={"a": "down"}),
@@ -399,8 +391,7 @@ AT_STILL = {"event": "phase_started", "fields": (("phase", "still"),), "vehicles
 def test_the_flow_decides_before_a_callback_and_before_the_vehicle_itself(run) -> None:
     """In the tick in which `still` begins, a callback asks to land, and `hover` would land too."""
     team = aloft(
-        phase("still", go("land", after=1.0), run={"a": "still"}),
-        phase("land", run={"a": "down"}),
+        phase("still", go("land", after=1.0), run={"a": "still"}), phase("land", run={"a": "down"})
     )
     callback = CallbackPlan(actions=(Switch("a", "auto_land"),), **AT_STILL)
     _, told = run(waiting("a"), flows=(team,), callbacks=(callback,))
@@ -452,8 +443,7 @@ def test_a_supervisor_decides_before_all_and_its_latch_refuses_the_flow(run) -> 
 
 def test_a_callback_enters_a_phase(run) -> None:
     team = aloft(
-        phase("still", go("land", after=30.0), run={"a": "still"}),
-        phase("land", run={"a": "down"}),
+        phase("still", go("land", after=30.0), run={"a": "still"}), phase("land", run={"a": "down"})
     )
     callback = CallbackPlan(actions=(EnterPhase("team", "land"),), **AT_STILL)
     flown, _ = run(waiting("a"), flows=(team,), callbacks=(callback,), time_limit=12.0)

@@ -45,13 +45,7 @@ from kybflow.core.units import (
     Speed,
 )
 from kybflow.flight.formation import places, shapes
-from kybflow.flight.formation.frame import (
-    Asked,
-    FrameLimits,
-    MovingFrame,
-    distance_error,
-    moved,
-)
+from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, distance_error, moved
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
 from kybflow.flight.formation.ways import WayToPlace
 from kybflow.flight.motion import Motion
@@ -59,13 +53,7 @@ from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.runtime.behaviors._hand import was_held
-from kybflow.runtime.behaviors.formation.drives import (
-    AlongPath,
-    BehindLeader,
-    ByHand,
-    Drive,
-    Still,
-)
+from kybflow.runtime.behaviors.formation.drives import AlongPath, BehindLeader, ByHand, Drive, Still
 from kybflow.runtime.behaviors.formation.members import (
     WAITING,
     Assigned,
