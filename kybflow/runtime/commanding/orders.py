@@ -36,34 +36,27 @@ LONGEST = 1000
 """Largest number of characters of a command."""
 
 
-@dataclass(frozen=True, slots=True)
-class PauseOrder:
-    """Hold the named vehicles, or all if none is named, with their behaviors frozen."""
+@dataclass(frozen=True)
+class VehicleOrder:
+    """A command to the named vehicles, or to all if none is named."""
 
     vehicles: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ResumeOrder:
-    """Resume the named vehicles, or all if none is named, after a pause; request control back from
-    a pilot."""
-
-    vehicles: tuple[str, ...] = ()
+class PauseOrder(VehicleOrder):
+    """Hold the vehicles, with their behaviors frozen."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResetOrder:
-    """Take the named vehicles on the ground, or all if none is named, out of `fault`."""
-
-    vehicles: tuple[str, ...] = ()
+class ResumeOrder(VehicleOrder):
+    """Resume the vehicles after a pause; request control back from a pilot."""
 
 
-@dataclass(frozen=True, slots=True)
-class LandOrder:
-    """Land the named vehicles, or all if none is named. They stay on the ground for the rest of the
-    run."""
+class ResetOrder(VehicleOrder):
+    """Take the vehicles that are on the ground out of `fault`."""
 
-    vehicles: tuple[str, ...] = ()
+
+class LandOrder(VehicleOrder):
+    """Land the vehicles. They stay on the ground for the rest of the run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,19 +72,10 @@ class TrackOrder:
     point: PlannedPoint
 
 
-VehicleOrder = PauseOrder | ResumeOrder | ResetOrder | LandOrder
 Order = (
-    Emit
-    | Switch
-    | SetOption
-    | Enable
-    | EnterPhase
-    | Perform
-    | VehicleOrder
-    | Stop
-    | ReleaseLease
+    Emit | Switch | SetOption | Enable | EnterPhase | Perform | VehicleOrder | Stop | ReleaseLease
     | TrackOrder
-)
+)  # fmt: skip
 
 
 class Answer(NamedTuple):

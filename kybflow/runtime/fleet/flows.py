@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from kybflow.core.errors import OptionRefused, described
 from kybflow.core.events import Custom
@@ -37,32 +37,13 @@ from kybflow.parts.events import (
 )
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
+from kybflow.runtime.options import Options
 from kybflow.runtime.scores import rounded
-from kybflow.runtime.vehicle.requests import Requester, Requests
+from kybflow.runtime.vehicle.requests import Requester
+from kybflow.runtime.vehicle.vehicle import Vehicle
 
 Conditions = Callable[[Expression], Callable[[], bool]]
 _NOTHING: frozenset[str] = frozenset()
-
-
-class Driven(Protocol):
-    """The part of a vehicle that a flow uses."""
-
-    name: str
-
-    @property
-    def state(self) -> str:
-        """The name of the vehicle's active state."""
-
-    @property
-    def requests(self) -> Requests:
-        """The object that receives requests to the vehicle."""
-
-
-class FlowOptions(Protocol):
-    """The part of the options that a flow uses."""
-
-    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
-        """Request a change. If it is refused, emits `option_refused` and raises OptionRefused."""
 
 
 class PhaseVisit(NamedTuple):
@@ -149,10 +130,10 @@ class Flows:
     def __init__(
         self,
         plan: Plan,
-        vehicles: Sequence[Driven],
+        vehicles: Sequence[Vehicle],
         conditions: Conditions,
         events: Events,
-        options: FlowOptions,
+        options: Options,
     ) -> None:
         self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
         self._events, self._options = events, options
