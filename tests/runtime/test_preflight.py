@@ -6,7 +6,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import ClassVar
 
 import numpy
 import pytest
@@ -118,63 +117,49 @@ def test_a_stream_that_never_comes_is_red():
     assert found["a", "estimate"].reason == "no healthy estimate from mocap"
 
 
-class Mute(Sensor[None]):
-    """A sensor that gives nothing; `says` is why, or what it raises when it is asked."""
+def sensor(read, trouble=lambda: None, kind=Pose, estimator="mocap") -> SensorPlan:
+    """A sensor whose stream calls `read` with the time of a tick, and `trouble`."""
 
-    provides = frozenset({Pose})
-    says: ClassVar[str | Exception | None] = None
+    class Calling(Stream):
+        def read(self, now):
+            return read(now)
 
-    @classmethod
-    def open(cls, params, context, link, generator):
-        class Silence(Stream):
-            def read(self, now):
-                return ()
+        def trouble(self):
+            return trouble()
 
-            def trouble(self):
-                if isinstance(cls.says, Exception):
-                    raise cls.says
-                return cls.says
+        def close(self): ...
 
-            def close(self):
-                pass
+    class Called(Sensor[None]):
+        provides = frozenset({kind})
 
-        return Silence()
+        @classmethod
+        def open(cls, params, context, link, generator):
+            return Calling()
+
+    return SensorPlan(PartPlan("told", Called, None, "sensors.told", "m.yaml:7"), (estimator,))
+
+
+def raising(error: Exception):
+    def raises(*_):
+        raise error
+
+    return raises
+
+
+WRONG_SIZE = "the frames are 4 x 3, but the lens is for 8 x 6"
 
 
 @pytest.mark.parametrize(
-    ("says", "reason"),
+    ("read", "trouble", "reason"),
     [
-        (None, "nothing arrives"),
-        ("no server at lab:3883", "nothing arrives: no server at lab:3883"),
-        (OSError("gone"), "nothing arrives: OSError: gone"),
+        (lambda now: (), lambda: None, "nothing arrives"),
+        (lambda now: (), lambda: "no server at lab:3883", "nothing arrives: no server at lab:3883"),
+        (lambda now: (), raising(OSError("gone")), "nothing arrives: OSError: gone"),
+        (raising(DriverError(WRONG_SIZE)), lambda: None, f"nothing arrives: {WRONG_SIZE}"),
     ],
 )
-def test_why_a_sensor_gives_nothing_is_said(says, reason):
-    class Told(Mute):
-        pass
-
-    Told.says = says
-    sensor = SensorPlan(PartPlan("told", Told, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
-    line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
-    assert (line.green, line.reason) == (False, reason)
-
-
-def test_why_a_sensor_fails_is_said():
-    class Failing(Mute):
-        @classmethod
-        def open(cls, params, context, link, generator):
-            class Broken(Stream):
-                def read(self, now):
-                    raise DriverError("the frames are 4 x 3, but the lens is for 8 x 6")
-
-                def close(self):
-                    pass
-
-            return Broken()
-
-    sensor = SensorPlan(PartPlan("told", Failing, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
-    line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
-    reason = "nothing arrives: the frames are 4 x 3, but the lens is for 8 x 6"
+def test_why_a_sensor_gives_nothing_is_said(read, trouble, reason):
+    line = checks(flight(sensors=(sensor(read, trouble),)))["a", "pose stream"]
     assert (line.green, line.reason) == (False, reason)
 
 
@@ -195,25 +180,12 @@ def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
                 where = SimpleNamespace(position=(0, 0, 0), views=(), covariance=numpy.eye(6))
                 self.sighting = SimpleNamespace(frames=frames, located=where if located else None)
 
-    class Filming(Mute):
-        provides = frozenset({Frame})
-
-        @classmethod
-        def open(cls, params, context, link, generator):
-            class Film(Stream):
-                def read(self, now):
-                    return [Frame(now, "down", numpy.zeros((4, 4), numpy.uint8))]
-
-                def close(self):
-                    pass
-
-            return Film()
-
-    sensor = SensorPlan(PartPlan("film", Filming, None, "sensors.film", "m.yaml:7"), ("seeing",))
+    image = numpy.zeros((4, 4), numpy.uint8)
+    film = sensor(lambda now: [Frame(now, "down", image)], kind=Frame, estimator="seeing")
     seeing = EstimatorPlan(PartPlan("seeing", Seeing, None, "estimators.seeing"), recover_after=1.0)
     lens = Lens(4, 4, 4.0, 4.0, 2.0, 2.0)
     one = flight(
-        sensors=(sensor,), estimators=(seeing,), cameras={"down": Camera("down", lens, (0, 0, 0))}
+        sensors=(film,), estimators=(seeing,), cameras={"down": Camera("down", lens, (0, 0, 0))}
     )
     found = checks(one)
     assert found["a", "frame stream"].green

@@ -29,11 +29,8 @@ _STEP = 0.05
 class GoHomeParams:
     height: Length = param(
         "Least height above the ground of the start at which it flies.",
-        default=1.0,
-        above=0.0,
-        read_only=True,
-        room="up",
-    )
+        default=1.0, above=0.0, read_only=True, room="up",
+    )  # fmt: skip
     speed: Speed = param("Largest speed.", default=0.5, above=0.0, read_only=True)
     acceleration: Acceleration = param(
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True

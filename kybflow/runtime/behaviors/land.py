@@ -64,24 +64,20 @@ on the ground."""
 class LandParams:
     position: Position | None = param(
         "Where to land, on the ground; without it the vehicle lands where it is.",
-        default=None,
-        read_only=True,
-    )
+        default=None, read_only=True,
+    )  # fmt: skip
     approach: Speed = param(
         "Largest speed on the way above the position.", default=0.5, above=0.0, read_only=True
     )
     tolerance: Length = param(
         "Distance from the vertical through the position that counts as above it.",
-        default=0.05,
-        above=0.0,
-        room="across",
-    )
+        default=0.05, above=0.0, room="across",
+    )  # fmt: skip
     patience: Duration = param(
         "Time past the planned arrival above the position after which it has failed; the longest "
         "that the descent waits, and that it comes no lower.",
-        default=10.0,
-        above=0.0,
-    )
+        default=10.0, above=0.0,
+    )  # fmt: skip
     speed: Speed = param("Descent speed.", default=0.5, above=0.0, at_most=1.0)
     slow_speed: Speed = param("Descent speed near the ground.", default=0.2, above=0.1, at_most=0.5)
     slow_below: Length = param(

@@ -71,27 +71,20 @@ _UNHEARD = 0.25
 class LandBlindParams:
     share: Ratio = param(
         "Share of the hover thrust that is left after `settle`.",
-        default=0.9,
-        above=0.5,
-        below=1.0,
-        read_only=True,
-    )
+        default=0.9, above=0.5, below=1.0, read_only=True,
+    )  # fmt: skip
     settle: Duration = param(
         "Time in which the thrust goes down to `share`.", default=1.0, above=0.0, read_only=True
     )
     fade: Damping = param(
         "Share of the hover thrust that is taken away each second after that.",
-        default=0.01,
-        above=0.0,
-        read_only=True,
-    )
+        default=0.01, above=0.0, read_only=True,
+    )  # fmt: skip
     time_bound: Duration = param(
         "Time after which the rotors stop where no IMU is heard; long enough for the slowest "
         "descent from the mission's greatest height.",
-        default=12.0,
-        above=0.0,
-        read_only=True,
-    )
+        default=12.0, above=0.0, read_only=True,
+    )  # fmt: skip
 
 
 class LandBlind(

@@ -75,11 +75,8 @@ class SteerParams:
     )
     lowest: Length = param(
         "Least height above the ground of the start.",
-        default=0.4,
-        above=0.0,
-        tightens="up",
-        room="up",
-    )
+        default=0.4, above=0.0, tightens="up", room="up",
+    )  # fmt: skip
     patience: Duration = param(
         "How long it brakes for a lost input until it fails.", default=2.0, at_least=0.0
     )

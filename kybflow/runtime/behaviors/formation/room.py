@@ -28,11 +28,8 @@ class FormationRoomParams:
 
     margin: Length = param(
         "Kept from the fence by every place.",
-        default=0.3,
-        at_least=0.0,
-        tightens="up",
-        room="across",
-    )
+        default=0.3, at_least=0.0, tightens="up", room="across",
+    )  # fmt: skip
     clearance: Length = param(
         "Kept between hubs and obstacles, and other vehicles, by every place.",
         default=0.3, above=0.0, tightens="up", room="across",
