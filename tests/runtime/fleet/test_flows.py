@@ -4,6 +4,7 @@ First on vehicles that do at once what they are asked, then in the simulator."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -215,7 +216,7 @@ def test_a_flow_drives_what_it_was_given_and_gives_it_back_when_it_ends(order: i
     stage.step(6)
     assert stage.flows.driver("b") == "team"
     assert stage.b.asked == ["away", "up"]
-    assert [e.fields["flow"] for e in stage.told if e.name == "driver_changed"] == ["solo", "team"]
+    assert [e.fields["flow"] for e in named(stage.told, "driver_changed")] == ["solo", "team"]
 
 
 def test_a_flow_that_waits_begins_with_each_vehicle_that_it_is_given() -> None:
@@ -253,9 +254,9 @@ def test_what_a_flow_asks_of_a_vehicle_that_another_drives_is_refused() -> None:
     stage.step(5)
     assert stage.b.asked == ["away"]
     assert stage.a.asked == ["up"]
-    [refused] = [e for e in stage.told if e.name == "switch_refused"]
+    [refused] = named(stage.told, "switch_refused")
     assert (refused.vehicle, refused.fields["reason"]) == ("b", "`solo` drives it")
-    [kept] = [e for e in stage.told if e.name == "give_refused"]
+    [kept] = named(stage.told, "give_refused")
     assert kept.fields == {"flow": "team", "to": "solo", "reason": "`solo` drives it"}
 
 
@@ -385,6 +386,17 @@ def aloft(*more: PhasePlan, **rest: Any) -> FlowPlan:
     return flow("team", launch, *more, vehicles="a", **rest)
 
 
+def when_begins(name: str, act: Callable[[Any], None]) -> dict[str, tuple[Any]]:
+    """What `run` takes to have `act` done with the vehicle when the phase `name` begins."""
+    engines: list[Any] = []
+
+    def listener(event: Event) -> None:
+        if event.name == "phase_started" and event.fields["phase"] == name:
+            act(engines[0].vehicles[0])
+
+    return {"observers": (engines.append,), "listeners": (listener,)}
+
+
 AT_STILL = {"event": "phase_started", "fields": (("phase", "still"),), "vehicles": ("",)}
 
 
@@ -402,15 +414,8 @@ def test_the_flow_decides_before_a_callback_and_before_the_vehicle_itself(run) -
 
 def test_an_operator_decides_before_the_flow(run) -> None:
     team = aloft(phase("still", go("end", after=1.0), run={"a": "still"}))
-
-    def operator(event: Event) -> None:
-        if event.name == "phase_started" and event.fields["phase"] == "still":
-            engines[0].vehicles[0].requests.switch("down", Requester.OPERATOR)
-
-    engines: list[Any] = []
-    flown, told = run(
-        waiting("a"), flows=(team,), observers=(engines.append,), listeners=(operator,)
-    )
+    operator = when_begins("still", lambda a: a.requests.switch("down", Requester.OPERATOR))
+    flown, told = run(waiting("a"), flows=(team,), **operator)
     assert path(told, "a") == ["landed", "up", "hover", "down", "landed"]
     [refused] = named(told, "switch_refused")
     assert (refused.fields["state"], refused.fields["by"]) == ("still", "flow")
@@ -425,15 +430,8 @@ def test_a_supervisor_decides_before_all_and_its_latch_refuses_the_flow(run) -> 
         phase("again", go("land", after=0.5), run={"a": "still"}),
         phase("land", run={"a": "down"}),
     )
-    engines: list[Any] = []
-
-    def supervisor(event: Event) -> None:
-        if event.name == "phase_started" and event.fields["phase"] == "still":
-            engines[0].vehicles[0].land("a person says so")
-
-    flown, told = run(
-        waiting("a"), flows=(team,), observers=(engines.append,), listeners=(supervisor,)
-    )
+    supervisor = when_begins("still", lambda a: a.land("a person says so"))
+    flown, told = run(waiting("a"), flows=(team,), **supervisor)
     assert path(told, "a") == ["landed", "up", "hover", "auto_land", "fault"]
     assert {e.fields["by"] for e in named(told, "switch_refused")} == {"flow"}
     assert [p["name"] for p in flown.summary["flows"]["team"]["phases"]][:3] == [
@@ -453,13 +451,8 @@ def test_a_callback_enters_a_phase(run) -> None:
 
 def test_a_run_whose_vehicles_are_all_lost_ends_though_a_flow_waits(run) -> None:
     team = aloft(phase("forever", go("end", event="operator.go"), run={"a": "still"}))
-    engines: list[Any] = []
-
-    def fault(event: Event) -> None:
-        if event.name == "phase_started" and event.fields["phase"] == "forever":
-            engines[0].vehicles[0].land("lost")
-
-    flown, _ = run(waiting("a"), flows=(team,), observers=(engines.append,), listeners=(fault,))
+    fault = when_begins("forever", lambda a: a.land("lost"))
+    flown, _ = run(waiting("a"), flows=(team,), **fault)
     assert flown.summary["sim_time_s"] < 30.0
     assert flown.summary["flows"]["team"]["phases"][-1]["ended"] == "run_ended"
 
@@ -485,18 +478,9 @@ def test_a_pad_that_is_left_and_come_back_to_is_one_flow_of_two_vehicles(run) ->
         flows=(team, solo),
     )  # fmt: skip
     assert flown.exit_code == 0
-    assert path(told, "a") == [
-        "landed",
-        "up",
-        "hover",
-        "down",
-        "landed",
-        "up",
-        "hover",
-        "down",
-        "landed",
-    ]
-    assert path(told, "b") == ["landed", "up", "hover", "down", "landed"]
+    round_trip = ["up", "hover", "down", "landed"]
+    assert path(told, "a") == ["landed", *round_trip, *round_trip]
+    assert path(told, "b") == ["landed", *round_trip]
 
 
 def last(*ways: TransitionPlan) -> PhasePlan:
