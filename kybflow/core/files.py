@@ -155,16 +155,17 @@ def _row(
     if len(cells) != len(factors):
         message = f"{len(cells)} values in a table of {len(factors)} columns"
         raise FileError(message, number)
-    pairs = list(zip(factors.items(), cells, strict=True))
-    numbers = {n: f * _number(number, cell) for (n, f), cell in pairs if f is not None}
-    return number, numbers, {n: cell for (n, f), cell in pairs if f is None}
-
-
-def _number(line: int, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        raise FileError(f"`{cell[:20]}` is no number", line) from None
-    if not isfinite(value):
-        raise FileError(f"`{cell}` is not finite", line)
-    return value
+    numbers: dict[str, float] = {}
+    words: dict[str, str] = {}
+    for (name, factor), cell in zip(factors.items(), cells, strict=True):
+        if factor is None:
+            words[name] = cell
+            continue
+        try:
+            value = float(cell)
+        except ValueError:
+            raise FileError(f"`{cell[:20]}` is no number", number) from None
+        if not isfinite(value):
+            raise FileError(f"`{cell}` is not finite", number)
+        numbers[name] = factor * value
+    return number, numbers, words

@@ -158,15 +158,13 @@ class PadLink(InputLink):
         self._gone = state is None
         if state is not None:
             self._name = state.name
-            self._reading = InputReading(now, self._axes(state), frozenset(held))
+            p, name = self._params, state.name.lower()
+            tables = {} if p.controllers is None else read_controllers(p.controllers)
+            named = next((table for part, table in tables.items() if part.lower() in name), {})
+            maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
+            axes = {a: deflection(maps[a].read(state), p.dead_zone, p.expo) for a in AXES}
+            self._reading = InputReading(now, axes, frozenset(held))
         return self._reading
-
-    def _axes(self, state: sdl.PadState) -> dict[str, float]:
-        p, name = self._params, state.name.lower()
-        tables = {} if p.controllers is None else read_controllers(p.controllers)
-        named = next((table for part, table in tables.items() if part.lower() in name), {})
-        maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
-        return {axis: deflection(maps[axis].read(state), p.dead_zone, p.expo) for axis in AXES}
 
     def trouble(self) -> str | None:
         if not self._gone:

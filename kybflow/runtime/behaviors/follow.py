@@ -88,9 +88,11 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
                 self._rate = max(-_TURN_RATE, min(_TURN_RATE, leading.rate + 2.0 * off))
                 self._heading = wrap(self._heading + self._rate * tick.dt)
         self.waits_for = None if leading is not None else f"news, as {self._leader.trouble}"
-        before = follower.position, follower.velocity
+        place, velocity = follower.position, follower.velocity
         motion = follower.follow(goal, self._speed, p.acceleration, tick.dt)
-        if _caught_up(goal, *before, p.acceleration, tick.dt):
+        ahead = add(place, scale(add(velocity, goal.velocity), 0.5 * tick.dt))
+        near = norm(sub(goal.position, ahead)) <= CAUGHT_UP
+        if near and norm(sub(goal.velocity, velocity)) <= p.acceleration * tick.dt:
             follower.join(goal.position, goal.velocity)
             motion = goal
         setpoint = motion.setpoint(self._heading, self._rate)
@@ -130,12 +132,3 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         return Footprint(
             points, params.speed, None, is_endless=True, acceleration=params.acceleration
         )
-
-
-def _caught_up(
-    goal: Motion, position: Vec3, velocity: Vec3, acceleration: float, dt: float
-) -> bool:
-    """Return whether the setpoint can join the goal without a step."""
-    ahead = add(position, scale(add(velocity, goal.velocity), 0.5 * dt))
-    close = norm(sub(goal.position, ahead)) <= CAUGHT_UP
-    return close and norm(sub(goal.velocity, velocity)) <= acceleration * dt

@@ -120,7 +120,7 @@ class Land(
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
             return Done(IDLE)
-        estimate = tick.known()
+        p, estimate = self.params, tick.known()
         own, heard = estimate.position, min(tick.link_age, estimate.age) <= _HEARD
         if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
@@ -129,17 +129,19 @@ class Land(
         if goal is not None:
             gap = hypot(own[0] - goal[0], own[1] - goal[1])
         if not self._descends and tick.elapsed >= self._arrival:
-            close = gap <= self.params.tolerance
-            self._descends = self._above.reached(close, _ABOVE, tick.dt)
-        waits = self._waits(gap, tick.dt) or below is not None
+            self._descends = self._above.reached(gap <= p.tolerance, _ABOVE, tick.dt)
+        waits = below is not None or not self._descends
+        if self._descends and gap > 2.0 * p.tolerance and self._waited < p.patience:
+            self._waited += tick.dt
+            waits = True
         pull = self._descend(tick.dt, own[2], waits)
         setpoint = self._setpoint(tick.elapsed, pull)
         self._stalled += 0.0 if waits else tick.dt
-        if self._stalled > self.params.patience:
-            return Failed(setpoint, f"no lower for {self.params.patience:g} s, and no ground")
-        if self._barred > self.params.patience:
-            return Failed(setpoint, f"{self.waits_for} for {self.params.patience:g} s")
-        if not self._descends and tick.elapsed > self._arrival + self.params.patience:
+        if self._stalled > p.patience:
+            return Failed(setpoint, f"no lower for {p.patience:g} s, and no ground")
+        if self._barred > p.patience:
+            return Failed(setpoint, f"{self.waits_for} for {p.patience:g} s")
+        if not self._descends and tick.elapsed > self._arrival + p.patience:
             if self._point is None:
                 self._descends = True
                 return setpoint
@@ -169,15 +171,6 @@ class Land(
 
     def _to(self, start: Vec3, goal: Vec3) -> Straight:
         return Straight(start, goal, self._speed, self.params.acceleration)
-
-    def _waits(self, gap: float, dt: float) -> bool:
-        """Return whether the descent pauses in this tick."""
-        if not self._descends:
-            return True
-        if gap <= 2.0 * self.params.tolerance or self._waited >= self.params.patience:
-            return False
-        self._waited += dt
-        return True
 
     def _setpoint(self, time: float, pull: float) -> Setpoint:
         level = self._way.at(time - self._began)

@@ -127,19 +127,14 @@ class LandBlind(
     def _landed(self, descent: Descent, tick: Tick) -> bool:
         """Process the newest IMU sample; return whether the vehicle has touched down. If no sample
         has arrived for too long, change to the open-loop descent."""
-        imu = tick.imu
-        if imu is not None and imu.time > self._heard and self._is_sound(imu):
-            self._heard, self._last = imu.time, imu
-            self._felt = descent.step(imu.specific_force[2], imu.dt)
-            return self._felt is None
+        imu, last = tick.imu, self._last
+        if imu is not None and imu.time > self._heard:
+            total = sum(imu.specific_force)  # noise makes each sample differ from the last one
+            stuck = last is not None and last.specific_force == imu.specific_force
+            if total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck:
+                self._heard, self._last = imu.time, imu
+                self._felt = descent.step(imu.specific_force[2], imu.dt)
+                return self._felt is None
         if tick.now - self._heard > _SILENT:
             self._descent, self._felt, self._hover = None, None, descent.hover
         return False
-
-    def _is_sound(self, imu: Imu) -> bool:
-        """Return whether a sample is finite and differs from the last one, as it must with
-        noise."""
-        (x, y, z), last = imu.specific_force, self._last
-        total = x + y + z
-        stuck = last is not None and last.specific_force == imu.specific_force
-        return total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck

@@ -96,15 +96,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._hand = Hand(params.input, entry)
 
     def update(self, tick: Tick) -> Setpoint | Failed:
-        setpoint = self._moved(self._hand.axes(tick), tick)
-        self.waits_for = self._hand.waits_for or None
-        if self._hand.lost > self.params.patience:
-            return Failed(setpoint, f"`{self.params.input}` is lost")
-        return setpoint
-
-    def _moved(self, sticks: tuple[float, ...] | None, tick: Tick) -> Setpoint:
-        """Move the setpoint by a tick and return it. sticks: the four axes, None to brake."""
-        p, dt, before = self.params, tick.dt, self._velocity
+        p, dt, before, sticks = self.params, tick.dt, self._velocity, self._hand.axes(tick)
         x, y, z, turn = sticks or (0.0, 0.0, 0.0, 0.0)
         brakes = sticks is None or (p.by == "signals" and not any(sticks))
         level = self._level(x, y, dt, brakes=brakes)
@@ -120,7 +112,11 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._heading = wrap(self._heading + self._rate * dt)
         acceleration = scale(change, 1.0 / dt) if dt > 0.0 else ZERO
         motion = Motion(self._position, velocity, acceleration)
-        return motion.setpoint(self._heading, self._rate)
+        setpoint = motion.setpoint(self._heading, self._rate)
+        self.waits_for = self._hand.waits_for or None
+        if self._hand.lost > p.patience:
+            return Failed(setpoint, f"`{p.input}` is lost")
+        return setpoint
 
     def _let_feel(
         self, x: float, y: float, z: float, surfaces: Iterable[Surface], tick: Tick

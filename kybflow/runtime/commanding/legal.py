@@ -10,7 +10,7 @@ from kybflow.core.errors import EventRefused
 from kybflow.core.geometry import heading_of
 from kybflow.core.signals import NS, Estimate, Time
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.plan import ActionPlan, Call, Emit, Plan, TransitionPlan
+from kybflow.dsl.plan import Call, Emit, Plan, TransitionPlan
 from kybflow.parts.events import AWAITED_EVENTS
 from kybflow.runtime.commanding.orders import COMMANDS, PREFIX
 from kybflow.runtime.commanding.situation import (
@@ -41,7 +41,9 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
 def awaited(plan: Plan) -> Iterator[str]:
     """Yield the events of the operator and of the mission itself that any transition or callback
     waits for."""
-    own = {name for one in plan.callbacks for action in one.actions for name in _emitted(action)}
+    actions = [action for callback in plan.callbacks for action in callback.actions]
+    own = {action.name for action in actions if isinstance(action, Emit)}
+    own.update(n for action in actions if isinstance(action, Call) for n in action.part.cls.events)
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())
     phases = (phase for flow in plan.flows for phase in flow.phases.values())
     transitions = [t for places in (states, phases) for place in places for t in place.transitions]
@@ -76,12 +78,6 @@ def heard_by(transitions: Iterable[TransitionPlan]) -> tuple[str, ...]:
 def heard_always(plan: Plan) -> set[str]:
     """Return the events without a vehicle that callbacks wait for during the whole run."""
     return {callback.event for callback in plan.callbacks if callback.vehicles == ("",)}
-
-
-def _emitted(action: ActionPlan) -> tuple[str, ...]:
-    if isinstance(action, Emit):
-        return (action.name,)
-    return action.part.cls.events if isinstance(action, Call) else ()
 
 
 NOT_FLYING = "the preflight is not over"

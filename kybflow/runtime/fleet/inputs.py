@@ -137,9 +137,15 @@ class _Input:
             for button in sorted(reading.held - self._held) if flying else ():
                 self._events.emit(Custom(f"{self.plan.name}.{button}"), at=self.plan.at)
             self._held = reading.held
-        self._judge(trouble, now)
-        if flying:
-            self._emit()
+        if trouble is not None:
+            self._well = None
+            self.trouble = (self._reported and self.trouble) or trouble
+        else:
+            self._well = now if self._well is None else self._well
+            if not self._reported or now - self._well >= RECOVERED:
+                self.trouble = None
+        if flying and (self.trouble is not None) != self._reported:
+            self._report()
         return reading if self.trouble is None else None
 
     def apply_force(self, link: FeltLink, push: Vec3 | None) -> None:
@@ -187,23 +193,13 @@ class _Input:
             return InputTrouble(f"its axes are stuck for {still:.2f} s", still, bound)
         return None
 
-    def _judge(self, trouble: InputTrouble | None, now: Time) -> None:
-        if trouble is not None:
-            self._well = None
-            self.trouble = (self._reported and self.trouble) or trouble
-            return
-        self._well = now if self._well is None else self._well
-        if not self._reported or now - self._well >= RECOVERED:
-            self.trouble = None
-
-    def _emit(self) -> None:
-        """Emit an event when the input is lost, and another when it has recovered."""
+    def _report(self) -> None:
+        """Emit an event because the input is lost, or because it has recovered."""
         name, at = self.plan.name, self.plan.at
-        if self.trouble is not None and not self._reported:
+        self._reported = self.trouble is not None
+        if self.trouble is not None:
             reason, *numbers = self.trouble
             value, bound = (n if n is not None and isfinite(n) else None for n in numbers)
             self._events.emit(InputLost(input=name, reason=reason, value=value, bound=bound), at=at)
-            self._reported = True
-        elif self.trouble is None and self._reported:
+        else:
             self._events.emit(InputRecovered(input=name), at=at)
-            self._reported = False
