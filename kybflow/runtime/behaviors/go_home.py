@@ -1,4 +1,4 @@
-"""Fly home: up to a safe height where the vehicle is lower, then level and straight to above home.
+"""Fly home: up to a safe height, then level and straight to the point above home.
 
 Home is the vehicle's `home` in the mission, or its start if the mission gives none. The height is
 the present one, or `height` above the ground of the start if that is more, but always 0.3 m below

@@ -1,4 +1,4 @@
-"""Descend, on a point or where the vehicle is, detect the ground, and stop the rotors there.
+"""Land at a point or where the vehicle is: descend, detect the ground and stop the rotors.
 
 With a `position` it first flies level to above that point, with at most `approach`, and begins to
 descend when it has been within `tolerance` of the vertical through the point for half a second. The

@@ -1,4 +1,4 @@
-"""Let the payload go, once, and hold the place meanwhile.
+"""Release the payload, once, while the vehicle holds its position.
 
 In the air it first comes to rest, as `hover` does. Then it requests the servo that holds the
 payload to open, in every tick until the vehicle has acknowledged it. It holds its position for

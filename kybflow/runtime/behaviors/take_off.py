@@ -1,4 +1,4 @@
-"""Climb straight up from the ground to a height above it, and be done there.
+"""Take off: climb straight up to a height above the ground.
 
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
 (`kybflow.flight.profiles`) with at most `speed` and `acceleration`. If the vehicle stays more than
