@@ -108,9 +108,8 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         (x, y, z), r = params.center, params.radius
         corners = ((x - r, y, z), (x + r, y, z), (x, y - r, z), (x, y + r, z))
         points = corners if entry is None else (entry, *corners)
-        end = None if entry is None or params.laps is None else _exit(params, params.laps, entry)
         inward = params.speed * params.speed / r
-        path = _path(params, entry)
+        path, end = _path_and_end(params, entry)
         endless, v, a = params.laps is None, abs(params.speed), params.acceleration
         least = Profile.within(2.0 * pi * r * (params.laps or 0.0), v, a).duration
         if entry is not None:
@@ -119,26 +118,20 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         return Footprint(points, v, end, endless, inward, path, duration=least)
 
 
-def _path(params: CircleParams, entry: Vec3 | None) -> tuple[Vec3, ...]:
-    """Return the path to the circle and at most once around it. It is empty if the vehicle starts
-    at the centre, because it then depends on the heading."""
-    (x, y, z), r = params.center, params.radius
+def _path_and_end(params: CircleParams, entry: Vec3 | None) -> tuple[tuple[Vec3, ...], Vec3 | None]:
+    """Return the path to the circle and at most once around it, and where the last lap ends, None
+    if that is unknown. If the vehicle starts at the centre, both depend on its heading, and the
+    path is empty."""
+    (x, y, z), r, laps = params.center, params.radius, params.laps
     east, north = (r, 0.0) if entry is None else (entry[0] - x, entry[1] - y)
     if hypot(east, north) <= 1e-6:
-        return ()
-    laps = 1.0 if entry is None or params.laps is None else min(1.0, params.laps)
-    turn = copysign(2.0 * pi * laps / _CHORDS, params.speed)
-    phases = (atan2(north, east) + turn * i for i in range(_CHORDS + 1))
+        return (), None
+    begin = atan2(north, east)
+    shown = 1.0 if entry is None or laps is None else min(1.0, laps)
+    turn = copysign(2.0 * pi * shown / _CHORDS, params.speed)
+    phases = (begin + turn * i for i in range(_CHORDS + 1))
     around = tuple((x + r * cos(phase), y + r * sin(phase), z) for phase in phases)
-    return around if entry is None else (entry, *around)
-
-
-def _exit(params: CircleParams, laps: float, entry: Vec3) -> Vec3 | None:
-    """Return the position at which the last lap ends after an entry at rest; None for an entry at
-    the centre, from which it depends on the heading."""
-    (x, y, z), r = params.center, params.radius
-    east, north = entry[0] - x, entry[1] - y
-    if hypot(east, north) <= 1e-6:
-        return None
-    phase = atan2(north, east) + (2.0 * pi * laps if params.speed > 0.0 else -2.0 * pi * laps)
-    return (x + r * cos(phase), y + r * sin(phase), z)
+    if entry is None or laps is None:
+        return (around if entry is None else (entry, *around)), None
+    phase = begin + copysign(2.0 * pi * laps, params.speed)
+    return (entry, *around), (x + r * cos(phase), y + r * sin(phase), z)
