@@ -53,7 +53,7 @@ from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.runtime.behaviors._hand import was_held
-from kybflow.runtime.behaviors.formation.drives import AlongPath, BehindLeader, ByHand, Drive, Still
+from kybflow.runtime.behaviors.formation.drives import AlongPath, BehindLeader, ByHand, Drive
 from kybflow.runtime.behaviors.formation.members import (
     WAITING,
     Assigned,
@@ -459,7 +459,7 @@ def _drive(params: FormationParams, entry: Entry) -> Drive:
         return AlongPath(params.path, params.heading)
     if params.leader is not None:
         return BehindLeader(params.leader, params.offset)
-    return Still()
+    return Drive()
 
 
 def _motion_of(tick: Tick) -> Motion:
