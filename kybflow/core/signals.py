@@ -155,7 +155,8 @@ class Odometry(NamedTuple):
 
 
 class Sticks(NamedTuple):
-    """A pilot's sticks, from a transmitter or a ground station. roll, pitch, yaw: -1 to 1, positive
+    """The sticks of a vehicle's pilot, from a transmitter or a ground station, as the vehicle reports
+    them; an operator's devices give an `InputReading` instead. roll, pitch, yaw: -1 to 1, positive
     to the right, forward and to the left. throttle: 0 to 1. switches: -1 to 1 each."""
 
     time: Stamp

@@ -45,7 +45,7 @@ class SticksInput(Input[SticksInputParams]):
 
 
 class SticksLink(InputLink):
-    """Reads the vehicle's last report."""
+    """Reads the sticks that the vehicle reported last."""
 
     def __init__(self, params: SticksInputParams, sticks_of: SticksOf) -> None:
         self._params, self._sticks_of = params, sticks_of

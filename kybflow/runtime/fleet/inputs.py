@@ -57,7 +57,8 @@ class InputTrouble(NamedTuple):
 
 class Inputs:
     """The input devices of a mission. readings: the reading of each input, by name; None while the
-    input is lost."""
+    input is lost. The mapping itself is given to the vehicles, whose behaviors find it in
+    `Tick.inputs`, and to conditions."""
 
     def __init__(
         self,
