@@ -48,7 +48,7 @@ from kybflow.flight.formation import places, shapes
 from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, distance_error, moved
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
 from kybflow.flight.formation.ways import WayToPlace
-from kybflow.flight.motion import Motion
+from kybflow.flight.motion import Motion, motion_of
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
@@ -217,7 +217,12 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def update(self, tick: Tick) -> Setpoint | Emitting | Done | Failed:
         p = self.params
         if was_held(self._last, tick):
-            self._wait(_motion_of(tick), self._heading, tick.now)
+            wanted = tick.setpoint
+            if wanted is None or wanted.position is None:
+                motion = Motion(tick.known().position, tick.known().velocity)
+            else:
+                motion = motion_of(wanted)
+            self._wait(motion, self._heading, tick.now)
         self._last = tick.now
         team = self._members.heard(tick, self._delay, p.freshness, p.doubt)
         for event in self._members.changes(team, p.doubt):
@@ -228,9 +233,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if self._is_new:
             self._is_new = False
             self._go_on(team, tick)
-        ahead = None
-        if isinstance(self._drive, BehindLeader):
-            ahead = self._drive.hear(tick, p.delay, p.freshness)
+        ahead = self._drive.hear(tick, p.delay, p.freshness)
         if self._placed is None:
             others, heard = self._members.but_own(team), tick.now - self._delay
             found = self._meeting.assigned(self._rest, others, ahead, heard, p)
@@ -460,12 +463,3 @@ def _drive(params: FormationParams, entry: Entry) -> Drive:
     if params.leader is not None:
         return BehindLeader(params.leader, params.offset)
     return Drive()
-
-
-def _motion_of(tick: Tick) -> Motion:
-    """Return the motion from which the vehicle continues: that of its setpoint, or else of its
-    estimate."""
-    followed = tick.setpoint
-    if followed is not None and followed.position is not None:
-        return Motion(followed.position, followed.velocity or ZERO)
-    return Motion(tick.known().position, tick.known().velocity)

@@ -30,6 +30,11 @@ class Drive:
 
     waits_for, trouble, lost, ended, path, corner = "", "", 0.0, False, 0, 0
 
+    def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
+        """Return the frame that a leader determines, or None without one or while it is unknown.
+        Must be called once a tick, before `asked`."""
+        return None
+
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         """Return the requested motion of the frame. Must be called once a tick."""
         return Asked()
@@ -105,8 +110,6 @@ class BehindLeader(Drive):
         self.leading: Leading | None = None
 
     def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
-        """Return the frame that the leader determines, or None while it is unknown. Must be called
-        once a tick, before `asked`."""
         self.leading = leading = self._leader.heard(tick, delay, freshness)
         self.trouble, self.lost = self._leader.trouble, self._leader.lost
         if leading is None:
