@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy
 import pytest
 from failsafe_parts import alarming
-from plans import part, plan, state, then, vehicle, wrapped
+from plans import Bent, bent, part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
 from toolchain import MISSIONS, invoke
 
@@ -20,7 +20,7 @@ from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
-from kybflow.parts import Estimator, Link, Sensor, Stream
+from kybflow.parts import Estimator, Sensor, Stream
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.cameras import Camera, Lens
@@ -36,25 +36,9 @@ def flight(name: str = "a", **more):
     return vehicle(name, [up("down"), down()], at=f"m.yaml:{name}", **more)
 
 
-class Bent(Link):
-    """A link to a simulated vehicle whose measurements pass a function."""
-
-    def __init__(self, link: Link, bend) -> None:
-        self.link, self.bend = link, bend
-
-    def read(self, now):
-        return [bent for m in self.link.read(now) if (bent := self.bend(m, now)) is not None]
-
-    def send(self, command, now):
-        self.link.send(command, now)
-
-    def truth(self):
-        return self.link.truth()
-
-
-def bent(bend, **names) -> PartPlan:
-    """The simulator, its measurements bent for the vehicles in `names` or for all."""
-    return replace(wrapped(lambda _, link: Bent(link, bend)), at="m.yaml:9")
+def without(kind):
+    """Bends measurements so that none of this kind arrives."""
+    return lambda measurement, now: None if isinstance(measurement, kind) else measurement
 
 
 def test_all_is_green_on_a_good_day_and_says_what_it_found():
@@ -109,10 +93,7 @@ def test_a_stream_that_is_too_slow_is_red():
 
 
 def test_a_stream_that_never_comes_is_red():
-    def no_poses(measurement, now):
-        return None if isinstance(measurement, Pose) else measurement
-
-    found = checks(flight(driver=bent(no_poses)))
+    found = checks(flight(driver=bent(without(Pose))))
     assert found["a", "pose stream"].reason == "nothing arrives"
     assert found["a", "estimate"].reason == "no healthy estimate from mocap"
 
@@ -236,10 +217,7 @@ def test_but_not_as_far_as_it_likes():
 
 
 def test_a_vehicle_without_a_battery_report_stays():
-    def no_battery(measurement, now):
-        return None if isinstance(measurement, Battery) else measurement
-
-    line = checks(flight(driver=bent(no_battery)))["a", "battery"]
+    line = checks(flight(driver=bent(without(Battery))))["a", "battery"]
     assert (line.green, line.reason, line.at) == (False, "no report", "m.yaml:9")
 
 

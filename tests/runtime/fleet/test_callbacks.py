@@ -304,11 +304,9 @@ def test_a_behavior_that_emits_what_it_does_not_declare_has_failed(run):
     assert "`hummed` is none of its `own_events`" in str(failed.fields["reason"])
 
 
-def when(*actions, hold: float = 0.0) -> CallbackPlan:
-    """A callback on the condition of the bench."""
-    return CallbackPlan(
-        event="", vehicles=(), actions=actions, when=InState("a", "down"), at="m.yaml:9", hold=hold
-    )
+def when(*actions, state: str = "down", hold: float = 0.0) -> CallbackPlan:
+    """A callback on a condition, which on the bench is that of the bench."""
+    return on("", *actions, vehicles=(), when=InState("a", state), hold=hold)
 
 
 def watched(bench: Bench, *holds: bool) -> int:
@@ -342,14 +340,7 @@ def test_a_condition_that_raises_is_told_once_and_not_answered():
 
 
 def test_a_condition_switches_a_vehicle_in_flight_without_an_event(run):
-    high = CallbackPlan(
-        event="",
-        vehicles=(),
-        actions=(Switch("a", "down"),),
-        when=InState("a", "hold"),
-        hold=1.0,
-        at="m.yaml:9",
-    )
+    high = when(Switch("a", "down"), state="hold", hold=1.0)
     _, told = run(vehicle("a", [up("hold"), hold(60.0, "down"), down()]), callbacks=(high,))
     [asked] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]
     [began] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "hold"]
