@@ -3,7 +3,7 @@
 import os
 import signal
 
-from kybflow.core.exit_codes import INTERRUPTED
+from kybflow.core.errors import INTERRUPTED
 
 
 def main() -> None:

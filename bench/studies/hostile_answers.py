@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 
 from kybflow.cli.app import app
 from kybflow.cli.output import Unwritable
-from kybflow.core.errors import KybflowError
-from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
+from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID, KybflowError
 from studies.hostile_inputs import LASTING, Hostile, write
 
 CODES = frozenset({0, FAILED, INVALID, DRIVER_FAILED, INTERRUPTED})

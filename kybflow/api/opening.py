@@ -28,14 +28,13 @@ from kybflow.parts.catalog import Catalog
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine, Observer
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
-from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.options import Options
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.requests import EntryJudge

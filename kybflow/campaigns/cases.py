@@ -20,9 +20,9 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.validation import findings
-from kybflow.core.details import headline
 from kybflow.core.errors import KybflowError
 from kybflow.core.signals import Event
+from kybflow.core.text import headline
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.language.judge import is_library
 from kybflow.dsl.plan import Plan

@@ -20,7 +20,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from kybflow.campaigns.cases import Coverage, FlightCase, FlightResult, Verdict, covered, fly_case
-from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
+from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
 from kybflow.runtime.interrupts import Interrupts
 
 Fly = Callable[[FlightCase], FlightResult]

@@ -24,8 +24,7 @@ from typer.main import get_command
 from kybflow import __version__
 from kybflow.cli import commands
 from kybflow.cli.output import GuardedStream, Unwritable, echo
-from kybflow.core.errors import KybflowError
-from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
+from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
 
 YOUNG = 200_000
 """New objects between two garbage collections. A command creates many objects and drops few; with
@@ -127,8 +126,8 @@ def main() -> None:
     warnings.showwarning = lambda message, *_, **__: echo(f"warning: {message}", err=True)
     os.environ.update(UNUSED | os.environ)
     # a reader that goes away (`| head`) doesn't end the command
-    sys.stdout = cast(TextIO, GuardedStream(_open(sys.stdout), BrokenPipeError))
-    sys.stderr = cast(TextIO, GuardedStream(_open(sys.stderr)))
+    sys.stdout = cast("TextIO", GuardedStream(_open(sys.stdout), BrokenPipeError))
+    sys.stderr = cast("TextIO", GuardedStream(_open(sys.stderr)))
     try:
         try:
             app()

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from typer import BadParameter, Exit, Option
 
 from kybflow.cli.output import echo
-from kybflow.core.errors import KybflowError, UnitError
-from kybflow.core.exit_codes import INVALID
+from kybflow.core.errors import INVALID, KybflowError, UnitError
 from kybflow.core.files import write_whole
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, Dimension, parse_quantity

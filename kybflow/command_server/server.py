@@ -35,8 +35,7 @@ from kybflow.core.files import CONTROL
 from kybflow.core.signals import Event
 from kybflow.recording.layout import event_record
 from kybflow.runtime.commanding.command_queue import OVER, CommandQueue
-from kybflow.runtime.commanding.lease import is_for_anyone
-from kybflow.runtime.commanding.orders import Answer
+from kybflow.runtime.commanding.orders import Answer, is_for_anyone
 from kybflow.runtime.commanding.situation import Situation
 
 MOST_CLIENTS, MOST_RESTRICTED = 64, 8

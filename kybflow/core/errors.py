@@ -1,4 +1,4 @@
-"""The exceptions that kybflow raises on purpose.
+"""The exceptions that kybflow raises on purpose, and the exit codes of the command line.
 
     KybflowError
     ├── UnitError         a quantity can't be parsed in the expected dimension
@@ -18,6 +18,16 @@ Mistakes in a mission are not exceptions: they are collected as diagnostics
 """
 
 from __future__ import annotations
+
+FAILED = 1
+"""The exit code of a command that failed or was refused, whose verdict is negative, or whose output
+can't be written. 0 is success."""
+INVALID = 2
+"""The exit code if a mission or a command line is not valid, and nothing ran."""
+DRIVER_FAILED = 3
+"""The exit code if a vehicle or its emulator could not be reached or opened."""
+INTERRUPTED = 130
+"""The exit code if the user interrupted the command."""
 
 
 class KybflowError(Exception):

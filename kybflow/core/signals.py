@@ -155,8 +155,9 @@ class Odometry(NamedTuple):
 
 
 class Sticks(NamedTuple):
-    """A pilot's sticks, from a transmitter or a ground station. roll, pitch, yaw: -1 to 1, positive
-    to the right, forward and to the left. throttle: 0 to 1. switches: -1 to 1 each."""
+    """The sticks of a vehicle's pilot, from a transmitter or a ground station, as the vehicle
+    reports them; an operator's devices give an `InputReading` instead. roll, pitch, yaw: -1 to 1,
+    positive to the right, forward and to the left. throttle: 0 to 1. switches: -1 to 1 each."""
 
     time: Stamp
     roll: Annotated[float, "-1 to 1, to the right"]

@@ -34,13 +34,10 @@ def hints_of(cls: type) -> dict[str, Any]:
     for base in cls.__mro__:
         for node in _source(base.__module__).body:
             if isinstance(node, ast.ClassDef) and node.name == base.__name__:
-                base.__annotations__ = _written(node)
+                lines = [line for line in node.body if isinstance(line, ast.AnnAssign)]
+                written = {ast.unparse(x.target): ast.unparse(x.annotation) for x in lines}
+                base.__annotations__ = written
     return get_type_hints(cls, include_extras=True)
-
-
-def _written(node: ast.ClassDef) -> dict[str, str]:
-    lines = [line for line in node.body if isinstance(line, ast.AnnAssign)]
-    return {ast.unparse(line.target): ast.unparse(line.annotation) for line in lines}
 
 
 def _file(module: str) -> Path:

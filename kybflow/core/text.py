@@ -1,4 +1,10 @@
-"""Hints for unknown names, and the replacement of typographic characters by plain ones."""
+"""Texts of messages: hints for unknown names, plain characters instead of typographic ones, and
+tables of details, which a reader may show or leave out.
+
+The first line of a message with a table, the headline, is a message in itself. Each line of the
+table is indented and ends with a newline, so that the table can still be found after several
+messages were joined by `; `.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +36,11 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     Only the first 80 characters of `name` are compared; if there are many known names, only its
     alphabetical neighbours are considered."""
     names = sorted(known)
-    near = get_close_matches(name[:_LONGEST], _around(names, name), n=1, cutoff=cutoff)
+    if len(names) > _COMPARED:
+        place = bisect(names, name)
+        names = names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
+    near = get_close_matches(name[:_LONGEST], names, n=1, cutoff=cutoff)
     return near[0] if near else ""
-
-
-def _around(names: list[str], name: str) -> list[str]:
-    if len(names) <= _COMPARED:
-        return names
-    place = bisect(names, name)
-    return names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
 
 
 _TYPED = str.maketrans(
@@ -53,3 +55,24 @@ def as_typed(text: str) -> str:
     """Return `text` with the characters of word processors and full-width keyboards replaced by
     plain ones: minus signs, dashes, quotes, colons, commas, digits and spaces."""
     return text if text.isascii() else unicodedata.normalize("NFKC", text.translate(_TYPED))
+
+
+INDENT = "  "
+
+
+def detailed(headline: str, lines: Iterable[str]) -> str:
+    """Return `headline` with `lines` as its table."""
+    below = "".join(f"{INDENT}{line}\n" for line in lines)
+    return f"{headline}\n{below}" if below else headline
+
+
+def headline(text: str) -> str:
+    """Return `text` without its tables; unchanged if it has none."""
+    lines = text.split("\n")
+    rest = [line for line in lines if not line.startswith(INDENT)]
+    return text if len(rest) == len(lines) else "".join(rest)
+
+
+def details(text: str) -> list[str]:
+    """Return the lines of the tables in `text`, without their indent."""
+    return [line.removeprefix(INDENT) for line in text.split("\n") if line.startswith(INDENT)]

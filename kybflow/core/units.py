@@ -147,23 +147,18 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
     """
     match = _QUANTITY.match(text)
     if match is None:
-        raise UnitError(f"`{text}` is not {article(dimension.name)}", _way_out(text, dimension))
+        typed = _COMMA.sub(".", _APART.sub(r"\1", as_typed(text).strip()))
+        corrected = _QUANTITY.match(typed)
+        hint = f"write it like `{dimension.example}`"
+        if corrected is not None and (corrected[2] or "") in {"", *dimension.units}:
+            hint = f"write `{typed}`"
+        raise UnitError(f"`{text}` is not {article(dimension.name)}", hint)
     value = float(match[1])
     unit = match[2] or ""
     factor = _factor(text, match[1], unit, dimension)
     if not math.isfinite(value * factor):
         raise UnitError(f"`{text}` is not finite", f"write it like `{dimension.example}`")
     return value * factor
-
-
-def _way_out(text: str, dimension: Dimension) -> str:
-    """Return the hint for a text that is not a quantity: the corrected text, with a decimal point,
-    its sign attached and plain characters, if that is a quantity; otherwise an example."""
-    typed = _COMMA.sub(".", _APART.sub(r"\1", as_typed(text).strip()))
-    match = _QUANTITY.match(typed)
-    if match is not None and (match[2] or "") in {"", *dimension.units}:
-        return f"write `{typed}`"
-    return f"write it like `{dimension.example}`"
 
 
 def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:

@@ -11,7 +11,7 @@ The file is a table of text: comma-separated, with a header, one row per moment.
     0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     ...
 
-The format is that of `kybflow.core.tables`, with units in brackets, `x [cm]`; `yaw` must state
+The format is that of `kybflow.core.files`, with units in brackets, `x [cm]`; `yaw` must state
 `[deg]` or `[rad]`. The columns t, x, y and z are required. Velocities, and accelerations, have all
 three columns or none, and accelerations require velocities. The time may begin at any value and
 must increase in every row. Every error is a FileError that names the line.
@@ -42,10 +42,9 @@ from math import ceil, hypot, pi, sqrt
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
+from kybflow.core.files import File, Table, header_line, need
+from kybflow.core.files import read_table as read_columns
 from kybflow.core.geometry import Vec3, norm
-from kybflow.core.tables import Table, header_line, need
-from kybflow.core.tables import read_table as read_columns
 from kybflow.core.units import (
     ACCELERATION,
     ANGLE,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def beyond(value: float, zone: float, expo: float = 0.0) -> float:
+def deflection(value: float, zone: float, expo: float = 0.0) -> float:
     """Return a deflection, -1 to 1, measured from the edge of its dead zone and shaped by an expo
     curve:
 

@@ -31,13 +31,12 @@ from functools import cache
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
+from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.signals import InputReading, Time
-from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, Number, Ratio
 from kybflow.inputs import sdl
-from kybflow.inputs.deflection import beyond
+from kybflow.inputs.deflection import deflection
 from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.base import Objection
 from kybflow.parts.input import SticksOf
@@ -65,10 +64,12 @@ class Calibration(NamedTuple):
     centre: float = 0.0
     high: float = 1.0
 
-    def scaled(self, raw: float) -> float:
-        """Return a raw value scaled to the range -1 to 1."""
+    def read(self, state: sdl.PadState) -> float:
+        """Return the axis's value, -1 to 1; zero if the device doesn't have its source."""
+        raw = state.axes.get(self.source.removeprefix("-"), self.centre)
         span = self.high - self.centre if raw > self.centre else self.centre - self.low
-        return max(-1.0, min(1.0, (raw - self.centre) / span))
+        value = max(-1.0, min(1.0, (raw - self.centre) / span))
+        return -value if self.source.startswith("-") else value
 
 
 @cache
@@ -157,15 +158,13 @@ class PadLink(InputLink):
         self._gone = state is None
         if state is not None:
             self._name = state.name
-            self._reading = InputReading(now, self._axes(state), frozenset(held))
+            p, name = self._params, state.name.lower()
+            tables = {} if p.controllers is None else read_controllers(p.controllers)
+            named = next((table for part, table in tables.items() if part.lower() in name), {})
+            maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
+            axes = {a: deflection(maps[a].read(state), p.dead_zone, p.expo) for a in AXES}
+            self._reading = InputReading(now, axes, frozenset(held))
         return self._reading
-
-    def _axes(self, state: sdl.PadState) -> dict[str, float]:
-        p, name = self._params, state.name.lower()
-        tables = {} if p.controllers is None else read_controllers(p.controllers)
-        named = next((table for part, table in tables.items() if part.lower() in name), {})
-        maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
-        return {axis: beyond(_value(state, maps[axis]), p.dead_zone, p.expo) for axis in AXES}
 
     def trouble(self) -> str | None:
         if not self._gone:
@@ -177,9 +176,3 @@ class PadLink(InputLink):
 
     def close(self) -> None:
         sdl.ignore(self._receive)
-
-
-def _value(state: sdl.PadState, own: Calibration) -> float:
-    """Return the value of an axis, -1 to 1; zero if the device doesn't have its source."""
-    value = own.scaled(state.axes.get(own.source.removeprefix("-"), own.centre))
-    return -value if own.source.startswith("-") else value

@@ -27,7 +27,7 @@ from kybflow.core.geometry import Vec3, add, scale
 from kybflow.core.signals import InputReading, Time
 from kybflow.core.units import Force, Length, Ratio
 from kybflow.flight.governor import shortened
-from kybflow.inputs.deflection import beyond
+from kybflow.inputs.deflection import deflection
 from kybflow.inputs.haptics import (
     STEP,
     ForceDimension,
@@ -114,21 +114,17 @@ class HapticLink(FeltLink):
         if last is None:
             return None
         held = last.state.held | self._servo.pressed()
-        x, y, z = (self._deflection(place) for place in last.state.position)
-        force = scale(last.force, 1.0 / self._params.most)
+        p = self._params
+        x, y, z = (  # what isn't finite stays as it is, so that the input counts as lost
+            deflection(max(-1.0, min(1.0, at / p.reach)), p.dead_zone) if isfinite(at) else at
+            for at in last.state.position
+        )
+        force = scale(last.force, 1.0 / p.most)
         axes = dict(zip((*AXES, *_FORCES), (x, y, z, 0.0, *force), strict=True))
         return InputReading(now - max(0, self._now - last.at), axes, held)
 
     def trouble(self) -> str | None:
         return None if self._thread is None else self._thread.trouble
-
-    def _deflection(self, place: float) -> float:
-        """Return the deflection, -1 to 1, at a coordinate of the hand. A value that is not finite
-        is returned unchanged, so that the input counts as lost."""
-        if not isfinite(place):
-            return place
-        share = max(-1.0, min(1.0, place / self._params.reach))
-        return beyond(share, self._params.dead_zone)
 
     def apply_force(self, push: Vec3 | None) -> None:
         self._servo.apply_force(push, self._now)

@@ -194,22 +194,19 @@ class SimulatedHand:
         """The energy that the hand has received, joules."""
 
     def read(self, now: Time) -> HapticState:
+        dt = self.STEP / NS
         while self._now < now:
-            self._advance()
+            row, before = self._row(), self._position
+            goal = (row.axes["x"], row.axes["y"], row.axes["z"]) if row and not row.lost else ZERO
+            pull = scale(sub(scale(goal, self._reach), before), self.STIFFNESS)
+            pull = add(pull, scale(self._velocity, -self.DAMPING))
+            push = scale(add(pull, self.force), dt / self.MASS)
+            self._velocity = shortened(add(self._velocity, push), FASTEST)
+            self._position = add(before, scale(self._velocity, dt))
+            self.given += dot(self.force, sub(self._position, before))
+            self._now += self.STEP
         row = self._row()
         return HapticState(self._position, self._velocity, row.held if row else frozenset())
-
-    def _advance(self) -> None:
-        dt, before = self.STEP / NS, self._position
-        row = self._row()
-        goal = (row.axes["x"], row.axes["y"], row.axes["z"]) if row and not row.lost else ZERO
-        pull = scale(sub(scale(goal, self._reach), before), self.STIFFNESS)
-        pull = add(pull, scale(self._velocity, -self.DAMPING))
-        push = scale(add(pull, self.force), dt / self.MASS)
-        self._velocity = shortened(add(self._velocity, push), FASTEST)
-        self._position = add(before, scale(self._velocity, dt))
-        self.given += dot(self.force, sub(self._position, before))
-        self._now += self.STEP
 
     def _row(self) -> InputRow | None:
         while self._next < len(self._rows) and self._rows[self._next].time <= self._now:

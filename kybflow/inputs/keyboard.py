@@ -67,25 +67,23 @@ class KeyLink(InputLink):
 
     def read(self, now: Time) -> InputReading | None:
         held: set[str] = set()
-        for key in _KEY.findall(self._terminal.read().decode("utf-8", errors="ignore")):
+        typed = self._terminal.read().decode("utf-8", errors="ignore").replace("\x1bO", "\x1b[")
+        for key in _KEY.findall(typed):
+            letter = key.lower()
             if key == _STOP:
                 self._until.clear()
             elif key in _ENTER:
                 held.add("enter")
-            elif (letter := key.replace("\x1bO", "\x1b[").lower()) in BUTTONS:
+            elif letter in BUTTONS:
                 held.add(letter)
-            else:
-                self._deflect(key.replace("\x1bO", "\x1b["), now)
+            elif steers := STEERING.get(key if key.startswith("\x1b") else letter):
+                axis, way = steers
+                value = way * self._params.deflection
+                repeats = self._until.get(axis, (0.0, 0))[0] == value
+                self._until[axis] = value, now + (_REPEATED if repeats else _FIRST)
         self._until = {axis: way for axis, way in self._until.items() if way[1] > now}
         axes = {axis: self._until[axis][0] if axis in self._until else 0.0 for axis in AXES}
         return InputReading(now, axes, frozenset(held))
-
-    def _deflect(self, key: str, now: Time) -> None:
-        axis, way = STEERING.get(key if key.startswith("\x1b") else key.lower(), ("", 0.0))
-        if axis:
-            value = way * self._params.deflection
-            repeats = self._until.get(axis, (0.0, 0))[0] == value
-            self._until[axis] = value, now + (_REPEATED if repeats else _FIRST)
 
     def close(self) -> None:
         self._terminal.__exit__()

@@ -16,7 +16,7 @@ row.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from math import isfinite
 from typing import NamedTuple
 
@@ -103,14 +103,11 @@ def _row(cells: Mapping[str, str], axes: tuple[str, ...], number: int) -> InputR
     for axis, value in values.items():
         if abs(value) > 1.0:
             raise FileError(f"`{axis}` must be from -1 to 1", number)
-    return InputRow(time, values, frozenset(_names(cells.get(BUTTONS, ""), number)))
-
-
-def _names(cell: str, number: int) -> Iterator[str]:
-    for name in cell.split():
+    held = cells.get(BUTTONS, "").split()
+    for name in held:
         if not _NAME.fullmatch(name):
             raise FileError(f"`{name[:40]}` can't name a button", number)
-        yield name
+    return InputRow(time, values, frozenset(held))
 
 
 def _number(cell: str, column: str, number: int) -> float:

@@ -155,23 +155,17 @@ class _Pad:
             self._pressed.update(names[button : button + 1])
 
     def state(self) -> PadState:
-        pressed, self._pressed = self._pressed, set()
-        if self._controller is None:
-            return self._raw(pressed)
-        pad = self._controller
-        axes = {name: pad.get_axis(i) / _FULL for i, name in enumerate(PAD_AXES)}
-        held = {name for i, name in enumerate(PAD_BUTTONS) if pad.get_button(i)}
-        return PadState(self._name, _clipped(axes), frozenset(held | pressed))
-
-    def _raw(self, pressed: set[str]) -> PadState:
-        pad = self._joystick
-        count, buttons = min(pad.get_numaxes(), NUMBERED), min(pad.get_numbuttons(), NUMBERED)
-        axes = {f"axis{i}": pad.get_axis(i) for i in range(count)}
-        held = {f"button{i}" for i in range(buttons) if pad.get_button(i)}
-        hats = [pad.get_hat(i) for i in range(min(pad.get_numhats(), 1))]
-        held |= {name for hat in hats for name, axis, way in _HATS if hat[axis] == way}
-        return PadState(self._name, _clipped(axes), frozenset(held | pressed))
-
-
-def _clipped(axes: Mapping[str, float]) -> dict[str, float]:
-    return {name: max(-1.0, min(1.0, value)) for name, value in axes.items()}
+        held, self._pressed = self._pressed, set()
+        if self._controller is not None:
+            pad = self._controller
+            axes = {name: pad.get_axis(i) / _FULL for i, name in enumerate(PAD_AXES)}
+            held |= {name for i, name in enumerate(PAD_BUTTONS) if pad.get_button(i)}
+        else:
+            pad = self._joystick
+            buttons = min(pad.get_numbuttons(), NUMBERED)
+            axes = {f"axis{i}": pad.get_axis(i) for i in range(min(pad.get_numaxes(), NUMBERED))}
+            held |= {f"button{i}" for i in range(buttons) if pad.get_button(i)}
+            hats = [pad.get_hat(i) for i in range(min(pad.get_numhats(), 1))]
+            held |= {name for hat in hats for name, axis, way in _HATS if hat[axis] == way}
+        clipped = {name: max(-1.0, min(1.0, value)) for name, value in axes.items()}
+        return PadState(self._name, clipped, frozenset(held))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from kybflow.core.signals import InputReading, Sticks, Time
 from kybflow.core.units import Ratio
-from kybflow.inputs.deflection import beyond
+from kybflow.inputs.deflection import deflection
 from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.input import SticksOf
 
@@ -45,7 +45,7 @@ class SticksInput(Input[SticksInputParams]):
 
 
 class SticksLink(InputLink):
-    """Reads the vehicle's last report."""
+    """Reads the sticks that the vehicle reported last."""
 
     def __init__(self, params: SticksInputParams, sticks_of: SticksOf) -> None:
         self._params, self._sticks_of = params, sticks_of
@@ -56,7 +56,7 @@ class SticksLink(InputLink):
         sticks = self._sticks_of(self._params.vehicle)
         if sticks is not None and sticks is not self._last:
             raw = (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0, sticks.yaw)
-            values = (beyond(value, self._params.dead_zone) for value in raw)
+            values = (deflection(value, self._params.dead_zone) for value in raw)
             up = frozenset(f"switch{i}" for i, x in enumerate(sticks.switches, 1) if x > _UP)
             axes = dict(zip(AXES, values, strict=True))
             self._last, self._reading = sticks, InputReading(sticks.time, axes, up)

@@ -16,7 +16,7 @@ from kybflow.parts.fault import ActiveFaults
 
 class Check(NamedTuple):
     """A preflight check made by the vehicle itself. name: its name. green: whether it passed.
-    reason: what was found and must change, optionally with a table (`kybflow.core.details`). waits:
+    reason: what was found and must change, optionally with a table (`kybflow.core.text`). waits:
     whether it may still pass without intervention."""
 
     name: str

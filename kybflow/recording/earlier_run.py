@@ -14,7 +14,7 @@ from kybflow.dsl.reading.folders import PROVENANCE
 from kybflow.inputs.rows import parse
 from kybflow.recording.run_folder import EVENTS, INPUTS, RunFolderError, whole_lines
 from kybflow.runtime.commanding.command_queue import RecordedCommand
-from kybflow.runtime.commanding.lease import SCHEDULE
+from kybflow.runtime.commanding.orders import SCHEDULE
 
 
 class EarlierRun(NamedTuple):

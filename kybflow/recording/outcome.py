@@ -27,7 +27,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INTERRUPTED
+from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED
 from kybflow.dsl.plan import Plan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.runtime.scores import Score, rounded

@@ -64,7 +64,7 @@ from kybflow.recording.layout import (
     struct_format,
 )
 from kybflow.recording.run_folder import GrowingFile
-from kybflow.runtime.observer import EstimationState, VehicleObserver
+from kybflow.runtime.events import EstimationState, VehicleObserver
 
 CHUNK_SECONDS = 0.5
 """The most flight time in a chunk, s. The last chunk is lost if the program is killed."""

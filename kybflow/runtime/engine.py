@@ -30,8 +30,7 @@ from kybflow.runtime.commanding.legal import RunView
 from kybflow.runtime.conditions import bind
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
-from kybflow.runtime.fleet.action_context import RunControls
-from kybflow.runtime.fleet.callbacks import Callbacks
+from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.fleet.ground_truth import Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection

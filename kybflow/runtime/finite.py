@@ -54,17 +54,12 @@ def checked_command(command: Command) -> Command:
     if total - total != 0.0:
         raise ValueError(f"the command is not finite: {command}")
     if kind is not _ATTITUDE_THRUST:
-        _check_setpoint(kind, setpoint)
+        if setpoint is not None:
+            checked_setpoint(setpoint)
+        needed = _FOLLOWED.get(kind)
+        if needed is not None and getattr(setpoint, needed, None) is None:
+            raise ValueError(f"a command of {needed} has no {needed}: {setpoint}")
     return command
-
-
-def _check_setpoint(kind: CommandKind, setpoint: Setpoint | None) -> None:
-    """Raise ValueError if `setpoint` is not finite or lacks the field that `kind` requires."""
-    if setpoint is not None:
-        checked_setpoint(setpoint)
-    needed = _FOLLOWED.get(kind)
-    if needed is not None and getattr(setpoint, needed, None) is None:
-        raise ValueError(f"a command of {needed} has no {needed}: {setpoint}")
 
 
 def checked_alarm(alarm: Alarm) -> Alarm:

@@ -89,7 +89,9 @@ class Options:
             if field.read_only:
                 raise OptionRefused(f"`{name}` is read-only")
             value = _decoded(name, value, field)
-            self._check_vehicles(field, value)
+            for named in field.named(value, "vehicle"):
+                if named not in self._holders:
+                    raise OptionRefused(f"there is no vehicle `{named}`")
             reason = self._loosened(holder, label, field.name, value)
             if reason is not None:
                 raise OptionRefused(reason)
@@ -101,33 +103,22 @@ class Options:
             raise
         self._waiting.append(_Change(holder, label, field.name, value, by, at, answered))
 
-    def _check_vehicles(self, field: Field, value: Any) -> None:
-        """Raise OptionRefused if the value names a vehicle that doesn't exist."""
-        for vehicle in field.named(value, "vehicle"):
-            if vehicle not in self._holders:
-                raise OptionRefused(f"there is no vehicle `{vehicle}`")
-
     def apply(self) -> None:
         """Apply the requested changes. The engine calls it at the start of a tick."""
         if not self._waiting:
             return
         waiting, self._waiting = self._waiting, []
-        for change in waiting:
-            change.answered(self._applied(change))
-
-    def _applied(self, change: _Change) -> str | None:
-        """Apply a change; return why it is refused, or None if it was applied."""
-        holder, label, field, value, by, at, _ = change
-        name = f"{holder.name}.{label}.{field}"
-        reason = self._loosened(holder, label, field, value)
-        if reason is not None:  # the vehicle has taken off, or another change came first
-            refused = OptionRefusedEvent(option=name, by=by, reason=reason)
-            self._events.emit(refused, holder.name, at)
-            return reason
-        holder.change(label, field, value)
-        changed = OptionChanged(option=name, value=str(value), by=by)
-        self._events.emit(changed, holder.name, at)
-        return None
+        for holder, label, field, value, by, at, answered in waiting:
+            name = f"{holder.name}.{label}.{field}"
+            reason = self._loosened(holder, label, field, value)
+            if reason is None:
+                holder.change(label, field, value)
+                changed = OptionChanged(option=name, value=str(value), by=by)
+                self._events.emit(changed, holder.name, at)
+            else:  # the vehicle has taken off, or another change came first
+                refused = OptionRefusedEvent(option=name, by=by, reason=reason)
+                self._events.emit(refused, holder.name, at)
+            answered(reason)
 
     def _loosened(self, holder: Holder, label: str, field_name: str, value: Any) -> str | None:
         """Return why a parameter can't be set to `value` while the vehicle flies, or None."""

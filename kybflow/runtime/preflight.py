@@ -12,7 +12,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.params import named_in
 from kybflow.core.signals import Estimate, Imu, kind_name
-from kybflow.dsl.plan import InputPlan, Plan, VehiclePlan
+from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.parts.events import PreflightWaits
 from kybflow.runtime.events import Events
 from kybflow.runtime.monitoring.resting_bias import LONG
@@ -51,26 +51,31 @@ class PreflightResult(NamedTuple):
     waits: bool | None = None
 
 
-def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> tuple[PreflightResult, ...]:
-    """Return the preflight's lines for a vehicle. others: all vehicles of the mission."""
+def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> Iterator[PreflightResult]:
+    """Yield the preflight's lines for a vehicle. others: all vehicles of the mission."""
+    name, at = vehicle.name, vehicle.plan.driver.at
     if vehicle.link_error is not None:
-        return (
-            PreflightResult(
-                vehicle.name, "link", False, vehicle.link_error, vehicle.plan.driver.at
-            ),
-        )
-    fleet = {other.name: other.estimate for other in others}
-    lines = [_link(vehicle), *_own(vehicle), *_streams(vehicle), _battery(vehicle)]
-    estimate = vehicle.estimate
+        yield PreflightResult(name, "link", False, vehicle.link_error, at)
+        return
+    age, battery = vehicle.link_age, vehicle.battery
+    yield PreflightResult(name, "link", age <= LINK_AGE, f"delivered {age * 1000:.0f} ms ago", at)
+    yield from _own(vehicle)
+    yield from _streams(vehicle)
+    reason = "no report" if battery is None else f"{battery.remaining:.0%}"
+    yield PreflightResult(name, "battery", battery is not None, reason, at)
+    estimate, parts = vehicle.estimate, [e.part for e in vehicle.plan.estimators]
     if estimate is None:
-        return (*lines, _no_estimate(vehicle))
-    lines += [_estimate(vehicle, estimate), _start(vehicle, estimate, others)]
-    lines += [*_surroundings(vehicle, estimate.position)]
-    foreseen = vehicle.foreseen(fleet)
-    return (
-        *lines,
-        *(PreflightResult(vehicle.name, label, False, why, at) for label, why, at in foreseen),
-    )
+        reason = f"no healthy estimate from {', '.join(part.name for part in parts)}"
+        if vehicle.knowledge.cameras.is_blind:
+            reason += ": frames arrive, but no tag of the map is found in them"
+        yield PreflightResult(name, "estimate", False, reason, parts[0].at)
+        return
+    reason = f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"
+    yield PreflightResult(name, "estimate", True, reason, parts[0].at)
+    yield _start(vehicle, estimate, others)
+    yield from _surroundings(vehicle, estimate.position)
+    for label, why, line in vehicle.foreseen({other.name: other.estimate for other in others}):
+        yield PreflightResult(name, label, False, why, line)
 
 
 def input_lines(
@@ -78,7 +83,12 @@ def input_lines(
 ) -> Iterator[PreflightResult]:
     """Yield a line for each input, attributed to the first vehicle that the input steers."""
     for own, reason in objections:
-        steered = (v.name for v in plan.vehicles if own.name in _steering(v))
+        steered = (
+            v.name
+            for v in plan.vehicles
+            for state in v.states.values()
+            if own.name in named_in(state.behavior.params, "input").values()
+        )
         vehicle, well = next(steered, plan.vehicles[0].name), "it is heard, and well"
         yield PreflightResult(vehicle, f"input {own.name}", reason is None, reason or well, own.at)
 
@@ -95,33 +105,17 @@ def obstacle_lines(
         )
 
 
-def _steering(vehicle: VehiclePlan) -> set[str]:
-    behaviors = (state.behavior for state in vehicle.states.values())
-    return {name for part in behaviors for name in named_in(part.params, "input").values()}
-
-
-def _link(vehicle: Vehicle) -> PreflightResult:
-    age = vehicle.link_age
-    reason = f"delivered {age * 1000:.0f} ms ago"
-    return PreflightResult(vehicle.name, "link", age <= LINK_AGE, reason, vehicle.plan.driver.at)
-
-
 def _own(vehicle: Vehicle) -> Iterator[PreflightResult]:
     """Yield the vehicle's own checks. If the vehicle doesn't report on its watchdog, its driver
     class does."""
-    checks = vehicle.knowledge.link_in.checks(vehicle.now)
-    at = vehicle.plan.driver.at
+    checks, driver = vehicle.knowledge.link_in.checks(vehicle.now), vehicle.plan.driver
     if all(check.name != "watchdog" for check in checks):
-        yield _watchdog(vehicle)
+        danger = driver.cls.watchdog(driver.params)
+        reason = danger or "it lands by itself when commands stop"
+        yield PreflightResult(vehicle.name, "watchdog", danger is None, reason, driver.at)
     for name, green, reason, waits in checks:
-        yield PreflightResult(vehicle.name, name, green, reason, at, None if green else waits)
-
-
-def _watchdog(vehicle: Vehicle) -> PreflightResult:
-    driver = vehicle.plan.driver
-    danger = driver.cls.watchdog(driver.params)
-    reason = danger or "it lands by itself when commands stop"
-    return PreflightResult(vehicle.name, "watchdog", danger is None, reason, driver.at)
+        waiting = None if green else waits
+        yield PreflightResult(vehicle.name, name, green, reason, driver.at, waiting)
 
 
 def _streams(vehicle: Vehicle) -> Iterator[PreflightResult]:
@@ -143,28 +137,6 @@ def _streams(vehicle: Vehicle) -> Iterator[PreflightResult]:
         if refused and not green:
             reason = f"{reason}; {refused} were left out as implausible"
         yield PreflightResult(vehicle.name, f"{kind_name(kind)} stream", green, reason, at[kind])
-
-
-def _battery(vehicle: Vehicle) -> PreflightResult:
-    battery = vehicle.battery
-    reason = "no report" if battery is None else f"{battery.remaining:.0%}"
-    return PreflightResult(
-        vehicle.name, "battery", battery is not None, reason, vehicle.plan.driver.at
-    )
-
-
-def _no_estimate(vehicle: Vehicle) -> PreflightResult:
-    estimators = vehicle.plan.estimators
-    reason = f"no healthy estimate from {', '.join(e.part.name for e in estimators)}"
-    if vehicle.knowledge.cameras.is_blind:
-        reason += ": frames arrive, but no tag of the map is found in them"
-    return PreflightResult(vehicle.name, "estimate", False, reason, estimators[0].part.at)
-
-
-def _estimate(vehicle: Vehicle, estimate: Estimate) -> PreflightResult:
-    at = next(e.part.at for e in vehicle.plan.estimators)
-    reason = f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"
-    return PreflightResult(vehicle.name, "estimate", True, reason, at)
 
 
 def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> PreflightResult:
@@ -226,11 +198,8 @@ class PreflightTimeout:
         bound = TIMEOUT if hopeless else self._ready + TIMEOUT
         late: bool = seconds >= min(bound, self._longest)
         if seconds >= TIMEOUT and not late:
-            self._report(waiting)
+            for vehicle, check, _, reason, at, _ in waiting:
+                if (vehicle, check) not in self._reported:
+                    self._reported.add((vehicle, check))
+                    self._events.emit(PreflightWaits(check=check, reason=reason), vehicle, at)
         return late
-
-    def _report(self, waiting: Sequence[PreflightResult]) -> None:
-        for vehicle, check, _, reason, at, _ in waiting:
-            if (vehicle, check) not in self._reported:
-                self._reported.add((vehicle, check))
-                self._events.emit(PreflightWaits(check=check, reason=reason), vehicle, at)

@@ -1,6 +1,6 @@
 """Tag families, the patterns of their tags, and tables of tags in text form.
 
-A table (`kybflow.core.tables`) has one row per tag:
+A table (`kybflow.core.files`) has one row per tag:
 
     family, id, size, x, y, z, heading [deg]
     36h11, 300, 0.1, 1.0, 2.0, 0.0, 90
@@ -19,9 +19,8 @@ from math import degrees
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
+from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.geometry import from_euler, to_euler
-from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, Dimension
 from kybflow.world.tags import Tag

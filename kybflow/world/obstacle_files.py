@@ -1,7 +1,7 @@
 """Reads files of scanned obstacles. Every error is a FileError, with the line if there is one.
 
 A point cloud is a PLY file (ASCII or binary) or text: three numbers per line, or a table
-(`kybflow.core.tables`) with the columns x, y and z. From a PLY file, x, y and z of the element
+(`kybflow.core.files`) with the columns x, y and z. From a PLY file, x, y and z of the element
 `vertex` are read and the rest is skipped. Some programs write NaN where the scanner saw nothing;
 such points are refused, because an obstacle may be there.
 
@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import yaml
 
 from kybflow.core.errors import FileError
-from kybflow.core.files import File
-from kybflow.core.tables import header_line, need, read_table
+from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.units import LENGTH, Dimension
 from kybflow.world.scanned import FARTHEST
 

@@ -24,7 +24,7 @@ from kybflow.campaigns.cases import (
     write_junit,
 )
 from kybflow.campaigns.session import Pool, coverage_of, exit_code, run_cases
-from kybflow.core.details import detailed
+from kybflow.core.text import detailed
 from kybflow.dsl.compiler import compile_mission
 from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.interrupts import Interrupts

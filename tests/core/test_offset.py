@@ -18,6 +18,14 @@ def readings(seconds: float, rate: int = 100) -> list[int]:
     return [i * NS // rate for i in range(round(seconds * rate))]
 
 
+def agreeing(seconds: float = 5) -> Offset:
+    """The offset of two clocks that have agreed for so long."""
+    offset = Offset()
+    for there in readings(seconds):
+        offset.of(there, there)
+    return offset
+
+
 def test_the_least_delay_counts() -> None:
     generator, offset = random.Random(1), Offset()
     errors = []
@@ -50,16 +58,11 @@ def test_nothing_comes_from_the_future(steps: list[tuple[int, int]]) -> None:
 
 
 def test_a_clock_that_is_set_ahead_is_noticed_at_once() -> None:
-    offset = Offset()
-    for there in readings(5):
-        offset.of(there, there)
-    assert offset.of(5 * NS, 65 * NS) == -60 * NS
+    assert agreeing().of(5 * NS, 65 * NS) == -60 * NS
 
 
 def test_a_clock_that_is_set_back_is_noticed_after_two_seconds() -> None:
-    offset = Offset()
-    for there in readings(5):
-        offset.of(there, there)
+    offset = agreeing()
     found = [offset.of(5 * NS + t, 5 * NS + t - 60 * NS) for t in readings(3)]
     assert found[-1] == 60 * NS
     assert found.index(60 * NS) <= 200
@@ -67,9 +70,7 @@ def test_a_clock_that_is_set_back_is_noticed_after_two_seconds() -> None:
 
 def test_a_stall_is_no_step() -> None:
     """Half a second in which nothing comes, then all of it at once."""
-    offset = Offset()
-    for there in readings(5):
-        offset.of(there, there)
+    offset = agreeing()
     held = [offset.of(5 * NS + NS // 2, 5 * NS + t) for t in readings(0.5)]
     assert set(held) == {0}
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import random
 import sys
-import time
 from math import nan, sin
 
 import pytest
+import waiting
 from fake_force_dimension import FakeForceDimension
 
 from kybflow.core.errors import DriverError
@@ -170,24 +170,14 @@ def test_a_device_that_gives_no_number_gets_no_force_and_is_no_full_stick() -> N
     assert device.force == ZERO
 
 
-def waited(true) -> bool:
-    """Whether something becomes true within two seconds."""
-    until = time.monotonic() + 2.0
-    while not true() and time.monotonic() < until:
-        time.sleep(0.002)
-    return true()
-
-
-def test_a_device_of_force_dimension_is_driven_by_a_thread(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_device_of_force_dimension_is_driven_by_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     dhd = FakeForceDimension()
     monkeypatch.setitem(sys.modules, "forcedimension_core", dhd)
     dhd.position, dhd.mask = (-0.05, 0.0, 0.0), 2
     link = Haptic.open(HapticParams(), lambda _: None)
     assert isinstance(link, HapticLink)
     try:
-        assert waited(lambda: link.read(NS) is not None)
+        waiting.until(lambda: link.read(NS) is not None, "a reading")
         said = read(link, NS)
         assert (said.axes["x"], said.held) == (1.0, {"button1"})
 
@@ -196,12 +186,12 @@ def test_a_device_of_force_dimension_is_driven_by_a_thread(
             link.apply_force((-1.0, 0.0, 0.0))
             return dhd.force[0] > 2.0
 
-        assert waited(pushed)
-        assert waited(lambda: dhd.force == (0.0, 0.0, 0.0))
+        waiting.until(pushed, "a force")
+        waiting.until(lambda: dhd.force == (0.0, 0.0, 0.0), "the force to fade")
         dhd.fails = True
-        assert waited(lambda: link.trouble() is not None)
+        waiting.until(lambda: link.trouble() is not None, "trouble")
         dhd.fails = False
-        assert waited(lambda: link.trouble() is None)
+        waiting.until(lambda: link.trouble() is None, "the end of the trouble")
     finally:
         link.close()
     assert (dhd.force, dhd.forces, dhd.is_open) == ((0.0, 0.0, 0.0), False, False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 from plans import part
@@ -24,9 +25,15 @@ MISSION = MISSIONS / "teleoperation.yaml"
 TEXT = "t,x,buttons,lost\n0,0,,\n1,0.5,a,\n2,,,unplugged\n3,0.25,,\n"
 
 
-def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> None:
+def input_plan(name: str = "stick", cls: type[Script] = Script, **more: Any) -> InputPlan:
+    """An input that reads TEXT."""
     script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    plan = InputPlan(name="stick", part=script, button_names={"a": "leave"}, silent_after=0.3)
+    facts = {"button_names": {}, "silent_after": 0.3, **more}
+    return InputPlan(name=name, part=dataclasses.replace(script, cls=cls), **facts)
+
+
+def test_a_table_holds_what_was_done_by_the_missions_names(tmp_path: Path) -> None:
+    plan = input_plan(button_names={"a": "leave"})
     out, shown = tmp_path / "mine.csv", list[float]()
     rows = record_input(plan, out, 5.0, lambda now, *_: shown.append(now / NS), SimulatedClock(250))
     said = parse(out.read_text(encoding="utf-8"))
@@ -41,13 +48,7 @@ def test_a_device_that_cannot_be_opened_leaves_an_earlier_table(tmp_path: Path) 
         def open(cls, params: ScriptParams, sticks_of: SticksOf) -> InputLink:
             raise DriverError("no device")
 
-    script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    plan = InputPlan(
-        name="stick",
-        part=dataclasses.replace(script, cls=Unplugged),
-        button_names={},
-        silent_after=0.3,
-    )
+    plan = input_plan(cls=Unplugged)
     out = tmp_path / "mine.csv"
     out.write_text(TEXT, encoding="utf-8")
     with pytest.raises(DriverError, match="no device"):
@@ -59,11 +60,7 @@ def test_the_only_input_needs_no_name() -> None:
     from plans import plan, vehicle
     from short_flights import down, up
 
-    script = part("inputs", "script", file=File("operator.csv", "1", TEXT))
-    one, other = (
-        InputPlan(name=name, part=script, button_names={}, silent_after=0.3)
-        for name in ("one", "other")
-    )
+    one, other = input_plan("one"), input_plan("other")
     flier = vehicle("a", [up("down"), down()])
     assert one is input_named(plan(flier, inputs=(one,)), None)
     assert other is input_named(plan(flier, inputs=(one, other)), "other")

@@ -7,7 +7,7 @@ import json
 import pytest
 from recorded_run import make_plan
 
-from kybflow.core.exit_codes import INVALID
+from kybflow.core.errors import INVALID
 from kybflow.recording.outcome import EXIT_CODES, Ending, decide, summarise
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.scores import Score

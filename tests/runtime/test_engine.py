@@ -9,7 +9,7 @@ from math import cos, nan, sin
 from types import SimpleNamespace
 
 import pytest
-from plans import part, state, then, vehicle, wrapped
+from plans import bent, part, state, then, vehicle
 from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.api.flight import is_airborne
@@ -19,7 +19,7 @@ from kybflow.core.signals import NS, Failed, Setpoint, SetpointKind, Tick, Truth
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.expressions import Finally, InState
 from kybflow.dsl.plan import EstimatorPlan, ExpectationPlan, TransitionPlan
-from kybflow.parts import AIR, Entry, Link
+from kybflow.parts import AIR, Entry
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -157,24 +157,9 @@ def test_an_empty_battery_lands_and_latches(run):
     assert flown.exit_code == 1
 
 
-class Deaf(Link):
-    """A link to a simulated vehicle that hears nothing from `since` seconds on."""
-
-    def __init__(self, link: Link, since: float) -> None:
-        self.link, self.since = link, since
-
-    def read(self, now):
-        return self.link.read(now) if now < self.since * NS else ()
-
-    def send(self, command, now):
-        self.link.send(command, now)
-
-    def truth(self):
-        return self.link.truth()
-
-
 def deaf(since=0.0):
-    return wrapped(lambda _, link: Deaf(link, since))
+    """The simulator, from which nothing arrives from `since` seconds on."""
+    return bent(lambda measurement, now: measurement if now < since * NS else None)
 
 
 def test_a_lost_estimate_lands_blind_from_two_metres(run):

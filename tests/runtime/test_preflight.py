@@ -6,12 +6,11 @@ import subprocess
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import ClassVar
 
 import numpy
 import pytest
 from failsafe_parts import alarming
-from plans import part, plan, state, then, vehicle, wrapped
+from plans import Bent, bent, part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
 from toolchain import MISSIONS, invoke
 
@@ -21,7 +20,7 @@ from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
-from kybflow.parts import Estimator, Link, Sensor, Stream
+from kybflow.parts import Estimator, Sensor, Stream
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.cameras import Camera, Lens
@@ -36,25 +35,9 @@ def flight(name: str = "a", **more):
     return vehicle(name, [up("down"), down()], at=f"m.yaml:{name}", **more)
 
 
-class Bent(Link):
-    """A link to a simulated vehicle whose measurements pass a function."""
-
-    def __init__(self, link: Link, bend) -> None:
-        self.link, self.bend = link, bend
-
-    def read(self, now):
-        return [bent for m in self.link.read(now) if (bent := self.bend(m, now)) is not None]
-
-    def send(self, command, now):
-        self.link.send(command, now)
-
-    def truth(self):
-        return self.link.truth()
-
-
-def bent(bend, **names) -> PartPlan:
-    """The simulator, its measurements bent for the vehicles in `names` or for all."""
-    return replace(wrapped(lambda _, link: Bent(link, bend)), at="m.yaml:9")
+def without(kind):
+    """Bends measurements so that none of this kind arrives."""
+    return lambda measurement, now: None if isinstance(measurement, kind) else measurement
 
 
 def test_all_is_green_on_a_good_day_and_says_what_it_found():
@@ -109,71 +92,54 @@ def test_a_stream_that_is_too_slow_is_red():
 
 
 def test_a_stream_that_never_comes_is_red():
-    def no_poses(measurement, now):
-        return None if isinstance(measurement, Pose) else measurement
-
-    found = checks(flight(driver=bent(no_poses)))
+    found = checks(flight(driver=bent(without(Pose))))
     assert found["a", "pose stream"].reason == "nothing arrives"
     assert found["a", "estimate"].reason == "no healthy estimate from mocap"
 
 
-class Mute(Sensor[None]):
-    """A sensor that gives nothing; `says` is why, or what it raises when it is asked."""
+def sensor(read, trouble=lambda: None, kind=Pose, estimator="mocap") -> SensorPlan:
+    """A sensor whose stream calls `read` with the time of a tick, and `trouble`."""
 
-    provides = frozenset({Pose})
-    says: ClassVar[str | Exception | None] = None
+    class Calling(Stream):
+        def read(self, now):
+            return read(now)
 
-    @classmethod
-    def open(cls, params, context, link, generator):
-        class Silence(Stream):
-            def read(self, now):
-                return ()
+        def trouble(self):
+            return trouble()
 
-            def trouble(self):
-                if isinstance(cls.says, Exception):
-                    raise cls.says
-                return cls.says
+        def close(self): ...
 
-            def close(self):
-                pass
+    class Called(Sensor[None]):
+        provides = frozenset({kind})
 
-        return Silence()
+        @classmethod
+        def open(cls, params, context, link, generator):
+            return Calling()
+
+    return SensorPlan(PartPlan("told", Called, None, "sensors.told", "m.yaml:7"), (estimator,))
+
+
+def raising(error: Exception):
+    def raises(*_):
+        raise error
+
+    return raises
+
+
+WRONG_SIZE = "the frames are 4 x 3, but the lens is for 8 x 6"
 
 
 @pytest.mark.parametrize(
-    ("says", "reason"),
+    ("read", "trouble", "reason"),
     [
-        (None, "nothing arrives"),
-        ("no server at lab:3883", "nothing arrives: no server at lab:3883"),
-        (OSError("gone"), "nothing arrives: OSError: gone"),
+        (lambda now: (), lambda: None, "nothing arrives"),
+        (lambda now: (), lambda: "no server at lab:3883", "nothing arrives: no server at lab:3883"),
+        (lambda now: (), raising(OSError("gone")), "nothing arrives: OSError: gone"),
+        (raising(DriverError(WRONG_SIZE)), lambda: None, f"nothing arrives: {WRONG_SIZE}"),
     ],
 )
-def test_why_a_sensor_gives_nothing_is_said(says, reason):
-    class Told(Mute):
-        pass
-
-    Told.says = says
-    sensor = SensorPlan(PartPlan("told", Told, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
-    line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
-    assert (line.green, line.reason) == (False, reason)
-
-
-def test_why_a_sensor_fails_is_said():
-    class Failing(Mute):
-        @classmethod
-        def open(cls, params, context, link, generator):
-            class Broken(Stream):
-                def read(self, now):
-                    raise DriverError("the frames are 4 x 3, but the lens is for 8 x 6")
-
-                def close(self):
-                    pass
-
-            return Broken()
-
-    sensor = SensorPlan(PartPlan("told", Failing, None, "sensors.mocap", "m.yaml:7"), ("mocap",))
-    line = checks(flight(sensors=(sensor,)))["a", "pose stream"]
-    reason = "nothing arrives: the frames are 4 x 3, but the lens is for 8 x 6"
+def test_why_a_sensor_gives_nothing_is_said(read, trouble, reason):
+    line = checks(flight(sensors=(sensor(read, trouble),)))["a", "pose stream"]
     assert (line.green, line.reason) == (False, reason)
 
 
@@ -194,25 +160,12 @@ def test_frames_without_a_tag_are_told_from_no_frames(located, reason):
                 where = SimpleNamespace(position=(0, 0, 0), views=(), covariance=numpy.eye(6))
                 self.sighting = SimpleNamespace(frames=frames, located=where if located else None)
 
-    class Filming(Mute):
-        provides = frozenset({Frame})
-
-        @classmethod
-        def open(cls, params, context, link, generator):
-            class Film(Stream):
-                def read(self, now):
-                    return [Frame(now, "down", numpy.zeros((4, 4), numpy.uint8))]
-
-                def close(self):
-                    pass
-
-            return Film()
-
-    sensor = SensorPlan(PartPlan("film", Filming, None, "sensors.film", "m.yaml:7"), ("seeing",))
+    image = numpy.zeros((4, 4), numpy.uint8)
+    film = sensor(lambda now: [Frame(now, "down", image)], kind=Frame, estimator="seeing")
     seeing = EstimatorPlan(PartPlan("seeing", Seeing, None, "estimators.seeing"), recover_after=1.0)
     lens = Lens(4, 4, 4.0, 4.0, 2.0, 2.0)
     one = flight(
-        sensors=(sensor,), estimators=(seeing,), cameras={"down": Camera("down", lens, (0, 0, 0))}
+        sensors=(film,), estimators=(seeing,), cameras={"down": Camera("down", lens, (0, 0, 0))}
     )
     found = checks(one)
     assert found["a", "frame stream"].green
@@ -263,10 +216,7 @@ def test_but_not_as_far_as_it_likes():
 
 
 def test_a_vehicle_without_a_battery_report_stays():
-    def no_battery(measurement, now):
-        return None if isinstance(measurement, Battery) else measurement
-
-    line = checks(flight(driver=bent(no_battery)))["a", "battery"]
+    line = checks(flight(driver=bent(without(Battery))))["a", "battery"]
     assert (line.green, line.reason, line.at) == (False, "no report", "m.yaml:9")
 
 
@@ -330,9 +280,7 @@ def test_what_a_supervisor_foresees_is_said_with_its_mission_line(run):
 
 def test_a_second_take_off_asks_where_it_landed(run):
     again = state(
-        "again",
-        part("behaviors", "wait_on_ground"),
-        TransitionPlan(target="up2", after=4.0),
+        "again", part("behaviors", "wait_on_ground"), TransitionPlan(target="up2", after=4.0)
     )
     up2 = state("up2", part("behaviors", "take_off", height=0.5), then("end"))
     away = state("away", part("behaviors", "fly_to", position=(1.0, 0.0, 0.6)), then("down"))

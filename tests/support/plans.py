@@ -64,6 +64,27 @@ def wrapped(wrap: Callable[[str, Link], Link], **declared: Any) -> PartPlan:
     return replace(part("drivers", "sim"), cls=Wrapped)
 
 
+class Bent(Link):
+    """A link to a simulated vehicle whose measurements pass `bend`, which may return None."""
+
+    def __init__(self, link: Link, bend: Callable[[Any, int], Any]) -> None:
+        self.link, self.bend = link, bend
+
+    def read(self, now: int) -> list[Any]:
+        return [bent for m in self.link.read(now) if (bent := self.bend(m, now)) is not None]
+
+    def send(self, command: Any, now: int) -> None:
+        self.link.send(command, now)
+
+    def truth(self) -> Any:
+        return self.link.truth()
+
+
+def bent(bend: Callable[[Any, int], Any]) -> PartPlan:
+    """The simulator, each vehicle's measurements bent."""
+    return replace(wrapped(lambda _, link: Bent(link, bend)), at="m.yaml:9")
+
+
 def in_still_air(plan: Plan) -> Plan:
     """The plan in a simulator without a lab's disturbances."""
     flying = []

@@ -16,10 +16,9 @@ from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.plan import Plan, TransitionPlan
 from kybflow.parts.behavior import Behavior
-from kybflow.runtime.commanding.awaited import awaited, heard_always, heard_by
 from kybflow.runtime.commanding.command_queue import CommandQueue, GivenCommand
-from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.orders import PREFIX, named
+from kybflow.runtime.commanding.legal import awaited, heard_always, heard_by
+from kybflow.runtime.commanding.orders import PREFIX, SCHEDULE, named
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 

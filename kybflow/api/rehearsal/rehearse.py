@@ -40,8 +40,8 @@ from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan
 from kybflow.inputs.rows import InputRow, head, line
 from kybflow.parts import Estimator, Tracker
 from kybflow.runtime.clock import SimulatedClock
-from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue
+from kybflow.runtime.commanding.legal import check_emitted
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.making import parts_of

@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from kybflow.cli.arguments import Sets, Target, compiled, failing, refusing, unknown, writing, wrong
 from kybflow.cli.output import echo
-from kybflow.core.exit_codes import FAILED
+from kybflow.core.errors import FAILED
 from kybflow.core.files import write_whole
 from kybflow.vision import WAY_OUT
 

@@ -12,8 +12,7 @@ from typer import Argument, Option
 
 from kybflow.cli.arguments import WrongUsage, failing
 from kybflow.cli.output import echo, grouped
-from kybflow.core.errors import CommandUnreadable
-from kybflow.core.exit_codes import FAILED
+from kybflow.core.errors import FAILED, CommandUnreadable
 from kybflow.core.text import did_you_mean
 
 if TYPE_CHECKING:

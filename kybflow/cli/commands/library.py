@@ -9,8 +9,7 @@ from typer import Argument
 
 from kybflow.cli.arguments import failing, unknown
 from kybflow.cli.output import echo
-from kybflow.core.errors import KybflowError
-from kybflow.core.exit_codes import INVALID
+from kybflow.core.errors import INVALID, KybflowError
 
 
 def command(

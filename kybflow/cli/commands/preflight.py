@@ -10,8 +10,8 @@ from typer import Argument, Exit
 
 from kybflow.cli.arguments import Seed, Sets, Target, compiled, failing
 from kybflow.cli.output import columns, echo
-from kybflow.core.details import INDENT, details, headline
-from kybflow.core.exit_codes import DRIVER_FAILED, FAILED
+from kybflow.core.errors import DRIVER_FAILED, FAILED
+from kybflow.core.text import INDENT, details, headline
 
 if TYPE_CHECKING:
     from kybflow.runtime.preflight import PreflightResult

@@ -9,8 +9,7 @@ from typer import Argument, Option
 
 from kybflow.cli.arguments import Sets, Target, compiled, duration, failing
 from kybflow.cli.output import echo
-from kybflow.core.errors import DriverError
-from kybflow.core.exit_codes import DRIVER_FAILED, FAILED, INVALID
+from kybflow.core.errors import DRIVER_FAILED, FAILED, INVALID, DriverError
 from kybflow.core.signals import NS
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typer import Argument, Exit
 
 from kybflow.cli.arguments import Changes, Emits, Format, Sets, Target, compiled, failing
 from kybflow.cli.output import echo
-from kybflow.core.errors import KybflowError
-from kybflow.core.exit_codes import FAILED, INVALID
+from kybflow.core.errors import FAILED, INVALID, KybflowError
 
 
 def command(

@@ -27,8 +27,7 @@ from kybflow.cli.arguments import (
     refusing,
 )
 from kybflow.cli.output import console, echo, printer
-from kybflow.core.errors import KybflowError
-from kybflow.core.exit_codes import FAILED, INTERRUPTED, INVALID
+from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown, RunRequest, Server

@@ -13,7 +13,7 @@ from typer import Argument, Exit, Option
 
 from kybflow.cli.arguments import Sets, Target, writing, wrong
 from kybflow.cli.output import console, echo
-from kybflow.core.exit_codes import INVALID
+from kybflow.core.errors import INVALID
 
 _SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
 _MOST = 100_000

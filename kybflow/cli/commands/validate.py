@@ -9,7 +9,7 @@ from typer import Argument, Exit
 
 from kybflow.cli.arguments import Format, Sets, Target
 from kybflow.cli.output import echo
-from kybflow.core.exit_codes import INVALID
+from kybflow.core.errors import INVALID
 
 
 def command(

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kybflow.core.details import details, headline
 from kybflow.core.signals import NS, Event
+from kybflow.core.text import details, headline
 from kybflow.core.units import format_measured
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from kybflow.core.details import detailed
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Estimate, Time
+from kybflow.core.text import detailed
 from kybflow.drivers.mavlink.autopilot_state import AutopilotState
 from kybflow.drivers.mavlink.control.requests import Modes
 from kybflow.drivers.mavlink.firmware import Needed, firmware_by

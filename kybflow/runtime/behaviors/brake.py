@@ -1,10 +1,11 @@
-"""Come to rest from whatever the vehicle is doing, straight on, and be done when it has.
+"""Brake in the direction of flight until the vehicle is at rest.
 
 The setpoint runs along the stopping path v(t) = v0 (1 - S(t / T)), S the quintic smoothstep and
 T = 15/8 |v0| / deceleration (at least 0.5 s), which is v0 T / 2 long. v0 is the velocity of the
-last setpoint, or of the estimate if the vehicle was not following one. It is done when the path has
-ended and the estimate is slower than `slower_than` (0.1 m/s, as in TeleKyb's NormalBrake), and
-`patience` after the end of the path at the latest: the hover that follows holds the same point.
+last setpoint, or of the estimate if the vehicle was not following one. The behavior is done when
+the path has ended and the estimate is slower than `slower_than` (0.1 m/s, as in TeleKyb's
+NormalBrake), but at the latest `patience` after the end of the path: the hover that follows holds
+the same point.
 """
 
 from __future__ import annotations

@@ -62,22 +62,16 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         self._heading = entry.heading
         self._turn = 1.0 if params.speed > 0.0 else -1.0
         self._coast = Coast.after(entry.motion)
-        self._phase = self._nearest_phase(self._coast.end)
-        self._lead = Straight(self._coast.end, self._point(self._phase), speed, params.acceleration)
+        (x, y, z), r, stop = params.center, params.radius, self._coast.end
+        east, north = stop[0] - x, stop[1] - y
+        self._phase = atan2(north, east) if hypot(east, north) > 1e-6 else self._heading
+        nearest = (x + r * cos(self._phase), y + r * sin(self._phase), z)
+        self._lead = Straight(stop, nearest, speed, params.acceleration)
         self._begin = max(self._coast.duration, self._lead.duration)
         length = inf if params.laps is None else 2.0 * pi * params.radius * params.laps
         self._arc = Profile.within(length, speed, params.acceleration)
         self._end = self._begin + self._arc.duration
         self._laps = Laps(2.0 * pi * params.radius)
-
-    def _nearest_phase(self, position: Vec3) -> float:
-        x, y, _ = self.params.center
-        east, north = position[0] - x, position[1] - y
-        return atan2(north, east) if hypot(east, north) > 1e-6 else self._heading
-
-    def _point(self, phase: float) -> Vec3:
-        (x, y, z), r = self.params.center, self.params.radius
-        return (x + r * cos(phase), y + r * sin(phase), z)
 
     def update(self, tick: Tick) -> Setpoint | Done | Emitting:
         time = tick.elapsed
@@ -114,43 +108,30 @@ class Circle(Behavior[CircleParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         (x, y, z), r = params.center, params.radius
         corners = ((x - r, y, z), (x + r, y, z), (x, y - r, z), (x, y + r, z))
         points = corners if entry is None else (entry, *corners)
-        end = None if entry is None or params.laps is None else _exit(params, params.laps, entry)
         inward = params.speed * params.speed / r
-        path = _path(params, entry)
-        endless, least = params.laps is None, _least_time(params, entry)
-        return Footprint(points, abs(params.speed), end, endless, inward, path, duration=least)
+        path, end = _path_and_end(params, entry)
+        endless, v, a = params.laps is None, abs(params.speed), params.acceleration
+        least = Profile.within(2.0 * pi * r * (params.laps or 0.0), v, a).duration
+        if entry is not None:
+            lead = hypot(hypot(entry[0] - x, entry[1] - y) - r, entry[2] - z)
+            least += Profile.within(lead, v, a).duration
+        return Footprint(points, v, end, endless, inward, path, duration=least)
 
 
-def _least_time(params: CircleParams, entry: Vec3 | None) -> float:
-    """Return the least time (s) to fly to the nearest point of the circle and around it."""
-    (x, y, z), r, speed = params.center, params.radius, abs(params.speed)
-    around = Profile.within(2.0 * pi * r * (params.laps or 0.0), speed, params.acceleration)
-    if entry is None:
-        return around.duration
-    lead = hypot(hypot(entry[0] - x, entry[1] - y) - r, entry[2] - z)
-    return Profile.within(lead, speed, params.acceleration).duration + around.duration
-
-
-def _path(params: CircleParams, entry: Vec3 | None) -> tuple[Vec3, ...]:
-    """Return the path to the circle and at most once around it. It is empty if the vehicle starts
-    at the centre, because it then depends on the heading."""
-    (x, y, z), r = params.center, params.radius
+def _path_and_end(params: CircleParams, entry: Vec3 | None) -> tuple[tuple[Vec3, ...], Vec3 | None]:
+    """Return the path to the circle and at most once around it, and where the last lap ends, None
+    if that is unknown. If the vehicle starts at the centre, both depend on its heading, and the
+    path is empty."""
+    (x, y, z), r, laps = params.center, params.radius, params.laps
     east, north = (r, 0.0) if entry is None else (entry[0] - x, entry[1] - y)
     if hypot(east, north) <= 1e-6:
-        return ()
-    laps = 1.0 if entry is None or params.laps is None else min(1.0, params.laps)
-    turn = copysign(2.0 * pi * laps / _CHORDS, params.speed)
-    phases = (atan2(north, east) + turn * i for i in range(_CHORDS + 1))
+        return (), None
+    begin = atan2(north, east)
+    shown = 1.0 if entry is None or laps is None else min(1.0, laps)
+    turn = copysign(2.0 * pi * shown / _CHORDS, params.speed)
+    phases = (begin + turn * i for i in range(_CHORDS + 1))
     around = tuple((x + r * cos(phase), y + r * sin(phase), z) for phase in phases)
-    return around if entry is None else (entry, *around)
-
-
-def _exit(params: CircleParams, laps: float, entry: Vec3) -> Vec3 | None:
-    """Return the position at which the last lap ends after an entry at rest; None for an entry at
-    the centre, from which it depends on the heading."""
-    (x, y, z), r = params.center, params.radius
-    east, north = entry[0] - x, entry[1] - y
-    if hypot(east, north) <= 1e-6:
-        return None
-    phase = atan2(north, east) + (2.0 * pi * laps if params.speed > 0.0 else -2.0 * pi * laps)
-    return (x + r * cos(phase), y + r * sin(phase), z)
+    if entry is None or laps is None:
+        return (around if entry is None else (entry, *around)), None
+    phase = begin + copysign(2.0 * pi * laps, params.speed)
+    return (entry, *around), (x + r * cos(phase), y + r * sin(phase), z)

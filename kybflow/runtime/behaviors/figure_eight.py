@@ -39,18 +39,14 @@ class FigureEightParams:
     width: Length = param("Extent along the long axis.", above=0.0, read_only=True)
     height: Length | None = param(
         "Extent across; half the width where it is not given.",
-        default=None,
-        above=0.0,
-        read_only=True,
-    )
+        default=None, above=0.0, read_only=True,
+    )  # fmt: skip
     lap: Duration = param("Time for one loop of the eight.", above=0.0, read_only=True)
     laps: Number = param("Loops to fly.", default=1.0, above=0.0, read_only=True)
     ramp: Duration = param(
         "Time in which the pace rises at the start and falls at the end.",
-        default=2.0,
-        above=0.0,
-        read_only=True,
-    )
+        default=2.0, above=0.0, read_only=True,
+    )  # fmt: skip
     rotation: Angle = param(
         "Direction of the long axis, counter-clockwise from east.", default=0.0, read_only=True
     )
@@ -112,23 +108,17 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
             (entry[0] + x * c - y * s, entry[1] + x * s + y * c, entry[2])
             for x, y in ((a, b), (a, -b), (-a, b), (-a, -b), (a * sin(end), b * sin(2.0 * end)))
         )
-        speed = 2.0 * pi / params.lap * hypot(a, 2.0 * b)
         x0, y0, z0 = entry
         path = tuple((x0 + a * u * c - b * v * s, y0 + a * u * s + b * v * c, z0) for u, v in _UNIT)
-        sharpest = _sharpest(a, b, params.lap)
-        duration = _phase(params).duration
+        # The largest rate^2 sqrt(a^2 u + 64 b^2 u (1 - u)) over u = sin^2 theta in [0, 1].
+        rate, bend = 2.0 * pi / params.lap, 64.0 * b * b
+        u = min(1.0, (a * a + bend) / (2.0 * bend)) if bend > 0.0 else 1.0
+        sharpest = rate * rate * sqrt(a * a * u + bend * u * (1.0 - u))
         return Footprint(
-            (entry, *points), speed, last, acceleration=sharpest, path=path, duration=duration
-        )
+            (entry, *points), rate * hypot(a, 2.0 * b), last,
+            acceleration=sharpest, path=path, duration=_phase(params).duration,
+        )  # fmt: skip
 
 
 def _phase(params: FigureEightParams) -> Profile:
     return Profile(2.0 * pi * params.laps, 2.0 * pi / params.lap, params.ramp)
-
-
-def _sharpest(a: float, b: float, lap: float) -> float:
-    """Return the largest acceleration in the loops: the maximum over u = sin^2 theta in [0, 1] of
-    rate^2 sqrt(a^2 u + 64 b^2 u (1 - u))."""
-    rate, sharp = 2.0 * pi / lap, 64.0 * b * b
-    u = min(1.0, (a * a + sharp) / (2.0 * sharp)) if sharp > 0.0 else 1.0
-    return rate * rate * sqrt(a * a * u + sharp * u * (1.0 - u))

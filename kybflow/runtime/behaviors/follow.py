@@ -77,26 +77,28 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         p, follower = self.params, self._follower
         leading = self._leader.heard(tick, p.delay, p.freshness)
         if leading is None:
-            self._stop = self._stop or self._resting_place()
+            if self._stop is None:  # where the setpoint comes to rest if it brakes now
+                x, v = follower.position, follower.velocity
+                self._stop = add(x, scale(v, norm(v) / p.acceleration))
             goal, self._rate = Motion(self._stop), 0.0
         else:
-            self._stop, goal = None, self._goal_at(leading)
-            self._turn(leading, tick.dt)
+            self._stop, goal, self._rate = None, self._goal_at(leading), 0.0
+            if p.frame == "heading":
+                off = wrap(leading.heading - self._heading)
+                self._rate = max(-_TURN_RATE, min(_TURN_RATE, leading.rate + 2.0 * off))
+                self._heading = wrap(self._heading + self._rate * tick.dt)
         self.waits_for = None if leading is not None else f"news, as {self._leader.trouble}"
-        before = follower.position, follower.velocity
+        place, velocity = follower.position, follower.velocity
         motion = follower.follow(goal, self._speed, p.acceleration, tick.dt)
-        if _caught_up(goal, *before, p.acceleration, tick.dt):
+        ahead = add(place, scale(add(velocity, goal.velocity), 0.5 * tick.dt))
+        near = norm(sub(goal.position, ahead)) <= CAUGHT_UP
+        if near and norm(sub(goal.velocity, velocity)) <= p.acceleration * tick.dt:
             follower.join(goal.position, goal.velocity)
             motion = goal
         setpoint = motion.setpoint(self._heading, self._rate)
         if self._leader.lost > p.patience:
             return Failed(setpoint, self._leader.trouble)
         return setpoint
-
-    def _resting_place(self) -> Vec3:
-        """Return the position at which the setpoint comes to rest if it brakes now."""
-        position, velocity = self._follower.position, self._follower.velocity
-        return add(position, scale(velocity, norm(velocity) / self.params.acceleration))
 
     def _goal_at(self, leading: Leading) -> Motion:
         p = self.params
@@ -110,14 +112,6 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
             add(leading.velocity, (-w * y, w * x, 0.0)),
             add(leading.acceleration, (-w * w * x, -w * w * y, 0.0)),
         )
-
-    def _turn(self, leading: Leading, dt: float) -> None:
-        """Turn with the followed vehicle if the offset is in the frame of its heading."""
-        self._rate = 0.0
-        if self.params.frame == "heading":
-            off = wrap(leading.heading - self._heading)
-            self._rate = max(-_TURN_RATE, min(_TURN_RATE, leading.rate + 2.0 * off))
-            self._heading = wrap(self._heading + self._rate * dt)
 
     @classmethod
     def objections(cls, params: FollowParams, context: VehicleContext) -> Iterator[Objection]:
@@ -138,12 +132,3 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         return Footprint(
             points, params.speed, None, is_endless=True, acceleration=params.acceleration
         )
-
-
-def _caught_up(
-    goal: Motion, position: Vec3, velocity: Vec3, acceleration: float, dt: float
-) -> bool:
-    """Return whether the setpoint can join the goal without a step."""
-    ahead = add(position, scale(add(velocity, goal.velocity), 0.5 * dt))
-    close = norm(sub(goal.position, ahead)) <= CAUGHT_UP
-    return close and norm(sub(goal.velocity, velocity)) <= acceleration * dt

@@ -84,16 +84,12 @@ class FollowPath(Behavior[FollowPathParams], flight=AIR >> AIR, emits=SetpointKi
         off = self._turn.off(tick.known(), self.params.heading_tolerance)
         there = gap <= self.params.tolerance and not off
         if self._there.reached(there, self.params.dwell, tick.dt):
-            return self._next(setpoint, corner, time)
-        if time > self._end + self.params.patience:
+            if self._corner + 1 == len(self.params.path):
+                return Done(setpoint)
+            self._corner += 1
+            self._begin_leg(corner, time)
+        elif time > self._end + self.params.patience:
             return Failed(setpoint, f"still {gap:.3f} m from corner {self._corner + 1}{off}")
-        return setpoint
-
-    def _next(self, setpoint: Setpoint, corner: Vec3, now: float) -> Setpoint | Done:
-        if self._corner + 1 == len(self.params.path):
-            return Done(setpoint)
-        self._corner += 1
-        self._begin_leg(corner, now)
         return setpoint
 
     @classmethod

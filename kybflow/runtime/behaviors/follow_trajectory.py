@@ -36,20 +36,15 @@ class FollowTrajectoryParams:
     file: File = param("The table of the trajectory.", read_only=True, reads=read_trajectory)
     gate: Length = param(
         "Distance from the first point within which it starts.",
-        default=0.5,
-        above=0.0,
-        read_only=True,
-        room="across",
-    )
+        default=0.5, above=0.0, read_only=True, room="across",
+    )  # fmt: skip
     approach: Speed = param(
         "Largest speed on the way to the first point.", default=0.5, above=0.0, read_only=True
     )
     acceleration: Acceleration = param(
         "Largest acceleration on the way to the first point.",
-        default=0.7,
-        above=0.0,
-        read_only=True,
-    )
+        default=0.7, above=0.0, read_only=True,
+    )  # fmt: skip
     turn_rate: AngularRate = param(
         "Largest rate of turning to the first yaw.", default=1.0, above=0.0, read_only=True
     )
@@ -62,9 +57,8 @@ class FollowTrajectoryParams:
     )
     patience: Duration = param(
         "Time past the planned arrival at the first point after which it has failed.",
-        default=10.0,
-        above=0.0,
-    )
+        default=10.0, above=0.0,
+    )  # fmt: skip
 
 
 class FollowTrajectory(

@@ -1,4 +1,4 @@
-"""Fly home: up to a safe height where the vehicle is lower, then level and straight to above home.
+"""Fly home: up to a safe height, then level and straight to the point above home.
 
 Home is the vehicle's `home` in the mission, or its start if the mission gives none. The height is
 the present one, or `height` above the ground of the start if that is more, but always 0.3 m below
@@ -29,11 +29,8 @@ _STEP = 0.05
 class GoHomeParams:
     height: Length = param(
         "Least height above the ground of the start at which it flies.",
-        default=1.0,
-        above=0.0,
-        read_only=True,
-        room="up",
-    )
+        default=1.0, above=0.0, read_only=True, room="up",
+    )  # fmt: skip
     speed: Speed = param("Largest speed.", default=0.5, above=0.0, read_only=True)
     acceleration: Acceleration = param(
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
@@ -54,9 +51,12 @@ class GoHome(
         self._heading = entry.heading
         self._coast = Coast.after(entry.motion)
         stop = self._coast.end
-        above = (*stop[:2], _safe_height(params, entry, stop))
+        height, fence = max(stop[2], entry.context.start[2] + params.height), entry.context.fence
+        if fence is not None:
+            height = max(min(height, fence.high[2] - _UNDER_TOP), min(stop[2], height))
+        above = (*stop[:2], height)
         x, y, _ = entry.context.home or entry.context.start
-        self._goal: Vec3 = (x, y, above[2])
+        self._goal: Vec3 = (x, y, height)
         speed = entry.cruise_speed(params.speed)
         self._up = Straight(stop, above, speed, params.acceleration)
         self._over = Straight(above, self._goal, speed, params.acceleration)
@@ -78,13 +78,6 @@ class GoHome(
     @classmethod
     def footprint(cls, params: GoHomeParams, entry: Vec3 | None) -> Footprint | None:
         return None
-
-
-def _safe_height(params: GoHomeParams, entry: Entry, stop: Vec3) -> float:
-    height = max(stop[2], entry.context.start[2] + params.height)
-    if entry.context.fence is None:
-        return height
-    return max(min(height, entry.context.fence.high[2] - _UNDER_TOP), min(stop[2], height))
 
 
 def _check_clear(entry: Entry, above: Vec3, goal: Vec3) -> None:

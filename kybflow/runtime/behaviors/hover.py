@@ -1,4 +1,4 @@
-"""Hold the position and the heading of entry, for a time or until something else is asked.
+"""Hold the position and heading of entry, for a time or until the state is left.
 
 A vehicle in motion first comes to rest (`kybflow.flight.motion`) and holds that point. The behavior
 never refuses to start, at any speed (TeleKyb's Hover refused above 0.2 m/s).

@@ -1,4 +1,4 @@
-"""Descend, on a point or where the vehicle is, detect the ground, and stop the rotors there.
+"""Land at a point or where the vehicle is: descend, detect the ground and stop the rotors.
 
 With a `position` it first flies level to above that point, with at most `approach`, and begins to
 descend when it has been within `tolerance` of the vertical through the point for half a second. The
@@ -25,8 +25,8 @@ It does not land on another vehicle (`kybflow.flight.landing_place`): the descen
 is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
 `patience` and then fails.
 
-On the ground it is done at once. Its last setpoint is IDLE. A velocity at entry is reduced to zero
-on the way. World frame, metres; the heading is kept.
+If the vehicle is already on the ground, the behavior ends at once. Its last setpoint is IDLE. A
+velocity at entry is reduced to zero on the way. World frame, metres; the heading is kept.
 """
 
 from __future__ import annotations
@@ -37,13 +37,7 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
 from kybflow.flight.landing_place import place_beside, vehicle_below
-from kybflow.flight.motion import (
-    COAST_ACCELERATION,
-    IDLE,
-    Coast,
-    Dwell,
-    Straight,
-)
+from kybflow.flight.motion import COAST_ACCELERATION, IDLE, Coast, Dwell, Straight
 from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
@@ -70,24 +64,20 @@ on the ground."""
 class LandParams:
     position: Position | None = param(
         "Where to land, on the ground; without it the vehicle lands where it is.",
-        default=None,
-        read_only=True,
-    )
+        default=None, read_only=True,
+    )  # fmt: skip
     approach: Speed = param(
         "Largest speed on the way above the position.", default=0.5, above=0.0, read_only=True
     )
     tolerance: Length = param(
         "Distance from the vertical through the position that counts as above it.",
-        default=0.05,
-        above=0.0,
-        room="across",
-    )
+        default=0.05, above=0.0, room="across",
+    )  # fmt: skip
     patience: Duration = param(
         "Time past the planned arrival above the position after which it has failed; the longest "
         "that the descent waits, and that it comes no lower.",
-        default=10.0,
-        above=0.0,
-    )
+        default=10.0, above=0.0,
+    )  # fmt: skip
     speed: Speed = param("Descent speed.", default=0.5, above=0.0, at_most=1.0)
     slow_speed: Speed = param("Descent speed near the ground.", default=0.2, above=0.1, at_most=0.5)
     slow_below: Length = param(
@@ -130,24 +120,28 @@ class Land(
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
             return Done(IDLE)
-        estimate = tick.known()
+        p, estimate = self.params, tick.known()
         own, heard = estimate.position, min(tick.link_age, estimate.age) <= _HEARD
         if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
         below = self._below(tick, own)
-        gap = self._gap(own)
+        goal, gap = self._goal, 0.0
+        if goal is not None:
+            gap = hypot(own[0] - goal[0], own[1] - goal[1])
         if not self._descends and tick.elapsed >= self._arrival:
-            close = gap <= self.params.tolerance
-            self._descends = self._above.reached(close, _ABOVE, tick.dt)
-        waits = self._waits(gap, tick.dt) or below is not None
+            self._descends = self._above.reached(gap <= p.tolerance, _ABOVE, tick.dt)
+        waits = below is not None or not self._descends
+        if self._descends and gap > 2.0 * p.tolerance and self._waited < p.patience:
+            self._waited += tick.dt
+            waits = True
         pull = self._descend(tick.dt, own[2], waits)
         setpoint = self._setpoint(tick.elapsed, pull)
         self._stalled += 0.0 if waits else tick.dt
-        if self._stalled > self.params.patience:
-            return Failed(setpoint, f"no lower for {self.params.patience:g} s, and no ground")
-        if self._barred > self.params.patience:
-            return Failed(setpoint, f"{self.waits_for} for {self.params.patience:g} s")
-        if not self._descends and tick.elapsed > self._arrival + self.params.patience:
+        if self._stalled > p.patience:
+            return Failed(setpoint, f"no lower for {p.patience:g} s, and no ground")
+        if self._barred > p.patience:
+            return Failed(setpoint, f"{self.waits_for} for {p.patience:g} s")
+        if not self._descends and tick.elapsed > self._arrival + p.patience:
             if self._point is None:
                 self._descends = True
                 return setpoint
@@ -178,21 +172,6 @@ class Land(
     def _to(self, start: Vec3, goal: Vec3) -> Straight:
         return Straight(start, goal, self._speed, self.params.acceleration)
 
-    def _gap(self, own: Vec3) -> float:
-        """Return the distance (m) from the vertical through the goal, zero without a goal."""
-        if self._goal is None:
-            return 0.0
-        return hypot(own[0] - self._goal[0], own[1] - self._goal[1])
-
-    def _waits(self, gap: float, dt: float) -> bool:
-        """Return whether the descent pauses in this tick."""
-        if not self._descends:
-            return True
-        if gap <= 2.0 * self.params.tolerance or self._waited >= self.params.patience:
-            return False
-        self._waited += dt
-        return True
-
     def _setpoint(self, time: float, pull: float) -> Setpoint:
         level = self._way.at(time - self._began)
         if time < self._coast.duration:
@@ -208,14 +187,11 @@ class Land(
         )
 
     def _has_stopped(self, own: float, dt: float) -> bool:
+        """Return whether the height, or its average, has stayed where it is for long enough."""
         stays = abs(own - self._resting) <= _STILL and own - self._height >= _DEPTH
         if not stays:
             self._resting = own
-        settled = self._has_settled(own, dt)
-        return self._stopped.reached(stays, self.params.dwell, dt) or settled
-
-    def _has_settled(self, own: float, dt: float) -> bool:
-        """Update the average height; return whether it has stopped falling."""
+        stopped = self._stopped.reached(stays, self.params.dwell, dt)
         self._average += (own - self._average) * dt / (_AVERAGED + dt)
         if self._average < self._lowest - _LOWER:
             self._lowest, self._stalled = self._average, 0.0
@@ -223,7 +199,7 @@ class Land(
         stays = abs(self._average - self._level) <= _LEVEL and deep
         if not stays:
             self._level = self._average
-        return self._settled.reached(stays, _LONGER * self.params.dwell, dt)
+        return self._settled.reached(stays, _LONGER * self.params.dwell, dt) or stopped
 
     def _descend(self, dt: float, own: float, waits: bool) -> float:
         """Lower the setpoint by one tick, or slow it to a stop if the descent `waits`. Return its

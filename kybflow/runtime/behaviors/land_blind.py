@@ -1,4 +1,4 @@
-"""Come down without knowing where: level attitude, a descent held by the IMU, then rotors off.
+"""Land without a position: level attitude, a descent controlled by the IMU, then rotors off.
 
 The last resort when the estimate is lost. It needs neither estimator nor tracker: the on-board
 controller keeps the attitude level and its heading from the IMU, and the thrust follows the law of
@@ -12,9 +12,10 @@ m/s (time in s), from rest, for an error e of the thrust model:
     1.5 m     0.76 (2.8)    0.77 (2.9)    0.78 (3.0)
     2.5 m     1.01 (4.0)    1.02 (4.0)    1.03 (4.1)
 
-An accelerometer error of 0.25 m/s^2 changes the 1.0 m/s from 2.5 m to 1.5 m/s (2.9 s) or 1.0 m/s
-(10 s). If an estimator needs the IMU, its measurement at rest on the ground is known and taken as
-gravity (`kybflow.runtime.monitoring.resting_bias`); only a later change then has this effect.
+With an accelerometer error of 0.25 m/s^2, the touch-down speed from 2.5 m is 1.5 m/s (2.9 s) or
+1.0 m/s (10 s), depending on the sign of the error. If an estimator needs the IMU, its measurement
+at rest on the ground is known and taken as gravity (`kybflow.runtime.monitoring.resting_bias`);
+only a later change then has this effect.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 
@@ -30,13 +31,14 @@ entry, for the rest of the descent:
 where T0 is the tracker's estimate of the hover thrust (or that of the closed-loop descent, once it
 has one) and vz0 the vertical speed at entry, which the last term reduces to zero. The closed-loop
 descent ends with the touch-down; in open loop the rotors stop after `time_bound`, unless an
-estimate shows the vehicle in the air. On the ground it is done at once.
+estimate shows the vehicle in the air. If the vehicle is already on the ground, the behavior ends at
+once.
 
 Open loop the vehicle obeys z.. = g ((1 + e) T / T0 - 1) - d z.; a share of 90 % is the most that
 still lets a vehicle with e = +10 % sink, so e = -10 % falls with a net acceleration of 0.19 g.
 Touch-down speed in m/s (time in s), from rest, drag d = 0.3 1/s:
 
-    open loop e = -10 %     -5 %          0            +5 %          +10 % (climbs first by)
+    open loop e = -10 %     -5 %          0            +5 %          +10 % (time; initial climb)
     1.0 m     1.66 (1.3)    1.45 (1.6)    1.22 (2.0)   1.00 (3.0)    0.98 (5.8; 0.56 m)
     1.5 m     2.03 (1.6)    1.76 (1.9)    1.48 (2.4)   1.20 (3.4)    1.14 (6.3; 0.56 m)
     2.5 m     2.57 (2.0)    2.23 (2.4)    1.86 (3.0)   1.51 (4.2)    1.40 (7.1; 0.56 m)
@@ -69,27 +71,20 @@ _UNHEARD = 0.25
 class LandBlindParams:
     share: Ratio = param(
         "Share of the hover thrust that is left after `settle`.",
-        default=0.9,
-        above=0.5,
-        below=1.0,
-        read_only=True,
-    )
+        default=0.9, above=0.5, below=1.0, read_only=True,
+    )  # fmt: skip
     settle: Duration = param(
         "Time in which the thrust goes down to `share`.", default=1.0, above=0.0, read_only=True
     )
     fade: Damping = param(
         "Share of the hover thrust that is taken away each second after that.",
-        default=0.01,
-        above=0.0,
-        read_only=True,
-    )
+        default=0.01, above=0.0, read_only=True,
+    )  # fmt: skip
     time_bound: Duration = param(
         "Time after which the rotors stop where no IMU is heard; long enough for the slowest "
         "descent from the mission's greatest height.",
-        default=12.0,
-        above=0.0,
-        read_only=True,
-    )
+        default=12.0, above=0.0, read_only=True,
+    )  # fmt: skip
 
 
 class LandBlind(
@@ -115,46 +110,31 @@ class LandBlind(
     def update(self, tick: Tick) -> Command | Done:
         if self._grounded or (self._descent is not None and self._landed(self._descent, tick)):
             return Done(IDLE)
-        if self._is_over(tick):
-            return Done(IDLE)
+        if self._descent is None and tick.elapsed >= self.params.time_bound:
+            known = tick.estimate
+            if known is None or height_in_the_air(self._context, known, ()) <= 0.0:
+                return Done(IDLE)
         self.lets_go = self._descent is None and tick.link_age > _UNHEARD
         self.waits_for = "its own watchdog, as nothing is heard of it" if self.lets_go else None
         thrust = self._felt
         if thrust is None:
-            thrust = self._hover * self._share_at(tick.elapsed)
+            p, time = self.params, tick.elapsed
+            share = 1.0 - (1.0 - p.share) * min(time / p.settle, 1.0)
+            share = share - p.fade * max(time - p.settle, 0.0)
+            thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST, 0.0))
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
-
-    def _is_over(self, tick: Tick) -> bool:
-        """Return whether an open-loop descent has lasted for `time_bound` and no estimate shows the
-        vehicle in the air."""
-        if self._descent is not None or tick.elapsed < self.params.time_bound:
-            return False
-        known = tick.estimate
-        return known is None or height_in_the_air(self._context, known, ()) <= 0.0
 
     def _landed(self, descent: Descent, tick: Tick) -> bool:
         """Process the newest IMU sample; return whether the vehicle has touched down. If no sample
         has arrived for too long, change to the open-loop descent."""
-        imu = tick.imu
-        if imu is not None and imu.time > self._heard and self._is_sound(imu):
-            self._heard, self._last = imu.time, imu
-            self._felt = descent.step(imu.specific_force[2], imu.dt)
-            return self._felt is None
+        imu, last = tick.imu, self._last
+        if imu is not None and imu.time > self._heard:
+            total = sum(imu.specific_force)  # noise makes each sample differ from the last one
+            stuck = last is not None and last.specific_force == imu.specific_force
+            if total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck:
+                self._heard, self._last = imu.time, imu
+                self._felt = descent.step(imu.specific_force[2], imu.dt)
+                return self._felt is None
         if tick.now - self._heard > _SILENT:
             self._descent, self._felt, self._hover = None, None, descent.hover
         return False
-
-    def _is_sound(self, imu: Imu) -> bool:
-        """Return whether a sample is finite and differs from the last one, as it must with
-        noise."""
-        (x, y, z), last = imu.specific_force, self._last
-        total = x + y + z
-        stuck = last is not None and last.specific_force == imu.specific_force
-        return total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck
-
-    def _share_at(self, time: float) -> float:
-        p = self.params
-        ramp = (
-            1.0 - (1.0 - p.share) * min(time / p.settle, 1.0) - p.fade * max(time - p.settle, 0.0)
-        )
-        return ramp + self._kick * max(1.0 - time / _ARREST, 0.0)

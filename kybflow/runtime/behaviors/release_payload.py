@@ -1,4 +1,4 @@
-"""Let the payload go, once, and hold the place meanwhile.
+"""Release the payload, once, while the vehicle holds its position.
 
 In the air it first comes to rest, as `hover` does. Then it requests the servo that holds the
 payload to open, in every tick until the vehicle has acknowledged it. It holds its position for
@@ -62,17 +62,14 @@ class ReleasePayload(
             if first:  # it was before: the vehicle is not asked again, and an event says so
                 self._released = -inf
                 return Grip(setpoint, True)
-            return self._settled(setpoint, time)
+            if self._released is None:
+                self._released = time
+            settle = 0.0 if self._coast is None else self.params.settle
+            return Done(setpoint) if time - self._released >= settle else setpoint
         if time - self._asked > self.params.patience:
             limit = self.params.patience
             return Failed(setpoint, f"the release was not acknowledged within {limit:g} s")
         return Grip(setpoint, True)
-
-    def _settled(self, setpoint: Setpoint, time: float) -> Setpoint | Done:
-        if self._released is None:
-            self._released = time
-        settle = 0.0 if self._coast is None else self.params.settle
-        return Done(setpoint) if time - self._released >= settle else setpoint
 
     @classmethod
     def footprint(cls, params: ReleasePayloadParams, entry: Vec3 | None) -> Footprint | None:

@@ -74,7 +74,16 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         if self._slowing is None and self._must_slow(time, gone):
             self._slowing, (self._peak, *_) = time, self._rising(time)
         speed, pull, jolt = self._rising(time) if self._slowing is None else self._falling(time)
-        setpoint = self._setpoint(time, speed, pull, jolt)
+        _, (vx, vy, vz), (ax, ay, az), (jx, jy, jz) = self._coast.at(time)
+        x, y, z = self._direction
+        setpoint = Setpoint(
+            SetpointKind.VELOCITY,
+            None,
+            (vx + x * speed, vy + y * speed, vz + z * speed),
+            (ax + x * pull, ay + y * pull, az + z * pull),
+            (jx + x * jolt, jy + y * jolt, jz + z * jolt),
+            self._heading,
+        )
         if self._slowing is not None:
             rests = time >= max(self._slowing + self._slowing_time, self._coast.duration)
             return Done(setpoint) if rests else setpoint
@@ -111,18 +120,6 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         _, value, slope, bend = smoothstep(min(left / span, 1.0))
         rate = self._peak / span
         return self._peak * value, -rate * slope, rate / span * bend
-
-    def _setpoint(self, time: float, speed: float, pull: float, jolt: float) -> Setpoint:
-        _, (vx, vy, vz), (ax, ay, az), (jx, jy, jz) = self._coast.at(time)
-        x, y, z = self._direction
-        return Setpoint(
-            SetpointKind.VELOCITY,
-            None,
-            (vx + x * speed, vy + y * speed, vz + z * speed),
-            (ax + x * pull, ay + y * pull, az + z * pull),
-            (jx + x * jolt, jy + y * jolt, jz + z * jolt),
-            self._heading,
-        )
 
     @classmethod
     def footprint(cls, params: RunUntilParams, entry: Vec3 | None) -> Footprint | None:

@@ -75,11 +75,8 @@ class SteerParams:
     )
     lowest: Length = param(
         "Least height above the ground of the start.",
-        default=0.4,
-        above=0.0,
-        tightens="up",
-        room="up",
-    )
+        default=0.4, above=0.0, tightens="up", room="up",
+    )  # fmt: skip
     patience: Duration = param(
         "How long it brakes for a lost input until it fails.", default=2.0, at_least=0.0
     )
@@ -99,15 +96,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._hand = Hand(params.input, entry)
 
     def update(self, tick: Tick) -> Setpoint | Failed:
-        setpoint = self._moved(self._hand.axes(tick), tick)
-        self.waits_for = self._hand.waits_for or None
-        if self._hand.lost > self.params.patience:
-            return Failed(setpoint, f"`{self.params.input}` is lost")
-        return setpoint
-
-    def _moved(self, sticks: tuple[float, ...] | None, tick: Tick) -> Setpoint:
-        """Move the setpoint by a tick and return it. sticks: the four axes, None to brake."""
-        p, dt, before = self.params, tick.dt, self._velocity
+        p, dt, before, sticks = self.params, tick.dt, self._velocity, self._hand.axes(tick)
         x, y, z, turn = sticks or (0.0, 0.0, 0.0, 0.0)
         brakes = sticks is None or (p.by == "signals" and not any(sticks))
         level = self._level(x, y, dt, brakes=brakes)
@@ -123,7 +112,11 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._heading = wrap(self._heading + self._rate * dt)
         acceleration = scale(change, 1.0 / dt) if dt > 0.0 else ZERO
         motion = Motion(self._position, velocity, acceleration)
-        return motion.setpoint(self._heading, self._rate)
+        setpoint = motion.setpoint(self._heading, self._rate)
+        self.waits_for = self._hand.waits_for or None
+        if self._hand.lost > p.patience:
+            return Failed(setpoint, f"`{p.input}` is lost")
+        return setpoint
 
     def _let_feel(
         self, x: float, y: float, z: float, surfaces: Iterable[Surface], tick: Tick
@@ -165,7 +158,9 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         enough to limit the velocity."""
         p, context, position = self.params, self._context, self._position
         if (fence := context.fence) is not None:
-            yield from walls(position, _room(fence, p, context.start[2]))
+            (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
+            floor = max(z0, context.start[2] + p.lowest)
+            yield from walls(position, Box((x0 + m, y0 + m, floor), (x1 - m, y1 - m, z1 - m)))
         keep = context.airframe.arm + p.clearance
         speed = hypot(p.speed, p.climb) + norm(self._velocity)
         for hazard in self._surroundings.near(position, speed, tick, lambda v: keep + reach_of(v)):
@@ -191,9 +186,3 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
 
 def _towards(before: float, wanted: float, most: float) -> float:
     return before + max(-most, min(most, wanted - before))
-
-
-def _room(fence: Box, p: SteerParams, ground: float) -> Box:
-    """Return the box in which the setpoint may be."""
-    (x0, y0, z0), (x1, y1, z1), m = fence.low, fence.high, p.margin
-    return Box((x0 + m, y0 + m, max(z0, ground + p.lowest)), (x1 - m, y1 - m, z1 - m))

@@ -1,4 +1,4 @@
-"""Climb straight up from the ground to a height above it, and be done there.
+"""Take off: climb straight up to a height above the ground.
 
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
 (`kybflow.flight.profiles`) with at most `speed` and `acceleration`. If the vehicle stays more than
@@ -63,7 +63,14 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
         waits = self._progress[0] - climbed > _LEASH
         if not waits:
             self._reach(min(self._time + tick.dt, profile.duration))
-        setpoint = self._setpoint(waits)
+        height, speed, acceleration, jerk = self._progress
+        if waits:
+            speed = acceleration = jerk = 0.0
+        x, y, z = self._ground
+        setpoint = Setpoint(
+            SetpointKind.POSITION, (x, y, z + height), (0.0, 0.0, speed), (0.0, 0.0, acceleration),
+            (0.0, 0.0, jerk), self._heading,
+        )  # fmt: skip
         stays = abs(climbed - self._resting) <= _SETTLED * p.tolerance
         if not stays:
             self._resting = climbed
@@ -77,20 +84,6 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
     def _reach(self, time: float) -> None:
         """Advance the setpoint to this time (s) of the profile."""
         self._time, self._progress = time, self._profile.at(time)
-
-    def _setpoint(self, waits: bool) -> Setpoint:
-        height, speed, acceleration, jerk = self._progress
-        x, y, z = self._ground
-        if waits:
-            speed = acceleration = jerk = 0.0
-        return Setpoint(
-            SetpointKind.POSITION,
-            (x, y, z + height),
-            (0.0, 0.0, speed),
-            (0.0, 0.0, acceleration),
-            (0.0, 0.0, jerk),
-            self._heading,
-        )
 
     @classmethod
     def footprint(cls, params: TakeOffParams, entry: Vec3 | None) -> Footprint | None:

@@ -9,8 +9,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.orders import LONGEST, Answer, Order, named, parse, text
+from kybflow.runtime.commanding.orders import LONGEST, SCHEDULE, Answer, Order, named, parse, text
 from kybflow.runtime.commanding.situation import Situation
 
 OVER = "the run is over"
@@ -86,9 +85,7 @@ class CommandQueue:
     """
 
     def __init__(
-        self,
-        emitted: Iterable[tuple[float, str]] = (),
-        recorded: Iterable[RecordedCommand] = (),
+        self, emitted: Iterable[tuple[float, str]] = (), recorded: Iterable[RecordedCommand] = ()
     ) -> None:
         events = ((round(s * NS), GivenCommand(named(n), SCHEDULE, name=n)) for s, n in emitted)
         again = ((r.heard, GivenCommand(parse(r.command), r.by, r.take)) for r in recorded)

@@ -20,7 +20,6 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 from kybflow.parts.events import ClientsRefusedEvent, CommandGiven, CommandsFailed, LeaseTaken
 from kybflow.parts.observables import is_in
-from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import (
     OVER,
     ClientDisconnected,
@@ -30,12 +29,12 @@ from kybflow.runtime.commanding.command_queue import (
     Question,
     ServerFailure,
 )
-from kybflow.runtime.commanding.lease import Lease
-from kybflow.runtime.commanding.legal import NOT_FLYING, RunView
+from kybflow.runtime.commanding.legal import NOT_FLYING, RunView, check_emitted
 from kybflow.runtime.commanding.orders import (
     PREFIX,
     Answer,
     LandOrder,
+    Lease,
     PauseOrder,
     ReleaseLease,
     ResetOrder,
@@ -46,7 +45,7 @@ from kybflow.runtime.commanding.orders import (
     word,
 )
 from kybflow.runtime.commanding.situation import Situation
-from kybflow.runtime.fleet.action_context import RunControls
+from kybflow.runtime.fleet.callbacks import RunControls
 from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "operator"
@@ -155,7 +154,10 @@ class Commander:
         controls = self._controls
         match given.order:
             case Emit(name):
-                answered(self._emitted(name))
+                check_emitted(self._plan, (name,))
+                waits = name in self._watched.awaited_now()
+                self._events.emit(Custom(name))
+                answered(Answer(True, "" if waits else "nothing waits for it now"))
             case Switch(vehicle, state, written):
                 requests, goal = self._requests(vehicle), self._goal(vehicle, state)
                 values, said = requests.read(goal, written), _as_answer(answered)
@@ -179,12 +181,6 @@ class Commander:
                 _as_answer(answered)(self._requests(vehicle).track(point))
             case order:
                 self._ask_vehicles(order, answered)
-
-    def _emitted(self, name: str) -> Answer:
-        check_emitted(self._plan, (name,))
-        waits = name in self._watched.awaited_now()
-        self._events.emit(Custom(name))
-        return Answer(True, "" if waits else "nothing waits for it now")
 
     def _ask_vehicles(self, order: VehicleOrder, answered: _Answered) -> None:
         """Make a request to each vehicle that the command names. A command to all vehicles is also

@@ -13,6 +13,10 @@
 The command line, the socket and the recording of a run use this spelling. The commands that
 callbacks can give too are values of `kybflow.dsl.plan`. The names in a command are checked when it
 is executed.
+
+The lease is the right to command a run. The first person who gives a command holds the lease until
+they release it or another person takes it. `land`, `pause` and `stop` need no lease, nor do the
+run's scheduled commands.
 """
 
 from __future__ import annotations
@@ -32,34 +36,27 @@ LONGEST = 1000
 """Largest number of characters of a command."""
 
 
-@dataclass(frozen=True, slots=True)
-class PauseOrder:
-    """Hold the named vehicles, or all if none is named, with their behaviors frozen."""
+@dataclass(frozen=True)
+class VehicleOrder:
+    """A command to the named vehicles, or to all if none is named."""
 
     vehicles: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ResumeOrder:
-    """Resume the named vehicles, or all if none is named, after a pause; request control back from
-    a pilot."""
-
-    vehicles: tuple[str, ...] = ()
+class PauseOrder(VehicleOrder):
+    """Hold the vehicles, with their behaviors frozen."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResetOrder:
-    """Take the named vehicles on the ground, or all if none is named, out of `fault`."""
-
-    vehicles: tuple[str, ...] = ()
+class ResumeOrder(VehicleOrder):
+    """Resume the vehicles after a pause; request control back from a pilot."""
 
 
-@dataclass(frozen=True, slots=True)
-class LandOrder:
-    """Land the named vehicles, or all if none is named. They stay on the ground for the rest of the
-    run."""
+class ResetOrder(VehicleOrder):
+    """Take the vehicles that are on the ground out of `fault`."""
 
-    vehicles: tuple[str, ...] = ()
+
+class LandOrder(VehicleOrder):
+    """Land the vehicles. They stay on the ground for the rest of the run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,19 +72,10 @@ class TrackOrder:
     point: PlannedPoint
 
 
-VehicleOrder = PauseOrder | ResumeOrder | ResetOrder | LandOrder
 Order = (
-    Emit
-    | Switch
-    | SetOption
-    | Enable
-    | EnterPhase
-    | Perform
-    | VehicleOrder
-    | Stop
-    | ReleaseLease
+    Emit | Switch | SetOption | Enable | EnterPhase | Perform | VehicleOrder | Stop | ReleaseLease
     | TrackOrder
-)
+)  # fmt: skip
 
 
 class Answer(NamedTuple):
@@ -202,28 +190,18 @@ def _track(rest: list[str]) -> TrackOrder | None:
     names, written = pairs[::2], pairs[1::2]
     if not rest or before or len(set(names)) < len(names) or not {"time", "position"} <= {*names}:
         return None
-    try:
-        values = {name: _numbers(text) for name, text in zip(names, written, strict=True)}
-        return TrackOrder(rest[0], _point(values))
-    except (ValueError, TypeError):
-        return None
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    return tuple(float(number) for number in text.strip().strip("[]").split(","))
-
-
-def _point(values: Mapping[str, tuple[float, ...]]) -> PlannedPoint:
-    """Return the point with these values. Raises TypeError for an unknown name and ValueError for
-    too many or too few numbers."""
     known: dict[str, Any] = {}
-    for name, numbers in values.items():
-        if name in ("time", "heading"):
-            (known[name],) = numbers
-        else:
-            x, y, z = numbers
-            known[name] = (x, y, z)
-    return PlannedPoint(**known)
+    try:
+        for name, value in zip(names, written, strict=True):
+            numbers = [float(number) for number in value.strip().strip("[]").split(",")]
+            if name in ("time", "heading"):
+                (known[name],) = numbers
+            else:
+                x, y, z = numbers
+                known[name] = (x, y, z)
+        return TrackOrder(rest[0], PlannedPoint(**known))
+    except (ValueError, TypeError):  # too few or too many numbers, or an unknown name
+        return None
 
 
 def _written(point: PlannedPoint) -> list[str]:
@@ -257,3 +235,31 @@ _FORMS: Mapping[str, _Form] = {
 }
 WORDS = tuple(_FORMS)
 """The first words of all commands."""
+
+
+SCHEDULE = "command line"
+"""The name of the requester of scheduled commands."""
+_FROM_ANYONE = (LandOrder, PauseOrder, Stop)
+
+
+def is_for_anyone(order: Order) -> bool:
+    """Return whether a command needs no lease, because it makes the flight safer."""
+    return isinstance(order, _FROM_ANYONE)
+
+
+class Lease:
+    """The lease of a run. holder: the name of the person who holds it, or None."""
+
+    def __init__(self) -> None:
+        self.holder: str | None = None
+
+    def objection(self, order: Order, by: str, take: bool) -> str | None:
+        """Return why the person `by` may not give this command now. If they may, give them the
+        lease if the command needs it, and return None. take: whether to take the lease from
+        another."""
+        if by == SCHEDULE or is_for_anyone(order):
+            return None
+        if self.holder not in (None, by) and not take:
+            return f"`{self.holder}` commands this run; take the lease (`--take`) to command it"
+        self.holder = None if isinstance(order, ReleaseLease) else by
+        return None

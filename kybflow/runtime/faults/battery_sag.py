@@ -1,7 +1,7 @@
-"""The battery has less left than it had: charge is missing at once.
+"""The battery suddenly has less charge left, as if a cell had failed.
 
-As with a weak cell. The vehicle reports less, its voltage drops with the charge that is missing,
-and the rotors' thrust with the square of the voltage.
+The vehicle reports the lower charge, its voltage drops accordingly, and the rotors' thrust drops
+with the square of the voltage.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The vehicle's cameras are out of focus: their frames are blurred.
 
-A normally distributed blur, added to that of the lens: the squares of their deviations add up.
+The blur is normally distributed and added to that of the lens: the squares of their standard
+deviations add up.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """No light falls into the vehicle's cameras: their frames are dark.
 
-As in a blackout, or with something stuck to the lens. Frames arrive as ever, with nothing but the
-sensor's noise in them.
+This simulates a blackout, or something that sticks to the lens. Frames still arrive, but show only
+the sensor's noise.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The cameras of the vehicle give the same image over and over, with fresh times.
+"""The vehicle's cameras deliver the same image over and over, with new time stamps.
 
-As when a driver hands out its last buffer again. Each camera keeps the first image that arrives.
+This simulates a driver that delivers its last buffer again. Each camera repeats the first image
+that arrives after the fault has begun.
 """
 
 from __future__ import annotations

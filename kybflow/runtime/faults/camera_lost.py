@@ -1,6 +1,6 @@
-"""The cameras of the vehicle give no frames any more.
+"""The vehicle's cameras deliver no more frames.
 
-Like a loose cable. Other measurements arrive as before.
+This simulates a loose cable. Other measurements still arrive.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The cameras of the vehicle see as from elsewhere: where tags place it jumps.
+"""The vehicle's cameras see from a shifted position, so a position measured from tags jumps.
 
-Their frames are rendered from a position `offset` away from the true one, as if the floor with its
+The frames are rendered from a position `offset` away from the true one, as if the floor with its
 tags had been moved the other way.
 """
 

@@ -1,7 +1,7 @@
-"""The frames of two vehicles are exchanged: each sees from where the other is.
+"""The frames of two vehicles are exchanged: each vehicle receives what the other's cameras see.
 
-As when two radio links are taken for each other. Both keep their own lens, mounting, rate and
-latency: with alike cameras that is the other's image.
+This simulates two radio links that are confused. Each camera keeps its own lens, mounting, rate and
+latency, so the image is exactly the other vehicle's only if the cameras are alike.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Every command takes effect later.
 
-As with a busy computer or a slow radio: the command of a tick reaches the vehicle `by` later. No
-command arrives before the first delayed one, so that a delay longer than the vehicle's watchdog
-brings it down. Commands that are on their way when the fault ends are lost.
+This simulates a busy computer or a slow radio: the command of a tick reaches the vehicle `by`
+later. No command arrives before the first delayed one, so a delay longer than the vehicle's
+watchdog makes the vehicle land. Commands that are on their way when the fault ends are lost.
 """
 
 from __future__ import annotations

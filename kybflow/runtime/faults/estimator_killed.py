@@ -1,7 +1,7 @@
-"""An estimator of the vehicle fails, as if it had raised.
+"""An estimator of the vehicle fails, as if it had raised an exception.
 
 The estimator is not used again for the rest of the run, even after the fault ends. The vehicle
-lands on the next estimator.
+lands with the next estimator.
 """
 
 from __future__ import annotations

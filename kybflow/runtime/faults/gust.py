@@ -1,7 +1,7 @@
-"""A gust blows against the vehicle, on top of whatever wind there is.
+"""A gust blows against the vehicle, in addition to any other wind.
 
-Its speed goes up smoothly within `rise`, stays, and is gone when the fault ends. Wind
-acts on a vehicle in the plane of its rotors, as its drag.
+Its speed rises smoothly within `rise`, stays constant, and is gone when the fault ends. Wind acts
+on a vehicle as drag in the plane of its rotors.
 """
 
 from __future__ import annotations

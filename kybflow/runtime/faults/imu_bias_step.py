@@ -1,7 +1,7 @@
-"""The IMU's bias jumps: its gyroscopes and accelerometers are off by more from now on.
+"""The biases of the IMU's gyroscopes and accelerometers jump.
 
-The step is added to the biases that the sensor already has, along each body axis. The on-board
-controller and every estimator that reads the IMU are affected alike.
+The step is added to the biases that the sensor already has, along each body axis. It affects the
+on-board controller and every estimator that reads the IMU.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The link to the vehicle is cut: messages are lost, in both directions or in one.
 
-Like a vehicle out of range or behind a wall, or a radio that hangs. Lost messages are not sent
-again when the link is back. The vehicle behaves as it does without commands. Measurements that
-don't use the link, such as the poses of motion capture beside an autopilot, still arrive.
+This simulates a vehicle that is out of range or behind a wall, or a radio that hangs. Lost messages
+are not sent again when the link is back. The vehicle behaves as it does without commands.
+Measurements that don't use the link, such as motion capture poses beside an autopilot, still
+arrive.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Motion capture does not see the vehicle: its poses are lost.
 
 Each pose is lost independently with the probability `share`; by default all are lost. Other
-measurements arrive as before.
+measurements still arrive.
 """
 
 from __future__ import annotations

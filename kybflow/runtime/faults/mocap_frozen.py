@@ -1,7 +1,7 @@
-"""Motion capture gives the same pose of the vehicle over and over, with fresh times.
+"""Motion capture delivers the same pose of the vehicle over and over, with new time stamps.
 
-As when a server goes on to send the last pose of a body that it has lost. Other measurements arrive
-as ever.
+This simulates a server that continues to send the last pose of a body that it has lost. Other
+measurements still arrive.
 """
 
 from __future__ import annotations

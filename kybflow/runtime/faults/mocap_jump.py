@@ -1,7 +1,7 @@
-"""Motion capture sees the vehicle elsewhere: its poses are off by a vector from now on.
+"""The positions that motion capture measures of the vehicle are off by a vector.
 
-As when the origin is set anew, or the system takes other markers for the body's. The attitude stays
-right.
+This simulates an origin that is set anew, or markers that are taken for the body's. The attitude
+stays correct.
 """
 
 from __future__ import annotations

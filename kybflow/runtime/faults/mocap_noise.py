@@ -1,4 +1,4 @@
-"""Motion capture sees the vehicle badly: its poses have more noise.
+"""Motion capture measures the vehicle with more noise.
 
 Normally distributed noise is added to that of the simulator: to the position along each world axis,
 and to the attitude about each body axis.

@@ -1,7 +1,7 @@
-"""Motion capture takes two vehicles for each other: each gets the other's poses.
+"""Motion capture confuses two vehicles: each receives the other's poses.
 
-As after a tracking loss between bodies with alike markers. Each keeps its own noise, rate and
-latency.
+This simulates a loss of tracking between bodies with similar markers. Each vehicle keeps its own
+noise, rate and latency.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""What a vehicle publishes to its neighbours is lost; it still receives theirs.
+"""The messages that a vehicle publishes to its neighbours are lost; it still receives theirs.
 
-As when its radio to them hangs. Its own link, its estimate and its behavior go on as ever.
+This simulates a radio between vehicles that hangs. The vehicle's own link, estimate and behavior
+are not affected.
 """
 
 from __future__ import annotations

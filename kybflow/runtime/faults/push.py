@@ -1,7 +1,7 @@
 """A steady force pushes the vehicle, as a tether, a cable or a hand does.
 
-force = acceleration x the body's mass, without what it carries; at the centre of mass, at once and
-in full. An accelerometer measures it, unlike a change of the mass.
+The force is acceleration x the body's mass without its payload. It acts at the centre of mass, at
+once and in full. An accelerometer measures it, unlike a change of the mass.
 """
 
 from __future__ import annotations

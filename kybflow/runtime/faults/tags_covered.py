@@ -1,4 +1,4 @@
-"""Something lies on some of the tags that the vehicle's cameras could see.
+"""Something covers some of the tags that the vehicle's cameras could see.
 
 The covered tags are drawn at random once for the whole run; a larger `share` covers more of them.
 """

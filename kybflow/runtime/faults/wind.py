@@ -1,7 +1,7 @@
-"""A steady wind sets in where the vehicle flies, on top of whatever wind there is.
+"""A steady wind blows against the vehicle, in addition to any other wind.
 
-Its speed goes up smoothly within `rise`, then stays as it is; it is gone when the fault
-ends. Wind acts on a vehicle in the plane of its rotors, as its drag.
+Its speed rises smoothly within `rise`, then stays constant; it is gone when the fault ends. Wind
+acts on a vehicle as drag in the plane of its rotors.
 """
 
 from __future__ import annotations

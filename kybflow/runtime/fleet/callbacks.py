@@ -7,10 +7,11 @@ too. There is only one round a tick, so that a loop of events can't block the fl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from kybflow.core.errors import PartFailed, described
+from kybflow.core.errors import OptionRefused, PartFailed, described
+from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Event, FieldValue, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import (
@@ -21,16 +22,76 @@ from kybflow.dsl.plan import (
     Enable,
     EnterPhase,
     LogText,
-    PartPlan,
     Perform,
     SetOption,
     Stop,
     Switch,
+    Values,
 )
 from kybflow.parts import Action, ActionContext
-from kybflow.parts.events import ActionFailed
+from kybflow.parts.events import AWAITED_EVENTS, ActionFailed, Logged
+from kybflow.runtime.commanding.orders import PREFIX
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.action_context import CallbackContext, RunControls
+from kybflow.runtime.options import Options
+from kybflow.runtime.vehicle.requests import Requester, Requests
+
+BY = "callback"
+"""The name of the requester in events."""
+
+
+class RunControls(NamedTuple):
+    """The parts of a run that callbacks and the operator may use.
+
+    requests: the requests to each vehicle, by its name.
+    phase: phase(flow, phase, requester, mission line) enters a phase; returns why that is refused,
+    or None.
+    stop: stop(reason, mission line) ends the run.
+    """
+
+    requests: Mapping[str, Requests]
+    options: Options
+    events: Events
+    phase: Callable[[str, str, str, str], str | None]
+    stop: Callable[[str, str], None]
+
+
+class CallbackContext:
+    """The `kybflow.parts.ActionContext` of one callback. at: the callback's mission line."""
+
+    def __init__(self, controls: RunControls, at: str) -> None:
+        self._controls, self._at = controls, at
+
+    def switch(self, vehicle: str, state: str, values: Values = ()) -> None:
+        requests = self._controls.requests[vehicle]
+        requests.switch(state, Requester.CALLBACK, self._at, values=values)
+
+    def set(self, option: str, value: Any) -> None:
+        try:
+            self._controls.options.set(option, value, BY, self._at)
+        except OptionRefused:
+            return  # `Options` has published the refusal
+
+    def enable(self, vehicle: str, label: str, on: bool) -> None:
+        self._controls.requests[vehicle].enable(label, on, BY, self._at)
+
+    def emit(self, name: str) -> None:
+        """Emit the event `name`. Raises ValueError for an event of kybflow or of the operator."""
+        if name in AWAITED_EVENTS or name.startswith(PREFIX):
+            raise ValueError(f"an action can't emit `{name}`")
+        self._controls.events.emit(Custom(name), at=self._at)
+
+    def phase(self, flow: str, phase: str) -> None:
+        self._controls.phase(flow, phase, BY, self._at)
+
+    def perform(self, vehicle: str, act: str) -> None:
+        self._controls.requests[vehicle].perform(act, BY, self._at)
+
+    def log(self, text: str) -> None:
+        self._controls.events.emit(Logged(text=text), at=self._at)
+
+    def stop(self, reason: str) -> None:
+        self._controls.stop(reason, self._at)
+
 
 Do = Callable[[Event], None]
 _NO_EVENT = Event(0, "", "", {})
@@ -151,7 +212,10 @@ def _bound(action: ActionPlan, context: ActionContext) -> Do:
         case Stop(reason):
             return lambda _: context.stop(reason)
         case Call(part):
-            made = _made(part)
+            try:
+                made: Action[Any] = part.cls(part.params)
+            except Exception as error:  # a part may raise anything
+                raise PartFailed(part.label, error) from error
             return lambda event: made(event, context)
 
 
@@ -163,14 +227,6 @@ def _of_vehicle(action: Switch | Enable | Perform, context: ActionContext) -> Do
             return lambda _: context.enable(vehicle, label, on)
         case Perform(vehicle, act):
             return lambda _: context.perform(vehicle, act)
-
-
-def _made(part: PartPlan) -> Action[Any]:
-    try:
-        action: Action[Any] = part.cls(part.params)
-    except Exception as error:  # a part may raise anything
-        raise PartFailed(part.label, error) from error
-    return action
 
 
 def filled(text: str, event: Event) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from kybflow.core.errors import OptionRefused, described
 from kybflow.core.events import Custom
@@ -37,32 +37,13 @@ from kybflow.parts.events import (
 )
 from kybflow.parts.observables import is_in
 from kybflow.runtime.events import Events
+from kybflow.runtime.options import Options
 from kybflow.runtime.scores import rounded
-from kybflow.runtime.vehicle.requests import Requester, Requests
+from kybflow.runtime.vehicle.requests import Requester
+from kybflow.runtime.vehicle.vehicle import Vehicle
 
 Conditions = Callable[[Expression], Callable[[], bool]]
 _NOTHING: frozenset[str] = frozenset()
-
-
-class Driven(Protocol):
-    """The part of a vehicle that a flow uses."""
-
-    name: str
-
-    @property
-    def state(self) -> str:
-        """The name of the vehicle's active state."""
-
-    @property
-    def requests(self) -> Requests:
-        """The object that receives requests to the vehicle."""
-
-
-class FlowOptions(Protocol):
-    """The part of the options that a flow uses."""
-
-    def set(self, name: str, value: Any, by: str, at: str = "") -> None:
-        """Request a change. If it is refused, emits `option_refused` and raises OptionRefused."""
 
 
 class PhaseVisit(NamedTuple):
@@ -149,10 +130,10 @@ class Flows:
     def __init__(
         self,
         plan: Plan,
-        vehicles: Sequence[Driven],
+        vehicles: Sequence[Vehicle],
         conditions: Conditions,
         events: Events,
-        options: FlowOptions,
+        options: Options,
     ) -> None:
         self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
         self._events, self._options = events, options
@@ -175,12 +156,19 @@ class Flows:
     def step(self, now: Time, dt: float) -> None:
         """Step every active flow for one tick, or begin the flows in the first one."""
         if not self._begun:
-            self._begin()
+            self._begun = True
+            for flow in self._flows.values():
+                if not (flow.plan.waits or flow.active):
+                    flow.machine.begin()
             return
         for flow in self._flows.values():
             if not flow.active or flow.entered == now:
                 continue  # vehicles learn what a phase asks of them in the next tick
-            self._guarded(flow, now, dt)
+            try:
+                self._step(flow, now, dt)
+            except Exception as error:  # a lab's own link may show anything; only this flow ends
+                self._events.emit(FlowFailed(flow=flow.plan.name, reason=described(error)))
+                flow.machine.end("failed")
 
     def enter(self, flow: str, phase: str, by: str, at: str = "") -> str | None:
         """Enter a phase at the request of a callback or a person. Return why it is refused, which
@@ -200,7 +188,7 @@ class Flows:
         return f"no flow has given `{flow}` a vehicle"
 
     def running(self, flow: str) -> RunningFlow:
-        """Return the flow of this name."""
+        """Return the flow with this name, active or not."""
         return self._flows[flow]
 
     def driven(self, flow: str) -> list[str]:
@@ -237,21 +225,6 @@ class Flows:
         )
         flow = RunningFlow(plan, machine)
         return flow
-
-    def _begin(self) -> None:
-        """Begin every flow that doesn't wait for vehicles and is not active yet."""
-        self._begun = True
-        for flow in self._flows.values():
-            if not (flow.plan.waits or flow.active):
-                flow.machine.begin()
-
-    def _guarded(self, flow: RunningFlow, now: Time, dt: float) -> None:
-        """Step one flow. If it raises, only this flow ends; its vehicles continue what they do."""
-        try:
-            self._step(flow, now, dt)
-        except Exception as error:  # a lab's own link may show anything
-            self._events.emit(FlowFailed(flow=flow.plan.name, reason=described(error)))
-            flow.machine.end("failed")
 
     def _step(self, flow: RunningFlow, now: Time, dt: float) -> None:
         phase = flow.phase

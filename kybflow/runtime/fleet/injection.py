@@ -50,7 +50,10 @@ class Injection:
             over = [fault for fault in self._working if fault.failed or fault.over(now)]
             self._working = [fault for fault in self._working if fault not in over]
             for fault in over:
-                self._mend(fault)
+                _take_away(fault)
+                if not fault.failed:
+                    ended, plan = FaultEnded(fault=fault.plan.part.name), fault.plan
+                    self._events.emit(ended, plan.vehicle, plan.at)
         for waiting in tuple(self._waiting):
             try:
                 if waiting.due(now):
@@ -80,12 +83,6 @@ class Injection:
         name = plan.part.name
         self.failure = f"the fault `{name}` {how}: {described(error)}"
         self._events.emit(FaultFailed(fault=name, reason=self.failure), plan.vehicle, plan.at)
-
-    def _mend(self, fault: _Working) -> None:
-        _take_away(fault)
-        plan = fault.plan
-        if not fault.failed:
-            self._events.emit(FaultEnded(fault=plan.part.name), plan.vehicle, plan.at)
 
 
 def _take_away(fault: _Working) -> None:
@@ -132,7 +129,10 @@ class _Working:
             if self.failed:
                 return measurement
             try:
-                return _measured(change(measurement), measurement)
+                given, kind = change(measurement), type(measurement)
+                if given is not None and type(given) is not kind:
+                    raise TypeError(f"its filter returned {given!r} for a {kind.__name__}")
+                return given
             except Exception as error:  # a lab's own fault may raise anything
                 self._has_failed(error)
                 return measurement
@@ -144,7 +144,10 @@ class _Working:
             if self.failed:
                 return ZERO
             try:
-                return _moving(blow(seconds))
+                x, y, z = wind = blow(seconds)
+                if not isfinite(x + y + z):
+                    raise ValueError(f"its wind is not finite: {wind}")
+                return wind
             except Exception as error:  # a lab's own fault may raise anything
                 self._has_failed(error)
                 return ZERO
@@ -154,22 +157,6 @@ class _Working:
     def _has_failed(self, error: Exception) -> None:
         self.failed = True
         self._fail(self.plan, "failed at work", error)
-
-
-def _measured(given: Measurement | None, taken: Measurement) -> Measurement | None:
-    """Return `given`, the output of a filter for `taken`. Raises TypeError unless it is None or has
-    the type of `taken`."""
-    if given is not None and type(given) is not type(taken):
-        raise TypeError(f"its filter returned {given!r} for a {type(taken).__name__}")
-    return given
-
-
-def _moving(wind: Vec3) -> Vec3:
-    """Return `wind`. Raises ValueError if it is not finite."""
-    x, y, z = wind
-    if not isfinite(x + y + z):
-        raise ValueError(f"its wind is not finite: {wind}")
-    return wind
 
 
 def _due(plan: FaultPlan, conditions: Conditions) -> Callable[[Time], bool]:

@@ -57,7 +57,8 @@ class InputTrouble(NamedTuple):
 
 class Inputs:
     """The input devices of a mission. readings: the reading of each input, by name; None while the
-    input is lost."""
+    input is lost. The mapping itself is given to the vehicles, whose behaviors find it in
+    `Tick.inputs`, and to conditions."""
 
     def __init__(
         self,
@@ -127,16 +128,25 @@ class _Input:
     def step(self, now: Time, flying: bool) -> InputReading | None:
         self._began = now if self._began is None else self._began
         reading, silence = self._read(now)
-        self._record(reading, silence, now)
+        new = _SILENT if reading is None else (reading.axes, reading.held)
+        if new != self._noted and (reading is not None or silence is not None):
+            self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
+            self._noted = new
         trouble = silence or self._unfelt or self._doubt(reading, now)
         self._unfelt = None
         if reading is not None:
             for button in sorted(reading.held - self._held) if flying else ():
                 self._events.emit(Custom(f"{self.plan.name}.{button}"), at=self.plan.at)
             self._held = reading.held
-        self._judge(trouble, now)
-        if flying:
-            self._emit()
+        if trouble is not None:
+            self._well = None
+            self.trouble = (self._reported and self.trouble) or trouble
+        else:
+            self._well = now if self._well is None else self._well
+            if not self._reported or now - self._well >= RECOVERED:
+                self.trouble = None
+        if flying and (self.trouble is not None) != self._reported:
+            self._report()
         return reading if self.trouble is None else None
 
     def apply_force(self, link: FeltLink, push: Vec3 | None) -> None:
@@ -164,21 +174,11 @@ class _Input:
         age, bound = (now - (heard or 0)) / NS, self.plan.silent_after
         if age > bound:
             return None, InputTrouble(f"silent for {age:.2f} s", age, bound)
-        return (None if reading is None else self._named(reading)), None
-
-    def _named(self, reading: InputReading) -> InputReading:
+        if reading is None:
+            return None, None
         names, dead_man = self.plan.button_names, self.plan.dead_man
         held = frozenset(names[button] for button in reading.held if button in names)
-        return reading._replace(held=held, engaged=dead_man is None or dead_man in held)
-
-    def _record(
-        self, reading: InputReading | None, silence: InputTrouble | None, now: Time
-    ) -> None:
-        """Record the reading, or that there is none, if it has changed."""
-        new = _SILENT if reading is None else (reading.axes, reading.held)
-        if new != self._noted and (reading is not None or silence is not None):
-            self._note(self.plan.name, now, reading, "" if silence is None else silence.reason)
-            self._noted = new
+        return reading._replace(held=held, engaged=dead_man is None or dead_man in held), None
 
     def _doubt(self, reading: InputReading | None, now: Time) -> InputTrouble | None:
         """Return why the reading is missing or implausible, or None if it is good."""
@@ -194,23 +194,13 @@ class _Input:
             return InputTrouble(f"its axes are stuck for {still:.2f} s", still, bound)
         return None
 
-    def _judge(self, trouble: InputTrouble | None, now: Time) -> None:
-        if trouble is not None:
-            self._well = None
-            self.trouble = (self._reported and self.trouble) or trouble
-            return
-        self._well = now if self._well is None else self._well
-        if not self._reported or now - self._well >= RECOVERED:
-            self.trouble = None
-
-    def _emit(self) -> None:
-        """Emit an event when the input is lost, and another when it has recovered."""
+    def _report(self) -> None:
+        """Emit an event because the input is lost, or because it has recovered."""
         name, at = self.plan.name, self.plan.at
-        if self.trouble is not None and not self._reported:
+        self._reported = self.trouble is not None
+        if self.trouble is not None:
             reason, *numbers = self.trouble
             value, bound = (n if n is not None and isfinite(n) else None for n in numbers)
             self._events.emit(InputLost(input=name, reason=reason, value=value, bound=bound), at=at)
-            self._reported = True
-        elif self.trouble is None and self._reported:
+        else:
             self._events.emit(InputRecovered(input=name), at=at)
-            self._reported = False

@@ -83,7 +83,15 @@ class _Watched:
         except Exception as error:  # a part may raise anything; then nothing is seen
             self._failure = described(error)
         news = [pose for pose in came if self._is_new(pose, now)]
-        return self._seen() if news else None
+        if not news:
+            return None
+        (began, before), (time, place) = self._track[0], self._track[-1]
+        gone = (time - began) / NS
+        velocity = scale(sub(place, before), 1.0 / gone) if gone > 0.0 else ZERO
+        radius, most = self._ball.radius, self._ball.speed
+        if norm(velocity) > most:
+            velocity = scale(velocity, most / norm(velocity))
+        return SeenObstacle(time, place, velocity, radius, most)
 
     def trouble(self) -> str | None:
         """Return why the obstacle can't be seen, or None if no reason is known."""
@@ -106,15 +114,6 @@ class _Watched:
         while pose.time - self._track[0][0] > _OVER:
             self._track.popleft()
         return True
-
-    def _seen(self) -> SeenObstacle:
-        (began, before), (time, place) = self._track[0], self._track[-1]
-        gone = (time - began) / NS
-        velocity = scale(sub(place, before), 1.0 / gone) if gone > 0.0 else ZERO
-        radius, most = self._ball.radius, self._ball.speed
-        if norm(velocity) > most:
-            velocity = scale(velocity, most / norm(velocity))
-        return SeenObstacle(time, place, velocity, radius, most)
 
 
 def _because(what: str, trouble: str | None) -> str:

@@ -23,13 +23,12 @@ from kybflow.core.signals import (
     kind_name,
 )
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.monitoring.bodies import Bodies, BodyMonitor
 from kybflow.runtime.monitoring.cameras import CameraMonitor
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.resting_bias import RestingBias
 from kybflow.runtime.monitoring.sensing import OpenSensor, Sensing
-from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.estimation import Estimation
 from kybflow.runtime.vehicle.link import LinkIn

@@ -28,14 +28,13 @@ from kybflow.core.signals import (
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Link
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.estimate_history import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.monitoring.tracking_errors import TrackingErrors
-from kybflow.runtime.observer import VehicleObserver
 from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.arming_watch import ArmingWatch

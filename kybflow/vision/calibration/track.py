@@ -1,6 +1,6 @@
 """The poses of a body from motion capture at the times of frames.
 
-The poses come from a table (`kybflow.core.tables`), with one row per pose in order of time:
+The poses come from a table (`kybflow.core.files`), with one row per pose in order of time:
 
     time, x, y, z, qw, qx, qy, qz
     0.00, 1.0, 2.0, 1.1, 1, 0, 0, 0
@@ -22,8 +22,8 @@ import numpy
 from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
+from kybflow.core.files import header_line, need, read_table
 from kybflow.core.geometry import Quat, Vec3, from_euler
-from kybflow.core.tables import header_line, need, read_table
 from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, Dimension
 from kybflow.vision.calibration.model import KnownPoses, rotation_vector
 

@@ -6,8 +6,8 @@ import pytest
 from framing import ARM
 from scripted_autopilot import BOTH, Bench, estimate, mavlink, standing
 
-from kybflow.core.details import details, headline
 from kybflow.core.errors import Refused
+from kybflow.core.text import details, headline
 
 RUN_PREARM_CHECKS = mavlink.MAV_CMD_RUN_PREARM_CHECKS
 

@@ -60,10 +60,7 @@ def test_from_beyond_the_gate_it_refuses() -> None:
 
 
 def test_the_clock_waits_for_a_vehicle_that_is_not_there_or_does_not_rest() -> None:
-    for known in (
-        estimate((0.3, 0.0, 1.0)),
-        estimate(FIRST, (0.2, 0.0, 0.0)),
-    ):
+    for known in (estimate((0.3, 0.0, 1.0)), estimate(FIRST, (0.2, 0.0, 0.0))):
         behavior = FollowTrajectory(params(patience=2.0), entry(FIRST))
         flown = fly(behavior, lambda _, k=known: (k.position, k.velocity))
         assert isinstance(flown.end, Failed)

@@ -93,6 +93,14 @@ class Swarm:
         return max(distance(self.setpoints[n].velocity or ZERO, ZERO) for n in self.flown)
 
 
+def formed(**own: Any) -> Swarm:
+    """A swarm after its first eight seconds, in which its members take their places."""
+    swarm = Swarm(**own)
+    swarm.enter()
+    swarm.fly(8.0)
+    return swarm
+
+
 def pairs(swarm: Swarm, names: str = "abcd") -> list[float]:
     return sorted(distance(swarm.place(a), swarm.place(b)) for a, b in combinations(names, 2))
 
@@ -102,9 +110,7 @@ def middle(swarm: Swarm, names: str = "abcd") -> Vec3:
 
 
 def test_they_take_the_places_of_a_square_and_tell_when_they_are_there() -> None:
-    swarm = Swarm()
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed()
     assert pairs(swarm) == pytest.approx([1.0] * 4 + [2**0.5] * 2, abs=1e-3)
     assert {name for name, _ in swarm.told("formation_settled")} == set("abcd")
 
@@ -118,9 +124,7 @@ def test_they_never_come_close_on_their_way() -> None:
 
 
 def test_the_distances_stay_while_a_hand_moves_and_turns_them() -> None:
-    swarm = Swarm(input="stick")
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick")
     before = middle(swarm)
     for _ in range(40):
         swarm.fly(0.1, x=0.6, y=-0.3, turn=0.5)
@@ -129,9 +133,7 @@ def test_the_distances_stay_while_a_hand_moves_and_turns_them() -> None:
 
 
 def test_no_place_leaves_the_fence_however_it_is_pushed() -> None:
-    swarm = Swarm(input="stick", speed=1.0)
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick", speed=1.0)
     swarm.fly(15.0, x=1.0)
     assert max(swarm.place(name)[0] for name in PLACES) == pytest.approx(3.7, abs=0.05)
     assert pairs(swarm)[0] == pytest.approx(1.0, abs=0.02)
@@ -156,9 +158,7 @@ def test_it_fails_when_a_member_does_not_come() -> None:
 def test_the_others_stop_for_one_that_is_lost_and_go_on_with_it(
     lost: Callable[[Swarm], dict[str, Any]], reason: str
 ) -> None:
-    swarm = Swarm(input="stick")
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick")
     swarm.fly(2.0, x=0.6)
     assert swarm.speed() > 0.25
     trouble = lost(swarm)
@@ -172,9 +172,7 @@ def test_the_others_stop_for_one_that_is_lost_and_go_on_with_it(
 
 
 def test_it_goes_on_once_a_jump_is_over() -> None:
-    swarm = Swarm(input="stick")
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick")
     swarm.off["b"] = (1.0, 0.0, 0.0)
     swarm.fly(1.0, x=0.5)
     swarm.off["b"] = ZERO
@@ -185,9 +183,7 @@ def test_it_goes_on_once_a_jump_is_over() -> None:
 
 
 def test_one_leaves_and_comes_back_into_the_place_that_is_free() -> None:
-    swarm = Swarm()
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed()
     del swarm.flown["d"]
     swarm.fly(0.5)
     assert {(n, f["neighbour"]) for n, f in swarm.told("neighbour_left")} == {
@@ -202,9 +198,7 @@ def test_one_leaves_and_comes_back_into_the_place_that_is_free() -> None:
 
 
 def test_going_over_to_the_same_formation_makes_no_step() -> None:
-    swarm = Swarm(input="stick")
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick")
     swarm.fly(2.0, x=0.8)
     before = {name: swarm.setpoints[name] for name in PLACES}
     swarm.enter()
@@ -217,9 +211,8 @@ def test_going_over_to_the_same_formation_makes_no_step() -> None:
 
 def test_two_runs_are_the_same() -> None:
     def last_places() -> list[Vec3]:
-        swarm = Swarm(input="stick")
-        swarm.enter()
-        swarm.fly(9.0, y=0.2)
+        swarm = formed(input="stick")
+        swarm.fly(1.0, y=0.2)
         return [swarm.place(name) for name in PLACES]
 
     assert last_places() == last_places()
@@ -235,9 +228,7 @@ def test_along_a_path_it_is_done_at_the_last_corner() -> None:
 
 def test_one_that_comes_back_goes_round_those_who_stand_in_its_way() -> None:
     points = ((1.2, 0.0, 0.0), (0.0, 0.0, 0.0), (-1.2, 0.0, 0.0), (0.0, 1.2, 0.0))
-    swarm = Swarm(points=points, center=(0.0, 0.0, 1.0), turned=0.0)
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(points=points, center=(0.0, 0.0, 1.0), turned=0.0)
     [back] = [n for n in PLACES if distance(swarm.place(n), (1.2, 0.0, 1.0)) < 0.05]
     del swarm.flown[back]
     swarm.setpoints[back] = at_rest((-2.4, 0.05, 1.0))
@@ -255,9 +246,7 @@ def test_one_that_comes_back_goes_round_those_who_stand_in_its_way() -> None:
 def test_one_that_comes_back_goes_on_along_the_path_where_the_others_are(
     path_at_once: bool,
 ) -> None:
-    swarm = Swarm(path=((0.5, 0.0, 1.2), (0.5, 2.0, 1.2), (-1.0, 2.0, 1.2)))
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(path=((0.5, 0.0, 1.2), (0.5, 2.0, 1.2), (-1.0, 2.0, 1.2)))
     del swarm.flown["d"]
     swarm.setpoints["d"] = at_rest((2.0, -2.0, 1.2))
     swarm.fly(2.0)
@@ -293,18 +282,14 @@ def test_a_follower_keeps_its_offset_and_fails_when_the_other_stays_silent() -> 
 
 
 def test_whom_nobody_hears_does_not_run_ahead_into_the_others() -> None:
-    swarm = Swarm(input="stick")
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick")
     for _ in range(10):
         swarm.fly(1.0, silent="b", x=1.0, turn=0.5)
         assert pairs(swarm)[0] > 0.7
 
 
 def test_who_comes_back_makes_for_the_corner_that_the_others_make_for() -> None:
-    swarm = Swarm(path=((1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)))
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(path=((1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)))
     del swarm.flown["d"]
     swarm.setpoints["d"] = at_rest(swarm.place("d"))
     swarm.fly(1.0)
@@ -326,9 +311,7 @@ def test_that_it_is_settled_is_told_once_however_long_one_is_silent_on_its_path(
 
 
 def test_one_that_is_held_up_as_far_away_as_stops_the_others_is_lost_once() -> None:
-    swarm = Swarm(input="stick")
-    swarm.enter()
-    swarm.fly(8.0)
+    swarm = formed(input="stick")
     for away in (0.51, 0.49, 0.505, 0.49) * 3:
         swarm.off["b"] = (away, 0.0, 0.0)
         swarm.fly(0.5)

@@ -5,7 +5,7 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from part_bench import DT, entry, estimate, fly, point_mass, tick, worst_mismatch
+from part_bench import DT, Body, entry, estimate, fly, point_mass, tick, worst_mismatch
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind
@@ -14,6 +14,18 @@ from kybflow.runtime.behaviors.land import Land, LandParams
 
 IDLE = Setpoint(SetpointKind.IDLE)
 START = (0.3, 0.4, 1.5)
+
+
+def traced(body: Body) -> tuple[Body, list[float]]:
+    """The body, and the list of its heights."""
+    heights: list[float] = []
+
+    def watched(setpoint: Setpoint | None) -> tuple[Vec3, Vec3]:
+        position, velocity = body(setpoint)
+        heights.append(position[2])
+        return position, velocity
+
+    return watched, heights
 
 
 @settings(max_examples=12)
@@ -35,14 +47,7 @@ def test_it_descends_fast_and_then_slowly() -> None:
 
 
 def test_it_notices_the_ground_soon_and_asks_for_little_more() -> None:
-    body = point_mass(START, ground=0.0)
-    heights: list[float] = []
-
-    def watched(setpoint: Setpoint | None):
-        position, velocity = body(setpoint)
-        heights.append(position[2])
-        return position, velocity
-
+    watched, heights = traced(point_mass(START, ground=0.0))
     flown = fly(Land(LandParams(), entry(START)), watched)
     touched = next(i for i, z in enumerate(heights) if z == 0.0) * DT
     assert flown.duration - touched < 1.5
@@ -60,12 +65,11 @@ def test_a_vehicle_that_is_far_lower_than_its_setpoint_waits_for_nothing() -> No
 
 @pytest.mark.parametrize("noise", [0.05, 0.1])
 def test_it_notices_the_ground_by_a_noisy_height_and_nothing_else(noise: float) -> None:
-    body, chance, wander = point_mass(START, ground=0.0), random.Random(4), [0.0]
-    heights: list[float] = []
+    (body, heights), chance = traced(point_mass(START, ground=0.0)), random.Random(4)
+    wander = [0.0]
 
     def noisy(setpoint: Setpoint | None):
         (x, y, z), velocity = body(setpoint)
-        heights.append(z)
         wander[0] += DT / 0.05 * (chance.gauss(0.0, noise * (2 * 0.05 / DT) ** 0.5) - wander[0])
         return (x, y, z + wander[0]), velocity
 
@@ -89,17 +93,10 @@ def test_one_that_comes_no_lower_fails() -> None:
 
 @pytest.mark.parametrize("push", [1.0, 3.0])
 def test_an_updraught_is_no_ground(push: float) -> None:
-    body = point_mass(START, ground=0.0, push=(0.0, 0.0, push))
-    lowest = [9.9]
-
-    def watched(setpoint: Setpoint | None):
-        position, velocity = body(setpoint)
-        lowest[0] = min(lowest[0], position[2])
-        return position, velocity
-
+    watched, heights = traced(point_mass(START, ground=0.0, push=(0.0, 0.0, push)))
     flown = fly(Land(LandParams(), entry(START)), watched)
     assert flown.end == Done(IDLE)
-    assert lowest[0] == 0.0
+    assert min(heights) == 0.0
 
 
 def test_noise_in_the_height_does_not_hide_the_ground() -> None:
@@ -174,12 +171,10 @@ def test_it_does_not_descend_before_it_is_above_the_point() -> None:
 
 def test_while_it_is_blown_off_the_descent_waits_but_not_for_ever() -> None:
     body = point_mass(START, ground=0.0)
-    off = [ZERO]
 
     def blown(setpoint: Setpoint | None):
         (x, y, z), velocity = body(setpoint)
-        off[0] = (0.3, 0.0, 0.0) if z < 1.0 else ZERO
-        return (x + off[0][0], y, z), velocity
+        return (x + 0.3 if z < 1.0 else x, y, z), velocity
 
     flown = fly(on(patience=3.0), blown)
     assert flown.end == Done(IDLE)

@@ -10,18 +10,16 @@ from plans import part, plan, state, vehicle
 from short_flights import Still, down, hold, named, path, up
 
 from kybflow.core.errors import EventRefused
-from kybflow.core.signals import NS, SetpointKind
+from kybflow.core.signals import NS, Event, SetpointKind
 from kybflow.dsl.plan import CallbackPlan, Emit, LogText, Stop, Switch, TransitionPlan
 from kybflow.parts import AIR
-from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import MOST_WAITING, CommandQueue
 from kybflow.runtime.commanding.commander import Commander
-from kybflow.runtime.commanding.lease import SCHEDULE
-from kybflow.runtime.commanding.legal import RunView
-from kybflow.runtime.commanding.orders import Answer
+from kybflow.runtime.commanding.legal import RunView, check_emitted
+from kybflow.runtime.commanding.orders import SCHEDULE, Answer
 from kybflow.runtime.commanding.situation import Situation
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.action_context import RunControls
+from kybflow.runtime.fleet.callbacks import RunControls
 
 
 def idle(target: str):
@@ -33,8 +31,13 @@ def waiting():
     return vehicle("a", [idle("up"), up("hold"), hold(1.0, "down"), down()])
 
 
-def held(seconds: float = 60.0):
-    return vehicle("a", [up("hold"), hold(seconds, "down"), down()])
+def held(seconds: float = 60.0, name: str = "a", **more):
+    return vehicle(name, [up("hold"), hold(seconds, "down"), down()], **more)
+
+
+def operators(told: list[Event]) -> list[str]:
+    """The operator's events, in order."""
+    return [name for e in told if (name := e.name.removeprefix("operator.")) != e.name]
 
 
 def test_an_event_is_given_at_its_time_and_heard_in_the_next_tick(run):
@@ -49,10 +52,7 @@ def test_an_event_is_given_at_its_time_and_heard_in_the_next_tick(run):
 
 def test_events_are_given_in_the_order_of_their_times(run):
     _, told = run(waiting(), emitted=((3.0, "operator.land"), (0.5, "operator.go")))
-    assert [e.name for e in told if e.name.startswith("operator.")] == [
-        "operator.go",
-        "operator.land",
-    ]
+    assert operators(told) == ["go", "land"]
 
 
 def test_pause_holds_and_resume_goes_on_with_the_same(run):
@@ -71,7 +71,7 @@ def test_land_lands(run):
 
 
 def test_stop_lands_and_ends_a_vehicle_that_waits_on_the_ground_too(run):
-    flying = vehicle("b", [up("hold"), hold(60.0, "down"), down()], start=(1.0, 1.0, 0.0))
+    flying = held(name="b", start=(1.0, 1.0, 0.0))
     flown, told = run(waiting(), flying, emitted=((8.0, "operator.stop"),))
     assert named(told, "run_stopped")[0].fields == {"reason": "stopped by the operator"}
     assert path(told, "a") == ["idle", "landed"]
@@ -159,7 +159,7 @@ def test_options_are_set_from_text_with_a_unit_and_only_tightened_in_flight(run)
 
 
 def test_vehicles_are_commanded_one_by_one_and_the_others_go_on(run):
-    b = vehicle("b", [up("hold"), hold(60.0, "down"), down()], start=(1.0, 1.0, 0.0))
+    b = held(name="b", start=(1.0, 1.0, 0.0))
     found, told, flown = answers(
         run,
         Asked(4.0, "pause b"),
@@ -170,11 +170,7 @@ def test_vehicles_are_commanded_one_by_one_and_the_others_go_on(run):
     )
     assert [e.vehicle for e in named(told, "paused")] == ["b", "a", "b"]
     assert path(told, "b")[-2:] == ["auto_land", "landed"]
-    assert [e.name for e in told if e.name.startswith("operator.")] == [
-        "operator.pause",
-        "operator.reset",
-        "operator.stop",
-    ]
+    assert operators(told) == ["pause", "reset", "stop"]
     assert found[3] == ("reset", False, "a: it is in the air; b: it is in the air")
     assert flown.exit_code == 0, flown.summary["reason"]
 
@@ -228,7 +224,7 @@ def test_a_part_that_raises_is_an_answer_and_no_end_of_the_flight(run):
 
 def test_during_the_preflight_only_stop_is_heard_and_ends_the_run(run):
     people = People(Asked(0.0, "land"), Asked(0.2, "switch a up"), Asked(0.4, "stop"))
-    outside = vehicle("a", [up("hold"), hold(60.0, "down"), down()], start=(5.0, 5.0, 0.0))
+    outside = held(start=(5.0, 5.0, 0.0))
     flown, told = run(outside, servers=(people.serve,), observers=(people.look,))
     assert people.answers == [
         ("land", False, "the preflight is not over"),
@@ -251,6 +247,12 @@ def test_what_waits_when_the_run_ends_is_answered_and_what_comes_later_too():
     assert saw == [None, None]
 
 
+def commander_of(queue: CommandQueue, requests=(), *listeners) -> Commander:
+    """A commander that may stop a run and make these requests."""
+    controls = RunControls(dict(requests), None, Events(listeners), None, lambda reason, at: None)
+    return Commander(RunView(plan(held()), (), None), controls, None, queue)
+
+
 def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
     class Slow:
         def read(self, state, written):
@@ -260,8 +262,7 @@ def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
             self.answer = answered
 
     slow, queue, heard, told = Slow(), CommandQueue(), [], []
-    controls = RunControls({"a": slow}, None, Events((told.append,)), None, None)
-    commander = Commander(RunView(plan(held()), (), None), controls, None, queue)
+    commander = commander_of(queue, {"a": slow}, told.append)
     queue.ask(Switch("a", "hold"), "anna", heard.append)
     commander.step(0)
     assert heard == []
@@ -277,8 +278,7 @@ def test_what_no_vehicle_has_answered_is_answered_at_the_end_and_once():
 
 def test_whoever_asks_from_many_threads_is_answered_once_each():
     queue, heard = CommandQueue(), []
-    controls = RunControls({}, None, Events(), None, lambda reason, at: None)
-    commander = Commander(RunView(plan(held()), (), None), controls, None, queue)
+    commander = commander_of(queue)
 
     def ask_all(name):
         for i in range(200):

@@ -1,4 +1,4 @@
-"""Commands and their one spelling."""
+"""Commands and their one spelling, and who may give them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from kybflow.core.errors import CommandUnreadable
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 from kybflow.runtime.commanding.orders import (
     LONGEST,
+    SCHEDULE,
     LandOrder,
+    Lease,
     PauseOrder,
     ReleaseLease,
     ResetOrder,
@@ -84,3 +86,33 @@ def test_whatever_is_read_is_written_so_that_it_is_read_again(words: str) -> Non
         return
     assert parse(text(order)) == order
     assert len(text(order).splitlines()) <= 1
+
+
+GO = Emit("operator.go")
+
+
+def test_the_first_who_commands_holds_it_and_a_second_is_refused_by_name() -> None:
+    lease = Lease()
+    assert lease.objection(GO, "anna", False) is None
+    refused = "`anna` commands this run; take the lease (`--take`) to command it"
+    assert lease.objection(GO, "ben", False) == refused
+    assert lease.objection(ReleaseLease(), "ben", False) == refused
+    assert lease.objection(GO, "anna", False) is None
+
+
+def test_who_takes_it_has_it_and_who_releases_it_does_not() -> None:
+    lease = Lease()
+    assert lease.objection(GO, "anna", False) is None
+    assert lease.objection(GO, "ben", True) is None
+    assert lease.holder == "ben"
+    assert lease.objection(ReleaseLease(), "ben", False) is None
+    assert lease.holder is None
+
+
+def test_land_pause_and_stop_are_heard_from_anyone_and_take_nothing() -> None:
+    lease = Lease()
+    for order in (LandOrder(), PauseOrder(("a",)), Stop("")):
+        assert lease.objection(order, "ben", True) is None
+        assert lease.holder is None
+    assert lease.objection(GO, SCHEDULE, False) is None
+    assert lease.holder is None

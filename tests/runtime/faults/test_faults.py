@@ -51,6 +51,14 @@ def effect_of(name: str, seed: int = 1, **params) -> Effect:
     return effects_of(name, seed, **params)["a"]
 
 
+def rig_of(*effects: Effect) -> ActiveFaults:
+    """A rig on which these effects have begun."""
+    rig = ActiveFaults("a")
+    for effect in effects:
+        rig.begin(effect, 0)
+    return rig
+
+
 def state(rig: ActiveFaults, now: int = 10 * NS):
     """Everything that a simulator obeys."""
     return (
@@ -95,9 +103,7 @@ def test_a_rig_says_when_it_changed() -> None:
 
 
 def test_overlapping_effects_compose() -> None:
-    rig = ActiveFaults("a")
-    for effect in (effect_of("mass_change", factor=1.1), effect_of("mass_change", added=0.05)):
-        rig.begin(effect, 0)
+    rig = rig_of(effect_of("mass_change", factor=1.1), effect_of("mass_change", added=0.05))
     rig.begin(effect_of("rotor_weak", left=0.8), 0)
     rig.begin(effect_of("rotor_weak", left=0.5, rotor="rear_right"), 0)
     rig.begin(effect_of("clock_late", by=0.02), 0)
@@ -114,21 +120,18 @@ def test_overlapping_effects_compose() -> None:
 
 
 def test_mocap_dropout_loses_poses_and_nothing_else() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("mocap_dropout"), 0)
+    rig = rig_of(effect_of("mocap_dropout"))
     assert [passed(rig, m) for m in (POSE, BATTERY, IMU)] == [None, BATTERY, IMU]
 
 
 def test_mocap_dropout_loses_a_share() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("mocap_dropout", share=0.25), 0)
+    rig = rig_of(effect_of("mocap_dropout", share=0.25))
     kept = sum(passed(rig, POSE) is not None for _ in range(2000))
     assert kept == pytest.approx(1500, abs=60)
 
 
 def test_mocap_noise_shakes_poses_by_its_deviations() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("mocap_noise", position=0.05, attitude=0.02), 0)
+    rig = rig_of(effect_of("mocap_noise", position=0.05, attitude=0.02))
     poses = [passed(rig, POSE) for _ in range(2000)]
     assert statistics.stdev(p.position[1] for p in poses) == pytest.approx(0.05, rel=0.1)
     assert statistics.mean(p.position[1] for p in poses) == pytest.approx(2.0, abs=0.005)
@@ -138,8 +141,7 @@ def test_mocap_noise_shakes_poses_by_its_deviations() -> None:
 
 def test_chance_comes_from_the_generator_that_is_given() -> None:
     def shaken(seed):
-        rig = ActiveFaults("a")
-        rig.begin(effect_of("mocap_noise", seed), 0)
+        rig = rig_of(effect_of("mocap_noise", seed))
         return [passed(rig, POSE) for _ in range(3)]
 
     assert shaken(1) == shaken(1)
@@ -148,39 +150,38 @@ def test_chance_comes_from_the_generator_that_is_given() -> None:
 
 
 def test_mocap_frozen_keeps_the_first_pose_and_gives_it_the_times_of_the_others() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("mocap_frozen"), 0)
+    rig = rig_of(effect_of("mocap_frozen"))
     poses = [Pose(i, (0.1 * i, 0.0, 1.0), LEVEL) for i in range(3)]
     assert [passed(rig, pose) for pose in poses] == [Pose(i, *poses[0][1:]) for i in range(3)]
     assert passed(rig, BATTERY) is BATTERY
 
 
 def test_what_repeats_repeats_the_noise_too() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("mocap_frozen"), 0)
-    rig.begin(effect_of("mocap_noise"), 0)
+    rig = rig_of(
+        effect_of("mocap_frozen"),
+        effect_of("mocap_noise"),
+    )
     first, *later = (passed(rig, POSE._replace(time=i)) for i in range(5))
     assert first.position != POSE.position
     assert {pose.position for pose in later} == {first.position}
 
 
 def test_mocap_jump_moves_poses_by_its_offset() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("mocap_jump"), 0)
-    rig.begin(effect_of("mocap_jump", offset=(0.0, -2.0, 0.5)), 0)
+    rig = rig_of(
+        effect_of("mocap_jump"),
+        effect_of("mocap_jump", offset=(0.0, -2.0, 0.5)),
+    )
     assert passed(rig, POSE) == POSE._replace(position=(2.0, 0.0, 3.5))
     assert passed(rig, IMU) is IMU
 
 
 def test_camera_lost_loses_frames_and_nothing_else() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("camera_lost"), 0)
+    rig = rig_of(effect_of("camera_lost"))
     assert [passed(rig, m) for m in (Frame(0, "down", None), POSE)] == [None, POSE]
 
 
 def test_camera_frozen_keeps_the_first_image_of_each_camera() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("camera_frozen"), 0)
+    rig = rig_of(effect_of("camera_frozen"))
     frames = [Frame(i, "down" if i % 2 else "front", i) for i in range(4)]
     kept = [passed(rig, frame) for frame in frames]
     assert [(f.time, f.image) for f in kept] == [(0, 0), (1, 1), (2, 0), (3, 1)]
@@ -188,26 +189,23 @@ def test_camera_frozen_keeps_the_first_image_of_each_camera() -> None:
 
 
 def test_what_is_wrong_with_cameras_adds_up() -> None:
-    rig = ActiveFaults("a")
-    for name, params in (
-        ("tags_covered", {"share": 0.25}), ("tags_covered", {"share": 0.5}),
-        ("camera_blur", {"pixels": 3.0}), ("camera_blur", {"pixels": 4.0}),
-        ("camera_shifted", {"offset": (0.0, 1.0, 0.0)}), ("camera_shifted", {}),
-    ):  # fmt: skip
-        rig.begin(effect_of(name, **params), 0)
+    rig = rig_of(
+        effect_of("tags_covered", share=0.25),
+        effect_of("tags_covered", share=0.5),
+        effect_of("camera_blur", pixels=3.0),
+        effect_of("camera_blur", pixels=4.0),
+        effect_of("camera_shifted", offset=(0.0, 1.0, 0.0)),
+        effect_of("camera_shifted"),
+    )
     assert rig.camera == Weakness(0.75, 5.0, False, (1.0, 1.0, 0.0))
     rig.begin(effect_of("camera_dark"), 0)
     assert rig.camera.dark
 
 
-def test_camera_swapped_exchanges_two() -> None:
-    effects = effects_of("camera_swapped", other="b")
-    assert {name: effect.view for name, effect in effects.items()} == {"a": "b", "b": "a"}
-
-
-def test_mocap_swap_exchanges_two() -> None:
-    effects = effects_of("mocap_swap", other="b")
-    assert {name: effect.body for name, effect in effects.items()} == {"a": "b", "b": "a"}
+@pytest.mark.parametrize(("name", "what"), [("camera_swapped", "view"), ("mocap_swap", "body")])
+def test_a_swap_exchanges_two(name: str, what: str) -> None:
+    effects = effects_of(name, other="b")
+    assert {vehicle: getattr(e, what) for vehicle, e in effects.items()} == {"a": "b", "b": "a"}
 
 
 @pytest.mark.parametrize(("name", "rise"), [("gust", 0.5), ("wind", 3.0)])
@@ -221,17 +219,17 @@ def test_wind_rises_smoothly_from_when_it_began(name: str, rise: float) -> None:
 
 
 def test_a_gust_may_set_in_at_once() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("gust", velocity=(1.0, 0.0, 0.0), rise=0.0), 0)
+    rig = rig_of(effect_of("gust", velocity=(1.0, 0.0, 0.0), rise=0.0))
     assert rig.wind(0) == (1.0, 0.0, 0.0)
 
 
 def test_what_is_wrong_with_battery_rotor_and_imu() -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("battery_sag", by=0.4), 0)
-    rig.begin(effect_of("rotor_weak", rotor="front_right", left=0.9), 0)
-    rig.begin(effect_of("imu_bias_step", accelerometer=(0.0, 0.0, 0.3)), 0)
-    rig.begin(effect_of("imu_bias_step", gyro=(0.1, 0.0, 0.0)), 0)
+    rig = rig_of(
+        effect_of("battery_sag", by=0.4),
+        effect_of("rotor_weak", rotor="front_right", left=0.9),
+        effect_of("imu_bias_step", accelerometer=(0.0, 0.0, 0.3)),
+        effect_of("imu_bias_step", gyro=(0.1, 0.0, 0.0)),
+    )
     assert rig.sag == 0.4
     assert rig.rotors == (1.0, 1.0, 1.0, 0.9)
     assert (rig.gyro_bias, rig.accelerometer_bias) == ((0.1, 0.0, 0.0), (0.0, 0.0, 0.3))
@@ -242,6 +240,5 @@ def test_what_is_wrong_with_battery_rotor_and_imu() -> None:
     [("both", (True, True)), ("to_vehicle", (False, True)), ("from_vehicle", (True, False))],
 )
 def test_link_cut_cuts_both_ways_or_one(way: str, cut: tuple[bool, bool]) -> None:
-    rig = ActiveFaults("a")
-    rig.begin(effect_of("link_cut", way=way), 0)
+    rig = rig_of(effect_of("link_cut", way=way))
     assert (rig.deaf, rig.mute) == cut

@@ -9,7 +9,7 @@ from plans import state, then, vehicle
 from short_flights import NoParams, Still, down, hold, named, path, up
 
 from kybflow.core.errors import OptionRefused, PartFailed
-from kybflow.core.events import BehaviorEvent, Custom, Emitting
+from kybflow.core.events import BaseEvent, BehaviorEvent, Custom, Emitting
 from kybflow.core.signals import NS, Event, Setpoint, SetpointKind, Tick
 from kybflow.dsl.expressions import InState
 from kybflow.dsl.plan import (
@@ -27,8 +27,7 @@ from kybflow.dsl.plan import (
 from kybflow.parts import AIR, Action, ActionContext, Entry
 from kybflow.parts.events import BehaviorEnded, Collided, Landed, TookOff
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.action_context import RunControls
-from kybflow.runtime.fleet.callbacks import Callbacks, filled
+from kybflow.runtime.fleet.callbacks import Callbacks, RunControls, filled
 from kybflow.runtime.vehicle.requests import Requester
 
 
@@ -81,6 +80,10 @@ class Bench:
         self.callbacks = Callbacks(plans, controls, lambda _: condition)
         self.holds = True
 
+    def hear(self, event: BaseEvent, vehicle: str = "a") -> None:
+        self.events.emit(event, vehicle)
+        self.callbacks.step()
+
     def set(self, name: str, value: object, by: str, at: str = "") -> None:
         self.asked.append(("set", name, value, by, at))
         if self._refuses:
@@ -107,16 +110,14 @@ def call(cls: type[Action], params: object = None) -> Call:
 
 def test_an_event_is_answered_once_by_whom_it_concerns():
     bench = Bench(on("landed", LogText("down")), on("landed", LogText("never"), vehicles=("b",)))
-    bench.events.emit(Landed(), "a")
-    bench.callbacks.step()
+    bench.hear(Landed())
     bench.callbacks.step()
     assert bench.logged() == ["down"]
 
 
 def test_what_a_simulator_alone_knows_is_not_answered():
     bench = Bench(on("collided", LogText("bang")))
-    bench.events.emit(Collided(into="wall"), "a")
-    bench.callbacks.step()
+    bench.hear(Collided(into="wall"))
     assert bench.logged() == []
 
 
@@ -128,8 +129,7 @@ def test_actions_are_done_in_order_and_say_where_they_come_from():
         Stop("enough"),
     )
     bench = Bench(on("landed", *actions))
-    bench.events.emit(Landed(), "a")
-    bench.callbacks.step()
+    bench.hear(Landed())
     assert bench.asked == [
         ("switch", "down", Requester.CALLBACK, "m.yaml:9"),
         ("set", "a.tracker.tilt", 0.1, "callback", "m.yaml:9"),
@@ -140,8 +140,7 @@ def test_actions_are_done_in_order_and_say_where_they_come_from():
 
 def test_an_option_that_is_refused_is_told_by_the_options_alone():
     bench = Bench(on("landed", SetOption("a.tracker.tilt", 9.0), LogText("next")), refuses=True)
-    bench.events.emit(Landed(), "a")
-    bench.callbacks.step()
+    bench.hear(Landed())
     assert bench.logged() == ["next"]
     assert named(bench.told, "action_failed") == []
 
@@ -149,21 +148,18 @@ def test_an_option_that_is_refused_is_told_by_the_options_alone():
 @pytest.mark.parametrize(("how", "answered"), [("done", True), ("next", False)])
 def test_a_filter_compares_a_field(how: str, answered: bool):
     bench = Bench(on("behavior_ended", LogText("over"), fields=(("how", "done"),)))
-    bench.events.emit(BehaviorEnded(behavior="fly", how=how), "a")
-    bench.callbacks.step()
+    bench.hear(BehaviorEnded(behavior="fly", how=how))
     assert bool(bench.logged()) is answered
 
 
 def test_a_condition_must_hold_when_the_event_is_answered():
     bench = Bench(on("landed", LogText("down"), when=InState("a", "down")))
     bench.holds = False
-    bench.events.emit(Landed(), "a")
-    bench.callbacks.step()
+    bench.hear(Landed())
     bench.holds = True
     bench.callbacks.step()
     assert bench.logged() == []
-    bench.events.emit(Landed(), "a")
-    bench.callbacks.step()
+    bench.hear(Landed())
     assert bench.logged() == ["down"]
 
 
@@ -179,23 +175,18 @@ def test_what_is_emitted_is_answered_in_the_next_tick_one_round_a_tick():
 
 def test_an_action_of_a_package_gets_the_event_and_its_parameters():
     bench = Bench(on("landed", call(Note, NoteParams("saw"))))
-    bench.events.emit(Landed(), "a")
-    bench.callbacks.step()
+    bench.hear(Landed())
     assert bench.logged() == ["saw landed of a"]
 
 
 def test_an_action_that_raises_is_told_and_left_out_and_the_others_go_on():
     bench = Bench(on("landed", call(Broken), LogText("still here")))
     for _ in range(2):
-        bench.events.emit(Landed(), "a")
-        bench.callbacks.step()
+        bench.hear(Landed())
     assert bench.logged() == ["still here"] * 2
     [failed] = named(bench.told, "action_failed")
     assert failed.at == "m.yaml:9"
-    assert failed.fields == {
-        "action": "broken",
-        "reason": "ZeroDivisionError: a lab's own bug",
-    }
+    assert failed.fields == {"action": "broken", "reason": "ZeroDivisionError: a lab's own bug"}
 
 
 def test_an_action_that_cannot_be_made_is_known_before_anything_flies():
@@ -206,8 +197,7 @@ def test_an_action_that_cannot_be_made_is_known_before_anything_flies():
 @pytest.mark.parametrize("name", ["landed", "operator.go"])
 def test_an_action_may_not_speak_for_the_engine_or_a_person(name: str):
     bench = Bench(on("took_off", Emit(name)))
-    bench.events.emit(TookOff(), "a")
-    bench.callbacks.step()
+    bench.hear(TookOff())
     assert [e.name for e in bench.told] == ["took_off", "action_failed"]
 
 
@@ -314,11 +304,9 @@ def test_a_behavior_that_emits_what_it_does_not_declare_has_failed(run):
     assert "`hummed` is none of its `own_events`" in str(failed.fields["reason"])
 
 
-def when(*actions, hold: float = 0.0) -> CallbackPlan:
-    """A callback on the condition of the bench."""
-    return CallbackPlan(
-        event="", vehicles=(), actions=actions, when=InState("a", "down"), at="m.yaml:9", hold=hold
-    )
+def when(*actions, state: str = "down", hold: float = 0.0) -> CallbackPlan:
+    """A callback on a condition, which on the bench is that of the bench."""
+    return on("", *actions, vehicles=(), when=InState("a", state), hold=hold)
 
 
 def watched(bench: Bench, *holds: bool) -> int:
@@ -352,14 +340,7 @@ def test_a_condition_that_raises_is_told_once_and_not_answered():
 
 
 def test_a_condition_switches_a_vehicle_in_flight_without_an_event(run):
-    high = CallbackPlan(
-        event="",
-        vehicles=(),
-        actions=(Switch("a", "down"),),
-        when=InState("a", "hold"),
-        hold=1.0,
-        at="m.yaml:9",
-    )
+    high = when(Switch("a", "down"), state="hold", hold=1.0)
     _, told = run(vehicle("a", [up("hold"), hold(60.0, "down"), down()]), callbacks=(high,))
     [asked] = [e for e in named(told, "behavior_ended") if e.fields["how"] == "asked"]
     [began] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "hold"]

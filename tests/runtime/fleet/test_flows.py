@@ -4,6 +4,7 @@ First on vehicles that do at once what they are asked, then in the simulator."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -95,10 +96,11 @@ def phase(
 
 
 def flow(name: str, *phases: PhasePlan, vehicles: str = "", waits: bool = False) -> FlowPlan:
+    """vehicles: those that the phases run, unless they are given or the flow waits for some."""
     members = {p.name: p for p in phases}
-    return FlowPlan(
-        name=name, begin=phases[0].name, vehicles=tuple(vehicles), phases=members, waits=waits
-    )
+    run = () if waits else sorted({vehicle for p in phases for vehicle in p.run})
+    own = tuple(vehicles or run)
+    return FlowPlan(name=name, begin=phases[0].name, vehicles=own, phases=members, waits=waits)
 
 
 class Stage:
@@ -136,17 +138,18 @@ class Stage:
         return [event.name for event in self.told]
 
 
+def staged(*phases: PhasePlan, **more: Any) -> Stage:
+    """A stage with one flow, `team`."""
+    return Stage(flow("team", *phases, **more))
+
+
 BOTH_UP = GroupInState("all", "both", ("a", "b"), "up")
 
 
 def test_a_phase_asks_its_vehicles_and_goes_on_when_all_are_there() -> None:
-    stage = Stage(
-        flow(
-            "team",
-            phase("launch", go("land", when=BOTH_UP), run={"a": "up", "b": "up"}),
-            phase("land", run={"a": "down", "b": "down"}),
-            vehicles="ab",
-        )
+    stage = staged(
+        phase("launch", go("land", when=BOTH_UP), run={"a": "up", "b": "up"}),
+        phase("land", run={"a": "down", "b": "down"}),
     )
     stage.step()
     assert (stage.a.asked, stage.b.asked) == (["up"], ["up"])
@@ -160,14 +163,10 @@ def test_a_phase_asks_its_vehicles_and_goes_on_when_all_are_there() -> None:
 
 
 def test_a_barrier_that_takes_too_long_goes_otherwise() -> None:
-    stage = Stage(
-        flow(
-            "team",
-            phase("launch", go("fly", when=BOTH_UP), limit("land", 1.0), run={"a": "up"}),
-            phase("fly"),
-            phase("land", run={"a": "down"}),
-            vehicles="a",
-        )
+    stage = staged(
+        phase("launch", go("fly", when=BOTH_UP), limit("land", 1.0), run={"a": "up"}),
+        phase("fly"),
+        phase("land", run={"a": "down"}),
     )
     stage.step(11)
     assert stage.phases("team") == ["launch: within", "land"]
@@ -175,7 +174,7 @@ def test_a_barrier_that_takes_too_long_goes_otherwise() -> None:
 
 
 def test_the_last_phase_ends_its_flow_when_its_vehicles_have_left_what_it_asked_for() -> None:
-    stage = Stage(flow("team", phase("land", run={"a": "down"}), vehicles="a"))
+    stage = staged(phase("land", run={"a": "down"}))
     stage.step(3)
     assert not stage.flows.ended
     stage.a.state = "landed"
@@ -185,7 +184,7 @@ def test_the_last_phase_ends_its_flow_when_its_vehicles_have_left_what_it_asked_
 
 
 def test_a_vehicle_in_a_chain_that_was_asked_for_is_still_in_it() -> None:
-    stage = Stage(flow("team", phase("fetch", run={"a": "fetch"}), vehicles="a"))
+    stage = staged(phase("fetch", run={"a": "fetch"}))
     stage.step()
     stage.a.state = "fetch.lift"
     stage.step(2)
@@ -197,14 +196,8 @@ def two() -> tuple[FlowPlan, FlowPlan]:
     return (
         flow(
             "team",
-            phase(
-                "part",
-                go("join", event="solo.finished"),
-                give={"b": "solo"},
-                run={"a": "turn"},
-            ),
+            phase("part", go("join", event="solo.finished"), give={"b": "solo"}, run={"a": "turn"}),
             phase("join", go("end", after=1.0), run={"a": "up", "b": "up"}),
-            vehicles="ab",
         ),
         flow("solo", phase("alone", go("end", after=0.5), run={"b": "away"}), waits=True),
     )
@@ -220,7 +213,7 @@ def test_a_flow_drives_what_it_was_given_and_gives_it_back_when_it_ends(order: i
     stage.step(6)
     assert stage.flows.driver("b") == "team"
     assert stage.b.asked == ["away", "up"]
-    assert [e.fields["flow"] for e in stage.told if e.name == "driver_changed"] == ["solo", "team"]
+    assert [e.fields["flow"] for e in named(stage.told, "driver_changed")] == ["solo", "team"]
 
 
 def test_a_flow_that_waits_begins_with_each_vehicle_that_it_is_given() -> None:
@@ -252,24 +245,19 @@ def test_what_a_flow_asks_of_a_vehicle_that_another_drives_is_refused() -> None:
         "team",
         phase("part", go("grab", after=0.2), give={"b": "solo"}),
         phase("grab", go("end", after=9.0), give={"b": "solo"}, run={"a": "up", "b": "up"}),
-        vehicles="ab",
     )
     stage = Stage(greedy, solo)
     stage.step(5)
     assert stage.b.asked == ["away"]
     assert stage.a.asked == ["up"]
-    [refused] = [e for e in stage.told if e.name == "switch_refused"]
+    [refused] = named(stage.told, "switch_refused")
     assert (refused.vehicle, refused.fields["reason"]) == ("b", "`solo` drives it")
-    [kept] = [e for e in stage.told if e.name == "give_refused"]
+    [kept] = named(stage.told, "give_refused")
     assert kept.fields == {"flow": "team", "to": "solo", "reason": "`solo` drives it"}
 
 
 def test_the_time_of_a_flow_stands_still_while_one_of_its_vehicles_is_paused() -> None:
-    stage = Stage(
-        flow(
-            "team", phase("wait", limit("land", 1.0), run={"a": "up"}), phase("land"), vehicles="a"
-        )
-    )
+    stage = staged(phase("wait", limit("land", 1.0), run={"a": "up"}), phase("land"))
     stage.step(5)
     stage.a.paused = True
     stage.step(50)
@@ -282,7 +270,7 @@ def test_the_time_of_a_flow_stands_still_while_one_of_its_vehicles_is_paused() -
 
 def test_a_turn_passes_when_who_fails_in_it_is_down() -> None:
     over = replace(phase("over", run={"a": "x", "b": "x"}), arrive="in_turns")
-    stage = Stage(flow("team", over, vehicles="ab"))
+    stage = staged(over, vehicles="ab")
     stage.step(3)
     stage.a.state, stage.a.comes_down = "auto_land", True
     stage.step(5)
@@ -294,7 +282,7 @@ def test_a_turn_passes_when_who_fails_in_it_is_down() -> None:
 
 def test_those_who_begin_while_another_is_paused_arrive_together_too() -> None:
     over = replace(phase("over", run={"a": "x", "b": "x"}), arrive="together")
-    stage = Stage(flow("team", over, vehicles="abc"))
+    stage = staged(over, vehicles="abc")
     stage.a.pace, stage.b.pace, stage.c.paused = Pace(4.0, 1.0), Pace(2.0, 2.0), True
     stage.step(3)
     assert stage.a.kept == stage.b.kept == Pace(4.0, 2.0)
@@ -315,14 +303,14 @@ def test_a_person_who_lands_ends_every_flow() -> None:
 
 def test_options_are_set_before_states_are_asked_for_and_a_refusal_stops_nothing() -> None:
     options = (SetOption("a.processors.fence.margin", 0.1), SetOption("a.tracker.gain", 2.0))
-    stage = Stage(flow("team", phase("go", run={"a": "up"}, options=options), vehicles="a"))
+    stage = staged(phase("go", run={"a": "up"}, options=options))
     stage.step()
     assert stage.options.changed == [("a.tracker.gain", 2.0, "flow team")]
     assert stage.a.asked == ["up"]
 
 
 def test_a_phase_can_be_entered_from_outside_and_an_ended_flow_goes_on() -> None:
-    stage = Stage(flow("team", phase("fly"), phase("land", run={"a": "down"}), vehicles="a"))
+    stage = staged(phase("fly"), phase("land", run={"a": "down"}))
     stage.step(2)
     assert stage.flows.ended
     stage.flows.enter("team", "land", "callback")
@@ -355,7 +343,6 @@ def test_a_vehicle_that_waits_for_its_flow_does_not_end_the_run(run) -> None:
         phase("wait", go("launch", after=2.0)),
         phase("launch", go("land", when=UP), limit("land", 20.0), run={"a": "up"}),
         phase("land", run={"a": "down"}),
-        vehicles="a",
     )
     flown, told = run(waiting("a"), flows=(team,))
     assert flown.exit_code == 0
@@ -371,14 +358,10 @@ def test_a_switch_that_the_flight_types_forbid_is_heard_by_the_flow(run) -> None
     team = flow(
         "team",
         phase(
-            "wrong",
-            go("right", event="a.switch_refused"),
-            limit("end", 5.0),
-            run={"a": "still"},
+            "wrong", go("right", event="a.switch_refused"), limit("end", 5.0), run={"a": "still"}
         ),
         phase("right", go("land", when=UP), limit("land", 20.0), run={"a": "up"}),
         phase("land", run={"a": "down"}),
-        vehicles="a",
     )
     flown, told = run(waiting("a"), flows=(team,))
     assert path(told, "a") == ["landed", "up", "hover", "down", "landed"]
@@ -393,14 +376,24 @@ def aloft(*more: PhasePlan, **rest: Any) -> FlowPlan:
     return flow("team", launch, *more, vehicles="a", **rest)
 
 
+def when_begins(name: str, act: Callable[[Any], None]) -> dict[str, tuple[Any]]:
+    """What `run` takes to have `act` done with the vehicle when the phase `name` begins."""
+    engines: list[Any] = []
+
+    def listener(event: Event) -> None:
+        if event.name == "phase_started" and event.fields["phase"] == name:
+            act(engines[0].vehicles[0])
+
+    return {"observers": (engines.append,), "listeners": (listener,)}
+
+
 AT_STILL = {"event": "phase_started", "fields": (("phase", "still"),), "vehicles": ("",)}
 
 
 def test_the_flow_decides_before_a_callback_and_before_the_vehicle_itself(run) -> None:
     """In the tick in which `still` begins, a callback asks to land, and `hover` would land too."""
     team = aloft(
-        phase("still", go("land", after=1.0), run={"a": "still"}),
-        phase("land", run={"a": "down"}),
+        phase("still", go("land", after=1.0), run={"a": "still"}), phase("land", run={"a": "down"})
     )
     callback = CallbackPlan(actions=(Switch("a", "auto_land"),), **AT_STILL)
     _, told = run(waiting("a"), flows=(team,), callbacks=(callback,))
@@ -411,15 +404,8 @@ def test_the_flow_decides_before_a_callback_and_before_the_vehicle_itself(run) -
 
 def test_an_operator_decides_before_the_flow(run) -> None:
     team = aloft(phase("still", go("end", after=1.0), run={"a": "still"}))
-
-    def operator(event: Event) -> None:
-        if event.name == "phase_started" and event.fields["phase"] == "still":
-            engines[0].vehicles[0].requests.switch("down", Requester.OPERATOR)
-
-    engines: list[Any] = []
-    flown, told = run(
-        waiting("a"), flows=(team,), observers=(engines.append,), listeners=(operator,)
-    )
+    operator = when_begins("still", lambda a: a.requests.switch("down", Requester.OPERATOR))
+    flown, told = run(waiting("a"), flows=(team,), **operator)
     assert path(told, "a") == ["landed", "up", "hover", "down", "landed"]
     [refused] = named(told, "switch_refused")
     assert (refused.fields["state"], refused.fields["by"]) == ("still", "flow")
@@ -434,15 +420,8 @@ def test_a_supervisor_decides_before_all_and_its_latch_refuses_the_flow(run) -> 
         phase("again", go("land", after=0.5), run={"a": "still"}),
         phase("land", run={"a": "down"}),
     )
-    engines: list[Any] = []
-
-    def supervisor(event: Event) -> None:
-        if event.name == "phase_started" and event.fields["phase"] == "still":
-            engines[0].vehicles[0].land("a person says so")
-
-    flown, told = run(
-        waiting("a"), flows=(team,), observers=(engines.append,), listeners=(supervisor,)
-    )
+    supervisor = when_begins("still", lambda a: a.land("a person says so"))
+    flown, told = run(waiting("a"), flows=(team,), **supervisor)
     assert path(told, "a") == ["landed", "up", "hover", "auto_land", "fault"]
     assert {e.fields["by"] for e in named(told, "switch_refused")} == {"flow"}
     assert [p["name"] for p in flown.summary["flows"]["team"]["phases"]][:3] == [
@@ -452,8 +431,7 @@ def test_a_supervisor_decides_before_all_and_its_latch_refuses_the_flow(run) -> 
 
 def test_a_callback_enters_a_phase(run) -> None:
     team = aloft(
-        phase("still", go("land", after=30.0), run={"a": "still"}),
-        phase("land", run={"a": "down"}),
+        phase("still", go("land", after=30.0), run={"a": "still"}), phase("land", run={"a": "down"})
     )
     callback = CallbackPlan(actions=(EnterPhase("team", "land"),), **AT_STILL)
     flown, _ = run(waiting("a"), flows=(team,), callbacks=(callback,), time_limit=12.0)
@@ -463,13 +441,8 @@ def test_a_callback_enters_a_phase(run) -> None:
 
 def test_a_run_whose_vehicles_are_all_lost_ends_though_a_flow_waits(run) -> None:
     team = aloft(phase("forever", go("end", event="operator.go"), run={"a": "still"}))
-    engines: list[Any] = []
-
-    def fault(event: Event) -> None:
-        if event.name == "phase_started" and event.fields["phase"] == "forever":
-            engines[0].vehicles[0].land("lost")
-
-    flown, _ = run(waiting("a"), flows=(team,), observers=(engines.append,), listeners=(fault,))
+    fault = when_begins("forever", lambda a: a.land("lost"))
+    flown, _ = run(waiting("a"), flows=(team,), **fault)
     assert flown.summary["sim_time_s"] < 30.0
     assert flown.summary["flows"]["team"]["phases"][-1]["ended"] == "run_ended"
 
@@ -482,7 +455,6 @@ def test_a_pad_that_is_left_and_come_back_to_is_one_flow_of_two_vehicles(run) ->
         phase("launch", go("part", when=both), limit("land", 20.0), run={"a": "up", "b": "up"}),
         phase("part", go("land", event="solo.finished"), give={"a": "solo"}),
         phase("land", run={"a": "down", "b": "down"}),
-        vehicles="ab",
     )
     solo = flow(
         "solo",
@@ -495,18 +467,9 @@ def test_a_pad_that_is_left_and_come_back_to_is_one_flow_of_two_vehicles(run) ->
         flows=(team, solo),
     )  # fmt: skip
     assert flown.exit_code == 0
-    assert path(told, "a") == [
-        "landed",
-        "up",
-        "hover",
-        "down",
-        "landed",
-        "up",
-        "hover",
-        "down",
-        "landed",
-    ]
-    assert path(told, "b") == ["landed", "up", "hover", "down", "landed"]
+    round_trip = ["up", "hover", "down", "landed"]
+    assert path(told, "a") == ["landed", *round_trip, *round_trip]
+    assert path(told, "b") == ["landed", *round_trip]
 
 
 def last(*ways: TransitionPlan) -> PhasePlan:
@@ -515,7 +478,7 @@ def last(*ways: TransitionPlan) -> PhasePlan:
 
 
 def test_a_last_phase_with_a_way_out_of_every_phase_ends_by_itself():
-    stage = Stage(flow("team", last(go("other", event="alarm")), phase("other"), vehicles="a"))
+    stage = staged(last(go("other", event="alarm")), phase("other"), vehicles="a")
     stage.step(3)
     assert not stage.flows.ended
     stage.a.state = "landed"
@@ -526,7 +489,7 @@ def test_a_last_phase_with_a_way_out_of_every_phase_ends_by_itself():
 
 def test_a_last_phase_is_left_by_a_way_out_of_every_phase():
     other = phase("other", go(END, after=60.0), run={"a": "up"})
-    stage = Stage(flow("team", last(go("other", event="alarm")), other, vehicles="a"))
+    stage = staged(last(go("other", event="alarm")), other, vehicles="a")
     stage.step(2)
     stage.events.emit(Custom("alarm"))
     stage.step(2)
@@ -535,9 +498,7 @@ def test_a_last_phase_is_left_by_a_way_out_of_every_phase():
 
 
 def test_a_way_out_of_a_phase_tells_its_event():
-    stage = Stage(
-        flow("team", phase("first", go(END, after=0.2, emit="ready", at="m.yaml:7")), vehicles="a")
-    )
+    stage = staged(phase("first", go(END, after=0.2, emit="ready", at="m.yaml:7")), vehicles="a")
     stage.step(5)
     [told] = named(stage.told, "ready")
     assert (told.vehicle, told.at) == ("", "m.yaml:7")
@@ -563,7 +524,7 @@ def hover() -> PartPlan:
 def in_turns(*ways: TransitionPlan) -> Stage:
     """A phase in which `a` and `b`, which hover, fly `over` in turns."""
     over = replace(phase("over", *ways, run={"a": "over", "b": "over"}), arrive="in_turns")
-    stage = Stage(flow("team", over, phase("next"), vehicles="ab"))
+    stage = staged(over, phase("next"), vehicles="ab")
     stage.a.state = stage.b.state = "hover"
     stage.step()
     return stage

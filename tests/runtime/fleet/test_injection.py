@@ -43,14 +43,8 @@ class Flight:
 
 
 def heavy(time=None, lasts=None, when=None, vehicle="a", at="m.yaml:7") -> FaultPlan:
-    return FaultPlan(
-        part=part("faults", "mass_change", factor=1.2),
-        vehicle=vehicle,
-        time=time,
-        when=when,
-        duration=lasts,
-        at=at,
-    )
+    fault = part("faults", "mass_change", factor=1.2)
+    return FaultPlan(part=fault, vehicle=vehicle, time=time, when=when, duration=lasts, at=at)
 
 
 def condition():
@@ -101,15 +95,8 @@ def test_faults_of_one_tick_come_in_the_order_of_the_mission() -> None:
 
 
 def test_a_swap_breaks_both_and_mends_both() -> None:
-    flight = Flight(
-        FaultPlan(
-            part=part("faults", "mocap_swap", other="b"),
-            vehicle="a",
-            time=1.0,
-            when=None,
-            duration=1.0,
-        )
-    )
+    swap = part("faults", "mocap_swap", other="b")
+    flight = Flight(FaultPlan(part=swap, vehicle="a", time=1.0, duration=1.0))
     flight.tick(1.0)
     assert [rig.body for rig in flight.rigs.values()] == ["b", "a"]
     flight.tick(2.0)

@@ -8,7 +8,7 @@ from typer import Option
 
 from kybflow.cli.arguments import WrongUsage, failing
 from kybflow.cli.output import echo
-from kybflow.core.exit_codes import DRIVER_FAILED
+from kybflow.core.errors import DRIVER_FAILED
 
 
 def command(

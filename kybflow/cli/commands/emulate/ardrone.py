@@ -19,7 +19,7 @@ from kybflow.cli.commands.emulate.serving import (
     served,
 )
 from kybflow.cli.output import echo
-from kybflow.core.exit_codes import DRIVER_FAILED
+from kybflow.core.errors import DRIVER_FAILED
 
 
 def command(

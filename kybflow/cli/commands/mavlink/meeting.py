@@ -11,7 +11,7 @@ from typer import Exit, Option
 
 from kybflow.cli.arguments import refusing
 from kybflow.cli.output import echo
-from kybflow.core.exit_codes import DRIVER_FAILED
+from kybflow.core.errors import DRIVER_FAILED
 
 if TYPE_CHECKING:
     from kybflow.core.signals import Time

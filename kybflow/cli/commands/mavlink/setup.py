@@ -12,7 +12,7 @@ from typer import Exit, Option
 from kybflow.cli.arguments import wrong
 from kybflow.cli.commands.mavlink import meeting
 from kybflow.cli.output import columns, echo, grouped
-from kybflow.core.exit_codes import FAILED
+from kybflow.core.errors import FAILED
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:

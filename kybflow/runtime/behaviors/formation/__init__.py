@@ -1,4 +1,4 @@
-"""Fly in formation: each member keeps its distances to the others by the messages they publish.
+"""Fly in formation: each member keeps its distances to the others, which publish where they are.
 
 The members of the group that run this behavior meet first: each comes to rest and publishes its
 position. When all are there, each computes from the same messages how the shape is laid out and who
@@ -45,36 +45,26 @@ from kybflow.core.units import (
     Speed,
 )
 from kybflow.flight.formation import places, shapes
-from kybflow.flight.formation.frame import (
-    Asked,
-    FrameLimits,
-    MovingFrame,
-    distance_error,
-    moved,
-)
+from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, distance_error, moved
 from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
 from kybflow.flight.formation.ways import WayToPlace
-from kybflow.flight.motion import Motion
+from kybflow.flight.motion import Motion, motion_of
 from kybflow.flight.profiles import STEEPEST, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.runtime.behaviors._hand import was_held
-from kybflow.runtime.behaviors.formation.drives import (
-    AlongPath,
-    BehindLeader,
-    ByHand,
-    Drive,
-    Still,
-)
-from kybflow.runtime.behaviors.formation.meeting import Assigned, Meeting, Rest
+from kybflow.runtime.behaviors.formation.drives import AlongPath, BehindLeader, ByHand, Drive
 from kybflow.runtime.behaviors.formation.members import (
     WAITING,
+    Assigned,
     InFormation,
+    Meeting,
     Members,
     NeighbourJoined,
     NeighbourLeft,
     NeighbourLost,
     NeighbourRecovered,
+    Rest,
     Team,
 )
 from kybflow.runtime.behaviors.formation.room import (
@@ -196,12 +186,14 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def __init__(self, params: FormationParams, entry: Entry) -> None:
         super().__init__(params, entry)
         context = entry.context
-        team = _team(params, context)
+        team = context.groups.get(params.members, (context.vehicle,))
         self._shape = _shape(params, len(team))
         if len(self._shape) < len(team):
             raise Refused(f"it has {len(self._shape)} places for {len(team)} members")
         self._context, self._delay = context, round(params.delay * NS)
-        self._members = Members(team, context.vehicle, _key(params))
+        p = params
+        identity = (p.members, p.shape, p.side, p.points, p.center, p.turned)
+        self._members = Members(team, context.vehicle, zlib.crc32(repr(identity).encode()))
         self._room = FormationRoom(context, team)
         self._meeting = Meeting(
             team, context.vehicle, self._shape, self._room, params.center, params.turned,
@@ -225,7 +217,12 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def update(self, tick: Tick) -> Setpoint | Emitting | Done | Failed:
         p = self.params
         if was_held(self._last, tick):
-            self._wait(_motion_of(tick), self._heading, tick.now)
+            wanted = tick.setpoint
+            if wanted is None or wanted.position is None:
+                motion = Motion(tick.known().position, tick.known().velocity)
+            else:
+                motion = motion_of(wanted)
+            self._wait(motion, self._heading, tick.now)
         self._last = tick.now
         team = self._members.heard(tick, self._delay, p.freshness, p.doubt)
         for event in self._members.changes(team, p.doubt):
@@ -236,9 +233,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if self._is_new:
             self._is_new = False
             self._go_on(team, tick)
-        ahead = None
-        if isinstance(self._drive, BehindLeader):
-            ahead = self._drive.hear(tick, p.delay, p.freshness)
+        ahead = self._drive.hear(tick, p.delay, p.freshness)
         if self._placed is None:
             others, heard = self._members.but_own(team), tick.now - self._delay
             found = self._meeting.assigned(self._rest, others, ahead, heard, p)
@@ -331,7 +326,10 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._move(taken, team, limits, tick)
         wanted = self._frame.motion(motion)
         self._point = wanted.position
-        self._turn_with(own, tick)
+        span = max(own.way.duration, STEEPEST * abs(own.turn) / p.turn_rate)
+        done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
+        left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
+        self._heading = wrap(self._frame.heading + left)
         self._let_feel(team, limits, tick)
         self._judge(own, taken, team, tick)
         self._say(tick, own.place, wanted.position, self._frame)
@@ -372,13 +370,6 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
                 lag = max(lag, distance(theirs, self._point))
         slow = _UNHURRIED * p.doubt
         return max(0.0, min(1.0, (p.doubt - lag) / (p.doubt - slow)))
-
-    def _turn_with(self, own: _Placed, tick: Tick) -> None:
-        """Turn with the frame, and close the initial difference between the two headings."""
-        span = max(own.way.duration, STEEPEST * abs(own.turn) / self.params.turn_rate)
-        done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
-        left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
-        self._heading = wrap(self._frame.heading + left)
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
         """Determine whether the member has settled. Emit `formation_settled` when all have, for the
@@ -460,19 +451,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         )
 
 
-def _team(params: FormationParams, context: VehicleContext) -> tuple[str, ...]:
-    return context.groups.get(params.members, (context.vehicle,))
-
-
 def _shape(params: FormationParams, count: int) -> tuple[Vec3, ...]:
     return params.points or shapes.places_of(params.shape, params.side, count)
-
-
-def _key(params: FormationParams) -> int:
-    """Return a number that is equal for members of the same formation."""
-    p = params
-    what = (p.members, p.shape, p.side, p.points, p.center, p.turned)
-    return zlib.crc32(repr(what).encode())
 
 
 def _drive(params: FormationParams, entry: Entry) -> Drive:
@@ -482,13 +462,4 @@ def _drive(params: FormationParams, entry: Entry) -> Drive:
         return AlongPath(params.path, params.heading)
     if params.leader is not None:
         return BehindLeader(params.leader, params.offset)
-    return Still()
-
-
-def _motion_of(tick: Tick) -> Motion:
-    """Return the motion from which the vehicle continues: that of its setpoint, or else of its
-    estimate."""
-    followed = tick.setpoint
-    if followed is not None and followed.position is not None:
-        return Motion(followed.position, followed.velocity or ZERO)
-    return Motion(tick.known().position, tick.known().velocity)
+    return Drive()

@@ -6,7 +6,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable
 from math import copysign, cos, sin
-from typing import Protocol
 
 from kybflow.core.geometry import Vec3, add, norm, scale, sub, wrap
 from kybflow.core.signals import Tick
@@ -19,8 +18,8 @@ _CORNER = 0.03
 """Distance (m) from a corner of its path at which a frame continues to the next."""
 
 
-class Drive(Protocol):
-    """Determines the motion of a formation's frame.
+class Drive:
+    """Determines the motion of a formation's frame; this base class keeps the frame where it is.
 
     waits_for: what the formation waits for, as a text, empty for nothing.
     trouble: why no motion has been requested for `lost` seconds.
@@ -29,38 +28,26 @@ class Drive(Protocol):
     corner: the index of the corner of the path to which it moves.
     """
 
-    waits_for: str
-    trouble: str
-    lost: float
-    ended: bool
-    path: int
-    corner: int
+    waits_for, trouble, lost, ended, path, corner = "", "", 0.0, False, 0, 0
+
+    def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
+        """Return the frame that a leader determines, or None without one or while it is unknown.
+        Must be called once a tick, before `asked`."""
+        return None
 
     def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
         """Return the requested motion of the frame. Must be called once a tick."""
+        return Asked()
 
     def join(self, others: Iterable[tuple[int, int]]) -> None:
         """Continue along the path where the other members are. others: the `path` and `corner` of
         each of them."""
-        return
-
-
-class Still(Drive):
-    """Keeps the frame where it is."""
-
-    waits_for, trouble, lost, ended, path, corner = "", "", 0.0, False, 0, 0
-
-    def asked(self, tick: Tick, frame: MovingFrame, limits: FrameLimits) -> Asked:
-        return Asked()
 
 
 class ByHand(Drive):
     """Moves the frame by the axes of an input. axes: their last values."""
 
-    ended, path, corner = False, 0, 0
-
     def __init__(self, name: str, entry: Entry, *, in_world: bool) -> None:
-        self.waits_for, self.trouble, self.lost = "", "", 0.0
         self.axes: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
         self._hand, self._in_world, self._name = Hand(name, entry), in_world, name
 
@@ -90,16 +77,12 @@ class ByHand(Drive):
 class AlongPath(Drive):
     """Moves the centre from corner to corner, and turns to a heading."""
 
-    waits_for, trouble, lost = "", "", 0.0
-
     def __init__(self, path: tuple[Vec3, ...], heading: float | None) -> None:
         self._corners, self._heading, self.corner = path, heading, 0
         self.path = zlib.crc32(repr((path, heading)).encode())
-        self.ended = False
 
     def join(self, others: Iterable[tuple[int, int]]) -> None:
-        """Continue to the farthest corner to which others move along the same path. others: the
-        `path` and `corner` of each of them."""
+        """Continue to the farthest corner to which others move along the same path."""
         own = self.corner
         self.corner = max((corner for path, corner in others if path == self.path), default=own)
 
@@ -122,16 +105,11 @@ class BehindLeader(Drive):
     """Moves the centre with another vehicle, the leader, at an offset in the leader's frame, and
     turns the frame with it."""
 
-    waits_for, ended, path, corner = "", False, 0, 0
-
     def __init__(self, name: str, offset: Vec3) -> None:
         self._leader, self._offset = Leader(name), offset
-        self.trouble, self.lost = "", 0.0
         self.leading: Leading | None = None
 
     def hear(self, tick: Tick, delay: float, freshness: float) -> MovingFrame | None:
-        """Return the frame that the leader determines, or None while it is unknown. Must be called
-        once a tick, before `asked`."""
         self.leading = leading = self._leader.heard(tick, delay, freshness)
         self.trouble, self.lost = self._leader.trouble, self._leader.lost
         if leading is None:

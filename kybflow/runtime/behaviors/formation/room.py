@@ -8,7 +8,7 @@ from math import ceil
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, dot, scale, sub
 from kybflow.core.params import param, params
-from kybflow.core.signals import SeenObstacle, Tick, Time
+from kybflow.core.signals import Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
 from kybflow.flight.avoidance.obstacles import Obstacles, grown
@@ -28,11 +28,8 @@ class FormationRoomParams:
 
     margin: Length = param(
         "Kept from the fence by every place.",
-        default=0.3,
-        at_least=0.0,
-        tightens="up",
-        room="across",
-    )
+        default=0.3, at_least=0.0, tightens="up", room="across",
+    )  # fmt: skip
     clearance: Length = param(
         "Kept between hubs and obstacles, and other vehicles, by every place.",
         default=0.3, above=0.0, tightens="up", room="across",
@@ -104,17 +101,12 @@ class FormationRoom:
         """Return the obstacles of the vehicle: static and moving ones, the vehicles that are not
         members, and the members that have `left`. Vehicles are known from their messages."""
         balls = [grown(seen, tick.now) for seen in tick.moving.values()]
-        balls += self._heard(tick, delay, left)
-        return (*self._solids, *(Sphere(seen.position, seen.radius) for seen in balls))
-
-    def _heard(self, tick: Tick, delay: Time, left: Iterable[str]) -> Iterator[SeenObstacle]:
-        """Yield the vehicles that are not members or have `left`, according to their messages."""
         for name in (*self._others, *left):
             news = tick.neighbours.heard(name, tick.now - delay)
             if name != self._context.vehicle and news is not None:
-                seen = self._obstacles.vehicle(name, news.estimate, tick.now)
-                if seen is not None:
-                    yield seen
+                vehicle = self._obstacles.vehicle(name, news.estimate, tick.now)
+                balls += () if vehicle is None else (vehicle,)
+        return (*self._solids, *(Sphere(seen.position, seen.radius) for seen in balls))
 
     def near(
         self,

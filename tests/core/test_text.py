@@ -14,9 +14,9 @@ from kybflow.api.flight import Flown, inspect
 from kybflow.cli.commands import preflight
 from kybflow.cli.commands.preflight import table
 from kybflow.cli.printing.flights import outcome, sentence
-from kybflow.core.details import detailed, details, headline
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event
+from kybflow.core.text import detailed, details, headline
 from kybflow.parts import Link
 from kybflow.recording.outcome import EXIT_CODES
 from kybflow.runtime.preflight import PreflightResult
