@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.files import File
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.expanding.entry_values import values_for
-from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles
+from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles, values_for
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
-from kybflow.dsl.names.option_names import option_values
-from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.language.records import Record
+from kybflow.dsl.names import BUILT_IN, Scopes, end_of, failure_of, option_values
 from kybflow.dsl.plan import (
     ActionKeys,
     ActionPlan,

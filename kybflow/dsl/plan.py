@@ -19,8 +19,7 @@ from kybflow.core.params import FLAT, NAMED, OR_NAME, Field, fields_of, key, rec
 from kybflow.core.units import Angle, Duration, Frequency, Position
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Expression
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.language.types import (
+from kybflow.dsl.language.records import (
     CONDITION,
     EVENT,
     EVENT_FIELD,
@@ -33,6 +32,7 @@ from kybflow.dsl.language.types import (
     TITLE,
     VERSION,
     AnyOf,
+    Record,
     UsesOf,
     part_of,
     record_of,

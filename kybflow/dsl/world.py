@@ -26,7 +26,7 @@ from kybflow.core.units import (
     Speed,
 )
 from kybflow.dsl.calibration_file import read_calibration
-from kybflow.dsl.language.source import Record
+from kybflow.dsl.language.records import Record
 from kybflow.vision.families import FAMILIES
 from kybflow.vision.tag_table import LARGEST, read_tags
 from kybflow.world.cameras import Camera

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from math import inf
 from typing import NamedTuple
 
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Emit, EnterPhase, Stop, Switch
 from kybflow.runtime.commanding.orders import (
     COMMANDS,

@@ -15,7 +15,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.language.source import Source
+from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
 from kybflow.dsl.reading.nodes import (
     Mapping,

@@ -1,4 +1,4 @@
-"""Decode nodes to records. `kybflow.dsl.language.shape` has already checked the shape of the file,
+"""Decode nodes to records. `kybflow.dsl.language.judge` has already checked the shape of the file,
 and imports, `like` and parameters are resolved."""
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from kybflow.core.units import is_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.source import NO_PLACE, Record, Source
-from kybflow.dsl.language.types import (
+from kybflow.dsl.language.records import (
     CONDITION,
     EVENT,
+    NO_PLACE,
     PHASE,
     REQUEST,
     SENSORS,
@@ -34,6 +34,8 @@ from kybflow.dsl.language.types import (
     VERSION,
     AnyOf,
     PartOf,
+    Record,
+    Source,
     UsesOf,
     layout_of,
     part_of,
@@ -349,7 +351,7 @@ _ALONE: dict[ValueType, _Reader] = {
 _READERS: dict[type[ValueType], _Reader] = {
     UsesOf: Decoder._uses, MappingOf: Decoder._mapping, RecordOf: Decoder._nested,
     ListOf: Decoder._list,
-    PartOf: lambda decoder, entry, field: decoder.part(cast(PartOf, field.type), entry.value),
+    PartOf: lambda decoder, entry, field: decoder.part(cast("PartOf", field.type), entry.value),
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
 """The function that decodes a value of each type; `decode_value` decodes all others."""

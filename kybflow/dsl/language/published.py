@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.params import Field, ListOf, Numbers, RecordOf
 from kybflow.core.units import DIMENSIONS
+from kybflow.dsl.language.records import SENSORS, PartOf, layout_of
 from kybflow.dsl.language.schema import (
     BOUNDS,
     KINDS,
@@ -21,8 +22,7 @@ from kybflow.dsl.language.schema import (
     numbers_schema,
     snippets,
 )
-from kybflow.dsl.language.types import SENSORS, PartOf, layout_of
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ActionKeys, CallbackPlan, FlowPlan, PhasePlan, Plan, StatePlan
 from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS
 

@@ -23,7 +23,7 @@ from kybflow.core.params import (
     ValueType,
 )
 from kybflow.core.units import Dimension, article, format_quantity, parse_quantity
-from kybflow.dsl.language.types import (
+from kybflow.dsl.language.records import (
     PHASE,
     REQUEST,
     SCALARS,

@@ -26,7 +26,7 @@ from kybflow.core.params import (
     type_of,
 )
 from kybflow.core.units import article
-from kybflow.dsl.language.types import AnyOf, PartOf
+from kybflow.dsl.language.records import AnyOf, PartOf
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.values import bounds_of, shown_value
 

@@ -17,12 +17,19 @@ from kybflow.core.params import RESERVED, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.exports import Exports, UseMarker, chain_of
-from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
-from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter
+from kybflow.dsl.resolving.parameters import (
+    ParameterTable,
+    Setting,
+    Substitution,
+    declare,
+    known,
+    names_in,
+    unused_parameter,
+)
 
 CODES = {
     "KYB158": "A chain whose transition, or `begin`, names a state that it does not have.",

@@ -18,8 +18,7 @@ from kybflow.dsl.resolving.library_files import (
     read_library,
     shown_path,
 )
-from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
-from kybflow.dsl.resolving.substitution import Substitution, known
+from kybflow.dsl.resolving.parameters import ParameterTable, Setting, Substitution, declare, known
 
 CODES = {
     "KYB122": "Files that import each other in a cycle.",

@@ -13,9 +13,8 @@ from jsonschema import Draft202012Validator
 from toolchain import ROOT
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.language.judge import is_library
+from kybflow.dsl.language.judge import has_shape, is_library
 from kybflow.dsl.language.schema import record_schema
-from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, to_json

@@ -19,8 +19,8 @@ from toolchain import ROOT
 
 import kybflow
 from kybflow.core.params import RESERVED, fields_of
+from kybflow.dsl.language.records import PartOf
 from kybflow.dsl.language.tables import records
-from kybflow.dsl.language.types import PartOf
 
 
 class Key(NamedTuple):
