@@ -142,7 +142,12 @@ def own_vehicles(plan: Plan, flow: FlowPlan) -> tuple[str, ...]:
 
 def with_requests(plan: Plan) -> Plan:
     """Return the plan with the states of each vehicle that callbacks and flows may request."""
-    asked = set(_requests(plan))
+    asked: set[tuple[str, str]] = set()
+    for action in (action for callback in plan.callbacks for action in callback.do):
+        if action.name == "switch" and action.target is not None:
+            asked |= set(_goals(plan, action.target, action.value.state))
+    for phase in (phase for flow in plan.flows for phase in flow.phases.values()):
+        asked.update(goal for who, r in phase.run.items() for goal in _goals(plan, who, r.state))
     if not asked:
         return plan
     first = {
@@ -160,18 +165,6 @@ def with_requests(plan: Plan) -> Plan:
         for vehicle in plan.vehicles
     )
     return plan.but(vehicles=vehicles)
-
-
-def _requests(plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield the vehicle and the state of each request, without unknown names."""
-    for callback in plan.callbacks:
-        for action in callback.do:
-            if action.name == "switch" and action.target is not None:
-                yield from _goals(plan, action.target, action.value.state)
-    for flow in plan.flows:
-        for phase in flow.phases.values():
-            for who, request in phase.run.items():
-                yield from _goals(plan, who, request.state)
 
 
 def _goals(plan: Plan, who: str, state: str) -> Iterator[tuple[str, str]]:

@@ -279,21 +279,18 @@ def _part(entry: MappingEntry, decoder: Decoder) -> PartPlan | None:
 
 def faults_of(node: Node | None, decoder: Decoder) -> tuple[FaultPlan, ...]:
     """Return the faults of `faults:`, without those that have errors."""
-    faults = (_fault(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
-    return tuple(fault for fault in faults if fault is not None)
-
-
-def _fault(node: Mapping, decoder: Decoder) -> FaultPlan | None:
-    at, when, name = node.get("at"), node.get("when"), node.get("inject")
-    if (at is None) is (when is None):
-        both = when is not None
-        what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
-        message = f"{what} has {'both `at` and' if both else 'neither `at` nor'} `when`"
-        span = node.entries["when"].key.span if both else head_of(node)
-        hint = "write one: `at: 20 s` or `when: CONDITION`"
-        decoder.found.report("KYB180", message, span, help=hint)
-    fault: FaultPlan | None = decoder.record(FaultPlan, node, node.span)
-    if fault is None:
-        return None
-    span = fault.part.span
-    return fault.but(at=span.at, source=fault.source._replace(span=span))
+    faults: list[FaultPlan] = []
+    for item in (item for item in items_of(node) if isinstance(item, Mapping)):
+        when, name = item.get("when"), item.get("inject")
+        if (item.get("at") is None) is (when is None):
+            both = when is not None
+            what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
+            message = f"{what} has {'both `at` and' if both else 'neither `at` nor'} `when`"
+            span = item.entries["when"].key.span if both else head_of(item)
+            hint = "write one: `at: 20 s` or `when: CONDITION`"
+            decoder.found.report("KYB180", message, span, help=hint)
+        fault: FaultPlan | None = decoder.record(FaultPlan, item, item.span)
+        if fault is not None:
+            span = fault.part.span
+            faults.append(fault.but(at=span.at, source=fault.source._replace(span=span)))
+    return tuple(faults)

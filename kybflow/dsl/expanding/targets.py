@@ -54,13 +54,13 @@ class Target:
         self._targets = entries_of(root.get("targets"))
         name = target or "sim"
         self.is_written = name in self._targets
-        self._entries = entries_of(self._targets[name].value) if self.is_written else {}
-        self._places = self._decoded(self._entries, decoder)
+        entries = entries_of(self._targets[name].value) if self.is_written else {}
+        self._places = self._decoded(entries, decoder)
         self.name = Text(name, root.entries["mission"].key.span, verbatim=False)
         if self.is_written:
             self.name = self._targets[name].key.as_text
-        elif name != "sim" and name not in (implied := implied_targets(catalog)):
-            known = {*self._targets, *implied, "sim"}
+        elif self._implied() is None:
+            known = {*self._targets, *dict(implied_targets(catalog))}
             message = f"the mission has no target `{name}`"
             place = Span(FILE, 1, 1, 1, len(name) + 1)
             self._found.report("KYB150", message, place, help=did_you_mean(name, known))
@@ -70,12 +70,8 @@ class Target:
         driver that the target's name implies."""
         written = {n: p.driver for n, p in self._places.items() if p.entry("driver") is not None}
         if "all" not in written and not self._vehicles.keys() <= written.keys():
-            name, span = self.name.text, self.name.span
-            implied = {} if name == "sim" else implied_targets(self._decoder.catalog)
-            node: Node | None = Scalar("sim", span) if name == "sim" else None
-            if name in implied:
-                used, values = implied[name]
-                node = _node({"use": used, **values}, span)
+            implied = self._implied()
+            node = None if implied is None else _node(implied, self.name.span)
             if node is not None and (part := self._decoder.part("drivers", node)) is not None:
                 written["all"] = part
         drivers: dict[str, PartPlan] = {}
@@ -87,6 +83,11 @@ class Target:
                 message = f"`{name}` has no driver on the target `{self.name.text}`"
                 self._found.report("KYB151", message, self.name.span)
         return drivers
+
+    def _implied(self) -> dict[str, str] | None:
+        """Return the driver that the target's name implies, with its parameters as text."""
+        targets = implied_targets(self._decoder.catalog)
+        return next((driver for name, driver in targets if name == self.name.text), None)
 
     def _decoded(self, entries: MappingOf[str, MappingEntry], decoder: Decoder) -> dict[str, Place]:
         """Return the entries of a target, for `all` and for each vehicle."""
@@ -180,10 +181,10 @@ class Target:
         return brought
 
 
-def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
-    """Return the targets that every mission has in addition to `sim`, each with its driver and the
-    driver's parameters as text. Imports every driver."""
-    found: dict[str, tuple[str, dict[str, str]]] = {}
+def implied_targets(catalog: Catalog) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield the targets that every mission has, each with its driver and the driver's parameters as
+    text. After `sim`, imports one driver after the other."""
+    yield "sim", {"use": "sim"}
     for name in catalog.names("drivers"):
         try:
             targets = catalog.get("drivers", name).cls.targets
@@ -191,8 +192,7 @@ def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
             continue
         for target, values in targets.items():
             written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}
-            found.setdefault(target, (name, written))
-    return found
+            yield target, {"use": name, **written}
 
 
 def _node(values: dict[str, str], span: Span) -> Mapping:

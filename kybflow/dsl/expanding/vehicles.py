@@ -223,23 +223,19 @@ def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
 def body_of(name: str, head: Span, node: Mapping, decoder: Decoder) -> Body | None:
     """Return an airframe with its cameras, without the cameras that have errors; None if the
     airframe itself has errors."""
-    cameras = [_camera(e, decoder) for e in entries_of(node.get("cameras")).values()]
-    kept = tuple(camera for camera in cameras if camera is not None)
-    body: Body = decoder.record(Body, node, head, name=name, cameras=kept)
+    cameras: list[CameraPlan] = []
+    for key, entry in entries_of(node.get("cameras")).items():
+        if not isinstance(entry.value, Mapping):
+            continue
+        written = _with_nearest_lens(entry.value)
+        use: CameraPlan | None = decoder.record(CameraPlan, written, entry.key.span, name=key)
+        lens = None if use is None else _lens(use, decoder.found)
+        if use is not None and lens is not None:
+            attitude = multiply(from_euler(use.roll, use.pitch, use.yaw), FACING[use.facing])
+            made = Camera(key, lens, use.at, attitude, use.rate, use.row_time)
+            cameras.append(use.but(camera=made))
+    body: Body = decoder.record(Body, node, head, name=name, cameras=tuple(cameras))
     return body if body.airframe else None
-
-
-def _camera(entry: MappingEntry, decoder: Decoder) -> CameraPlan | None:
-    if not isinstance(entry.value, Mapping):
-        return None
-    name, body = entry.key, _with_nearest_lens(entry.value)
-    camera: CameraPlan | None = decoder.record(CameraPlan, body, name.span, name=name.text)
-    lens = None if camera is None else _lens(camera, decoder.found)
-    if camera is None or lens is None:
-        return None
-    attitude = multiply(from_euler(camera.roll, camera.pitch, camera.yaw), FACING[camera.facing])
-    made = Camera(name.text, lens, camera.at, attitude, camera.rate, camera.row_time)
-    return camera.but(camera=made)
 
 
 def _with_nearest_lens(body: Mapping) -> Mapping:

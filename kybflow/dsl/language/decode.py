@@ -55,7 +55,7 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.reading.values import decode_value, example_of
 
 if TYPE_CHECKING:
-    from kybflow.parts.catalog import Catalog, PartSpec
+    from kybflow.parts.catalog import Catalog
 
 CODES = {
     "KYB107": "A parameter that the part doesn't have.",
@@ -203,14 +203,6 @@ class Decoder:
     ) -> PartPlan | None:
         """Return the part called `name` with its parameters in `body`, or None if either has
         errors."""
-        spec = self._spec(kind, name)
-        params = spec and self.parameters(spec.params, body, spec.name, name.span, beside)
-        if spec is None or params is None:
-            return None
-        source = Source(name.span, body)
-        return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
-
-    def _spec(self, kind: str, name: Scalar) -> PartSpec | None:
         if name.text not in self.catalog.names(kind):
             more = self._chains if kind == "behaviors" else ()
             chain = f"chain.{name.text}"
@@ -221,12 +213,17 @@ class Decoder:
             self.found.report("KYB140", message, name.span, help=hint)
             return None
         try:
-            return self.catalog.get(kind, name.text)
+            spec = self.catalog.get(kind, name.text)
         except (KybflowError, ImportError) as error:
             message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
             hint = "mend or update the package that offers it"
             self.found.report("KYB141", message, name.span, help=hint)
             return None
+        params = self.parameters(spec.params, body, spec.name, name.span, beside)
+        if params is None:
+            return None
+        source = Source(name.span, body)
+        return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
 
     def misplaced(self, node: Node, key: str) -> bool:
         """Report KYB103 and return True if `node` is a point where a name is needed. A parameter or
@@ -317,24 +314,21 @@ class Decoder:
             if use is None:
                 continue
             part: PartPlan = getattr(use, "part", use)
-            if part.alias in parts:
-                self._twice(parts[part.alias], part, entry.value.span)
-            else:
+            first = parts.get(part.alias)
+            if first is None:
                 parts[part.alias] = part
                 uses.append(use)
+                continue
+            # if a stack brings one of the two, report the one that is written in this list
+            is_first, is_second = (use.span.is_in(entry.value.span) for use in (first, part))
+            own, other = (first, part) if is_first and not is_second else (part, first)
+            note, hint = f"the stack has it at {other.span.at}", "leave out yours: the stack has it"
+            if is_first == is_second:
+                note = f"first at {first.span.at}"
+                hint = "give one of them a name of its own with `as: NAME`"
+            message = f"`{part.alias}` is in this list twice"
+            self.found.report("KYB142", message, own.span, notes=(note,), help=hint)
         return tuple(uses)
-
-    def _twice(self, first: PartPlan, second: PartPlan, written: Span) -> None:
-        """Report KYB142 for two parts of the same name in the list `written`. If exactly one of
-        them is written in that list and the other comes from a stack, report at the former."""
-        is_first, is_second = (use.span.is_in(written) for use in (first, second))
-        own, other = (first, second) if is_first and not is_second else (second, first)
-        note, hint = f"the stack has it at {other.span.at}", "leave out yours: the stack has it"
-        if is_first == is_second:
-            note = f"first at {first.span.at}"
-            hint = "give one of them a name of its own with `as: NAME`"
-        message = f"`{second.alias}` is in this list twice"
-        self.found.report("KYB142", message, own.span, notes=(note,), help=hint)
 
 
 _Reader = Callable[[Decoder, MappingEntry, Field], Any]

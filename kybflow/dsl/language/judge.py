@@ -46,6 +46,7 @@ from kybflow.dsl.language.records import (
 from kybflow.dsl.language.schema import (
     BOUNDS,
     KINDS,
+    NAMED,
     NAMES,
     PARAMETER,
     PLACE,
@@ -106,7 +107,13 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
         return []
     found: list[Diagnostic] = []
     for error in _validator(kind).iter_errors(to_json(root)):
-        node, name = _locate(root, error.absolute_path)
+        node, name = root, ""
+        for step in error.absolute_path:
+            if isinstance(node, Mapping):
+                node, name = node.entries[str(step)].value, str(step)
+            elif isinstance(node, Sequence):
+                name = name if name.endswith("]") else f"{name}[{step}]"
+                node = node.items[int(step)]
         schema = error.schema if isinstance(error.schema, dict) else {}
         keyword, wanted = str(error.validator), error.validator_value
         fault = SchemaViolation(keyword, wanted, error.instance, schema, node, name)
@@ -155,12 +162,6 @@ def _is_text(node: Node, *_: Any) -> TypeGuard[Scalar]:
 
 def _is_parameter(node: Node) -> bool:
     return isinstance(node, Scalar) and PARAMETER.match(node.text) is not None
-
-
-def _is_title(node: Node, *_: Any) -> bool:
-    if not _is_text(node):
-        return False
-    return len(node.text) <= TITLE_LENGTH and NAMES["name"].match(node.text) is not None
 
 
 def _is_phase(node: Node, *_: Any) -> bool:
@@ -245,7 +246,10 @@ def _is_whole(node: Node, _: Any, field: Field) -> bool:
 _Judge = Callable[[Node, Any, Field], bool]
 _ALONE: dict[ValueType, _Judge] = {
     TEXT: _is_text, CONDITION: _is_text, EVENT: _is_text, STATE: _is_text, FILE: _is_text,
-    FILE_PATH: _is_text, TITLE: _is_title, PHASE: _is_phase, SENSORS: _is_sensors,
+    FILE_PATH: _is_text,
+    TITLE: lambda node, *_: _is_text(node) and len(node.text) <= TITLE_LENGTH
+    and NAMES["name"].match(node.text) is not None,
+    PHASE: _is_phase, SENSORS: _is_sensors,
     VERSION: lambda node, *_: (value := to_json(node)) == 1 and not isinstance(value, bool),
     REQUEST: lambda node, *_: bool(entries_of(node)) or _is_text(node),
     INTEGER: _is_whole,
@@ -282,17 +286,6 @@ def _validator(kind: Any) -> Validator:
     from jsonschema import Draft202012Validator  # slower to import than the rest of `dsl`
 
     return Draft202012Validator(record_schema(kind))
-
-
-def _locate(root: Node, path: Any) -> tuple[Node, str]:
-    """Return the node at `path`, and what an author calls it."""
-    node, name = root, ""
-    for step in path:
-        if isinstance(node, Mapping):
-            node, name = node.entries[step].value, step
-        elif isinstance(node, Sequence):
-            node, name = node.items[step], name if name.endswith("]") else f"{name}[{step}]"
-    return node, name
 
 
 def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -345,14 +338,10 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     most, name = fault.schema.get("maxLength"), str(fault.instance)
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
-        hint = "a name may contain letters, digits and `_`, and must not begin with a digit"
-        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
+        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=NAMED)
     elif most is not None:
         message = f"`{repr(name[:most])[1:-1]}` can't be the name of a {fault.name}"
-        hint = (
-            "a name may contain letters, digits and `_`, must not begin with a digit, and may have"
-            f" at most {most} characters"
-        )
+        hint = f"{NAMED.replace(', and', ',')}, and may have at most {most} characters"
         yield Diagnostic("KYB110", message, fault.node.span, help=hint)
     else:
         yield from _explain_value(fault)
@@ -380,7 +369,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
         "KYB103",
         f"{place} must be {wanted}, but this is {describe(node)}{shown}",
         node.span,
-        help=_way_out(fault, types) or _reshaped(node, types, name.rpartition("[")[0] or name),
+        help=_way_out(fault, types),
     )
 
 
@@ -388,6 +377,7 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
     """Return the hint how to write a value of one of `types`, or an empty string if none is
     known."""
     node, name, schema = fault.node, fault.name, fault.schema
+    own = name.rpartition("[")[0] or name
     if name in CONDITIONS:
         return "write a condition, like `state.altitude > 1 m`"
     if name == "log" and isinstance(node, Mapping):
@@ -400,23 +390,21 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
         if list(dict.fromkeys(types)) == ["string"]:
             return f'write "{node.text[:60]}" in quotes if you mean the text'
     if schema.get("examples") and fault.keyword == "type":
-        own = name.rpartition("[")[0] or name
         if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
             return f"write `{own}: {{type: {node.text}}}`"
         return f"write it like `{own}: {_flow(schema['examples'][0])}`"
-    return ""
+    return _reshaped(node, types, own)
 
 
 def _reshaped(node: Node, types: list[str], name: str) -> str:
     """Return the hint how to write a mapping where a list is written, or a list where a mapping or
     a text is written; empty if neither applies."""
-    if types == ["object"] and isinstance(node, Sequence):
-        return f"write it in braces: `{name}: {{...}}`" if name else ""
-    if types == ["array"] and isinstance(node, Mapping):
-        return f"write it in brackets: `{name}: [{{...}}]`" if name else ""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
         return "write it as a list: each on a line of its own, behind `- `"
-    return ""
+    if name and types == ["object"] and isinstance(node, Sequence):
+        return f"write it in braces: `{name}: {{...}}`"
+    is_mapping = name and types == ["array"] and isinstance(node, Mapping)
+    return f"write it in brackets: `{name}: [{{...}}]`" if is_mapping else ""
 
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:

@@ -250,7 +250,16 @@ class Substitution:
         if isinstance(node, Scalar):
             if "$" not in node.text:
                 return node
-            return self._between(node) if expression else self._scalar(node)
+            if expression:
+                return self._between(node)
+            whole = _WHOLE.match(node.text)
+            declared = self._lookup(whole[1], node) if whole else None
+            if declared is None:
+                return node
+            written = declared.node.span
+            is_set = written.is_set if written.given else declared.is_set
+            span = node.span._replace(given=written.given or written, is_set=is_set)
+            return _placed(declared.node, span, node.text[1:])
         if isinstance(node, Sequence):
             items = tuple([self.apply(item, expression) for item in node.items])
             if all(a is b for a, b in zip(items, node.items, strict=True)):
@@ -265,16 +274,6 @@ class Substitution:
             if value is not entry.value:
                 changed[key] = entry._replace(value=value)
         return Mapping({**node.entries, **changed}, node.span) if changed else node
-
-    def _scalar(self, node: Scalar) -> Node:
-        whole = _WHOLE.match(node.text)
-        declared = self._lookup(whole[1], node) if whole else None
-        if declared is None:
-            return node
-        written = declared.node.span
-        is_set = written.is_set if written.given else declared.is_set
-        span = node.span._replace(given=written.given or written, is_set=is_set)
-        return _placed(declared.node, span, node.text[1:])
 
     def _between(self, node: Scalar) -> Scalar:
         """Return a condition with the value of every `$name`; it keeps its text as written."""
