@@ -64,14 +64,9 @@ def unknown_vehicle(
     """Return the finding about the characters `start` to `end` of `name`, which are not a vehicle
     or group."""
     stop = len(name.text) if end is None else end
-    word = name.text[start:stop]
-    return Diagnostic(
-        code,
-        f"there is no vehicle `{word}`",
-        name.part(start, stop),
-        label="unknown",
-        help=did_you_mean(word, (*plan.fleet, *plan.groups)),
-    )
+    word, place = name.text[start:stop], name.part(start, stop)
+    hint = did_you_mean(word, (*plan.fleet, *plan.groups))
+    return Diagnostic(code, f"there is no vehicle `{word}`", place, label="unknown", help=hint)
 
 
 def no_vehicle(code: str, name: str, span: Span, plan: Plan) -> Diagnostic:

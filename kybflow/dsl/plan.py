@@ -420,7 +420,7 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText
 
 @record("action", least=1, others=AnyOf("value", kinds=("object", *SCALARS, "array")))
 class ActionKeys(Record):
-    """What to do: one action.
+    """One action of a callback.
 
     name: the one key that is written. target, value: what the key contains; with `switch`, `set`
     and `perform`, each target is a separate action. part: the action of a package.
@@ -553,7 +553,7 @@ class InputPlan(Record):
 
 @record("fault", is_whole=True)
 class FaultPlan(Record):
-    """One thing that breaks on one vehicle: `at` a time, or `when`.
+    """A fault of one vehicle, which begins `at` a time or `when` a condition first holds.
 
     part: the fault. It begins at `time` seconds of the run, or when `when` first holds, and lasts
     for `duration` seconds, or until the end of the run if that is None.
@@ -582,7 +582,7 @@ Arrive = Literal["together", "in_turns"]
 
 @record("phase")
 class PhasePlan(Record):
-    """What begins together, and what it goes on by. One without a way out is the last.
+    """A step of a flow: what begins together, and the ways out. A phase without any is the last.
 
     On entry a phase gives vehicles to other flows, sets options and requests states of vehicles.
     transitions: evaluated as in a state: `next` from the top, then `within`; the target `end` ends

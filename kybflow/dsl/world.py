@@ -15,16 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.params import NAMED, key, record
-from kybflow.core.units import (
-    NUMBER,
-    Angle,
-    Duration,
-    Frequency,
-    Length,
-    Path,
-    Position,
-    Speed,
-)
+from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Path, Position, Speed
 from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.language.records import Record
 from kybflow.vision.families import FAMILIES
@@ -122,10 +113,7 @@ class MovingSphereParams(Record):
     along: Path = key("Its path through these points, where it is simulated.")
     radius: Length = key("Its radius.", above=0.0)
     speed: Speed = key("Its greatest speed.", above=0.0, at_most=2.0)
-    body: str | None = key(
-        "Its name in motion capture, the obstacle's by default.",
-        default=None,
-    )
+    body: str | None = key("Its name in motion capture, the obstacle's by default.", default=None)
 
 
 @record("point_cloud", missing="KYB108")
@@ -146,8 +134,7 @@ class PointCloudParams(Record):
         "Rotation of the scan about the vertical, counter-clockwise from above.", default=0.0
     )
     above: Length | None = key(
-        "Leaves out points at or below this height, world frame, such as the floor.",
-        default=None,
+        "Leaves out points at or below this height, world frame, such as the floor.", default=None
     )
 
 

@@ -166,7 +166,7 @@ class Target:
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
         """Return the sensors that the driver adds for estimators that lack measurements. Their
         source location is the first such estimator."""
-        given, driver = _provided(vehicle.driver, own), vehicle.driver
+        given, driver = provided(vehicle.but(sensors=tuple(own))), vehicle.driver
         shows = driver.cls.shows(driver.params)
         parts = [use.part for use in vehicle.estimators]
         lacking = [(p, kinds) for p in parts if (kinds := p.cls.uses(p.params) - given)]
@@ -225,11 +225,7 @@ def _estimators(vehicle: Node) -> Iterator[str]:
 
 def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
     """Return the kinds of measurement that the vehicle's driver and sensors provide."""
-    return _provided(vehicle.driver, vehicle.sensors)
-
-
-def _provided(driver: PartPlan, sensors: Iterable[SensorPlan]) -> frozenset[MeasurementKind]:
-    sources = (driver, *(use.part for use in sensors))
+    sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
     return frozenset(kind for part in sources for kind in part.cls.provides)
 
 

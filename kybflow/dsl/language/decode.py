@@ -7,16 +7,7 @@ from collections.abc import Callable, Collection, Container, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 from kybflow.core.errors import KybflowError
-from kybflow.core.params import (
-    TEXT,
-    Choice,
-    Field,
-    ListOf,
-    MappingOf,
-    Numbers,
-    RecordOf,
-    ValueType,
-)
+from kybflow.core.params import TEXT, Choice, Field, ListOf, MappingOf, Numbers, RecordOf, ValueType
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import is_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
@@ -129,12 +120,7 @@ class Decoder:
         return given
 
     def parameters(
-        self,
-        cls: Any,
-        body: Mapping,
-        part: str,
-        head: Span,
-        beside: Collection[str] = (),
+        self, cls: Any, body: Mapping, part: str, head: Span, beside: Collection[str] = ()
     ) -> Any:
         """Return the parameters of `part` in `body` as `cls`, or None if they have errors, which
         are reported.

@@ -14,14 +14,7 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.params import Field, ListOf, Numbers, RecordOf
 from kybflow.core.units import DIMENSIONS
 from kybflow.dsl.language.records import SENSORS, PartOf, layout_of
-from kybflow.dsl.language.schema import (
-    BOUNDS,
-    KINDS,
-    Schema,
-    Schemas,
-    numbers_schema,
-    snippets,
-)
+from kybflow.dsl.language.schema import BOUNDS, KINDS, Schema, Schemas, numbers_schema, snippets
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ActionKeys, CallbackPlan, FlowPlan, PhasePlan, Plan, StatePlan
 from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS

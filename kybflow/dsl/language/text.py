@@ -7,15 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from kybflow.core.params import (
-    Field,
-    ListOf,
-    MappingOf,
-    Numbers,
-    RecordOf,
-    ValueType,
-    fields_of,
-)
+from kybflow.core.params import Field, ListOf, MappingOf, Numbers, RecordOf, ValueType, fields_of
 from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, RATIO, Dimension, parse_quantity
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.expressions.tree import Unparsed

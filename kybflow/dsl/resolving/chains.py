@@ -181,8 +181,8 @@ class Chains:
         return states
 
     def _parameters(self, use: ChainExpansion, exports: Exports, chain: Mapping) -> ParameterTable:
-        """Return the chain's own parameters with the values that its use gives them, and those of
-        its file."""
+        """Return the parameters visible in the chain: its own, with the values given where it is
+        used, and those declared in its file."""
         own = Findings()
         section = chain.get("parameters")
         if section is not None:

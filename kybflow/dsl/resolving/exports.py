@@ -304,8 +304,8 @@ def _has_null(value: Mapping) -> bool:
 
 
 class UseMarker:
-    """Copies nodes whose spans record the locations where `like` or a chain uses them. What an
-    alias shares stays shared."""
+    """Copies nodes so that their spans record the locations where `like` or a chain uses them. A
+    node that aliases share is copied once."""
 
     def __init__(self) -> None:
         self._done: dict[tuple[int, Places], tuple[Node, Node]] = {}
