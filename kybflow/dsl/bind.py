@@ -65,7 +65,11 @@ def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved
         ),
         sources=(*sources, *attachments_of(plan)),
         resolved=resolved,
-        watching=dict(_watching(plan)),
+        watching={
+            name: (seen[0].name, seen[1].but(params=seen[2], label=f"obstacles.{name}"))
+            for name in plan.moving
+            if (seen := plan.tracked_by(name)) is not None
+        },
         tags=TagMap(tag for entry in plan.world.tags for tag in entry.tags),
         flows=tuple(
             flow.but(
@@ -94,16 +98,6 @@ def _parsed(text: Text, scope: Scope) -> Expression:
 
 def _when(condition: Any, scope: Scope) -> Expression | None:
     return _parsed(condition.text, scope) if isinstance(condition, Unparsed) else condition
-
-
-def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
-    """Yield the name of each moving obstacle that a sensor can track, with the name of the vehicle
-    and the first such sensor."""
-    for name in plan.moving:
-        seen = plan.tracked_by(name)
-        if seen is not None:
-            vehicle, part, params = seen
-            yield name, (vehicle.name, part.but(params=params, label=f"obstacles.{name}"))
 
 
 def _vehicle(

@@ -210,7 +210,8 @@ class Points:
     def apply(self, node: Node) -> Node:
         """Return `node` with coordinates in place of every value that names a point."""
         if isinstance(node, Scalar):
-            return self._scalar(node) if node.text.startswith(PREFIX) else node
+            match = _NAMED.match(node.text)
+            return node if match is None else self._coordinates(match[1], node)
         if id(node) not in self._done:
             self._done[id(node)] = (node, self._replaced(node))
         return self._done[id(node)][1]
@@ -224,14 +225,11 @@ class Points:
         same = all(entries[key].value is e.value for key, e in node.entries.items())
         return node if same else Mapping(entries, node.span)
 
-    def _scalar(self, node: Scalar) -> Node:
-        match = _NAMED.match(node.text)
-        if match is None:
-            return node
-        point = self._points.get(match[1])
+    def _coordinates(self, name: str, node: Scalar) -> Sequence:
+        point = self._points.get(name)
         if point is None:
-            message = f"the world has no point `{match[1]}`"
-            hint = did_you_mean(match[1], self._points) or "name it under `points` of `world`"
+            message = f"the world has no point `{name}`"
+            hint = did_you_mean(name, self._points) or "name it under `points` of `world`"
             self._found.report("KYB154", message, node.span, notes=origin(node), help=hint)
         numbers = (Scalar(repr(number), node.span) for number in point or ZERO)
         return Sequence(tuple(numbers), node.span)

@@ -63,7 +63,7 @@ _SURE = 0.75
 class Decoder:
     """Decodes the nodes of one mission; a part that several vehicles share is decoded once.
 
-    chains: the names of the chains, which a behavior's name could have been meant for.
+    chains: the names of the chains, for hints about unknown behaviors.
     """
 
     def __init__(self, catalog: Catalog, found: Findings, chains: Iterable[str] = ()) -> None:

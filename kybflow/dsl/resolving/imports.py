@@ -54,8 +54,8 @@ class Files:
         self.via.setdefault(source.file, via)
 
     def may_open(self, target: LibraryPath, real: str, at: Span, found: Findings) -> bool:
-        """Return whether the import of `target` at `at` may be followed; otherwise report why. The
-        imports may not form a cycle or exceed their number."""
+        """Return whether the import of `target` at `at` may be followed; otherwise report why. A
+        mission may have `MAX_IMPORTS` imports, and none of them may lead back to itself."""
         self._imports += 1
         if self._imports > MAX_IMPORTS:
             if self._imports == MAX_IMPORTS + 1:
