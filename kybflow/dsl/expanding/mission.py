@@ -180,7 +180,7 @@ def _judge_parts(body: Mapping, decoder: Decoder) -> None:
 def callbacks_of(node: Node | None, decoder: Decoder) -> tuple[CallbackPlan, ...]:
     """Return the callbacks of `on:`, without those that have errors."""
     callbacks = (_callback(item, decoder) for item in items_of(node) if isinstance(item, Mapping))
-    return tuple(callback for callback in callbacks if callback is not None)
+    return tuple(filter(None, callbacks))
 
 
 def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:

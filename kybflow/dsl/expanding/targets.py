@@ -273,14 +273,10 @@ def inputs_of(root: Mapping, target: str, decoder: Decoder) -> tuple[InputPlan, 
     replaced = inputs_in(targets[target].value) if target in targets else {}
     inputs: list[InputPlan] = []
     for name, entry in own.items():
-        instead = replaced.get(name)
-        is_own = instead is None or is_null(instead.value)
-        value = entry.value if instead is None or is_own else instead.value
-        one = None if is_null(value) else _input(entry.key, value, decoder)
-        if one is not None:
-            inputs.append(one)
-        if instead is not None and not is_null(entry.value):  # checked although it is replaced
-            _input(entry.key, entry.value, decoder)
+        written = (e.value for e in (entry, replaced.get(name)) if e is not None)
+        made = [_input(entry.key, value, decoder) for value in written if not is_null(value)]
+        if made and made[-1] is not None:  # one that is replaced is checked, too
+            inputs.append(made[-1])
     return tuple(inputs)
 
 
