@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.params import NAMED, key, record
-from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Path, Position, Speed
+from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Position
 from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.language.records import Record
 from kybflow.vision.families import FAMILIES
@@ -104,16 +104,6 @@ class TagParams(Record):
     at: Position = key("Its centre, world frame.")
     heading: Angle = key(_HEADING, default=0.0)
     facing: TagFacing = key(_FACES, default="up")
-
-
-@record("moving_sphere", missing="KYB108")
-class MovingSphereParams(Record):
-    """A ball that moves along a path and back."""
-
-    along: Path = key("Its path through these points, where it is simulated.")
-    radius: Length = key("Its radius.", above=0.0)
-    speed: Speed = key("Its greatest speed.", above=0.0, at_most=2.0)
-    body: str | None = key("Its name in motion capture, the obstacle's by default.", default=None)
 
 
 @record("point_cloud", missing="KYB108")
@@ -212,7 +202,7 @@ class Obstacle(Record):
     occupancy: OccupancyParams | None = key(
         "The occupied cells of a map, as upright columns.", default=None
     )
-    moving_sphere: MovingSphereParams | None = key(
+    moving_sphere: MovingSphere | None = key(
         "A ball that moves along a path and back.", default=None
     )
     contact: Literal["forbidden", "allowed"] = key(
@@ -220,7 +210,6 @@ class Obstacle(Record):
         default="forbidden",
     )
     shape: Shape | None = None
-    moving: MovingSphere | None = None
     files: tuple[File, ...] = ()
 
     @property

@@ -18,7 +18,7 @@ from kybflow.dsl.expanding.targets import Target, inputs_of, needed_rate
 from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
 from kybflow.dsl.expanding.world import with_coordinates, with_points, world_of
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.language.records import Source
+from kybflow.dsl.language.records import EMPTY, Source
 from kybflow.dsl.plan import (
     LISTS,
     ActionKeys,
@@ -44,7 +44,7 @@ from kybflow.dsl.reading.nodes import (
     scalars_in,
 )
 from kybflow.dsl.reading.values import decode_value
-from kybflow.dsl.resolving.exports import EMPTY, chain_of, stack_of
+from kybflow.dsl.resolving.exports import chain_of, stack_of
 from kybflow.dsl.resolving.resolve import Resolved
 from kybflow.parts.action import BUILT_IN
 
@@ -91,7 +91,7 @@ def mission_of(
         control_rate=_control(root, needed_rate(v.driver for v in vehicles), decoder),
         fence=world.box, expectations=(), sources=(), resolved="",
         obstacles={o.name: o.shape for o in world.obstacles if o.shape is not None},
-        moving={o.name: o.moving for o in world.obstacles if o.moving is not None},
+        moving={o.name: ball for o in world.obstacles if (ball := o.moving_sphere) is not None},
         touchable=frozenset(o.name for o in world.obstacles if o.may_touch),
         points=world.points, target_text=chosen.name,
         values=with_coordinates(resolved.parameters, world.points),

@@ -28,6 +28,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -44,7 +45,6 @@ from kybflow.dsl.world import (
     CylinderParams,
     GridParams,
     MapImage,
-    MovingSphereParams,
     Obstacle,
     OccupancyParams,
     PlaneParams,
@@ -83,7 +83,7 @@ _OF_TAGS = ("grid", "tag", "file")
 
 def world_of(node: Node | None, decoder: Decoder) -> World:
     """Return the world of a mission, without the entries that have errors."""
-    body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
+    body = node if isinstance(node, Mapping) else EMPTY
     obstacles, tags = (entries_of(body.get(key)).values() for key in ("obstacles", "tags"))
     made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
     printed = tuple(t for e in tags if (t := _tags(e, decoder)) is not None)
@@ -112,9 +112,8 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     obstacle: Obstacle | None = decoder.record(Obstacle, entry.value, name.span, name=name.text)
     if obstacle is None or (solid := getattr(obstacle, kind)) is None:
         return None
-    if isinstance(solid, MovingSphereParams):
-        ball = MovingSphere(solid.along, solid.radius, solid.speed, solid.body)
-        return obstacle.but(moving=ball)
+    if isinstance(solid, MovingSphere):
+        return obstacle
     shape, files = _solid(solid, found)
     return None if shape is None else obstacle.but(shape=shape, files=files)
 

@@ -15,8 +15,8 @@ from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.records import (
     CONDITION,
+    EMPTY,
     EVENT,
-    NO_PLACE,
     PHASE,
     REQUEST,
     SENSORS,
@@ -227,7 +227,7 @@ class Decoder:
             return Request(node.text, source=Source(node.as_text.span))
         if isinstance(node, Mapping) and len(node.entries) == 1:
             [asked] = node.entries.values()
-            values = asked.value if isinstance(asked.value, Mapping) else Mapping({}, NO_PLACE)
+            values = asked.value if isinstance(asked.value, Mapping) else EMPTY
             if values is asked.value or is_null(asked.value):
                 source = Source(asked.key.as_text.span, values)
                 return Request(asked.key.text, source=source)

@@ -24,6 +24,7 @@ from kybflow.parts.events import AWAITED_EVENTS
 
 NO_PLACE = Span("", 1, 1, 1, 1)
 """The span of values that are in no file."""
+EMPTY = Mapping({}, NO_PLACE)
 
 
 class Source(NamedTuple):
@@ -31,7 +32,7 @@ class Source(NamedTuple):
     decoded. inherited: whether it came through `like`."""
 
     span: Span = NO_PLACE
-    node: Mapping = Mapping({}, NO_PLACE)
+    node: Mapping = EMPTY
     inherited: bool = False
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -32,7 +33,6 @@ CODES = {
     "KYB157": "A stack that has nothing for the list in which it stands.",
 }
 _CHAIN = 20
-EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"
 SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
 """The sections that a library exports."""
@@ -53,11 +53,8 @@ class Exports:
         parameters: ParameterTable,
         found: Findings,
     ) -> None:
-        self.root = root
-        self.parameters = parameters
-        self._imports = imports
-        self._base = base
-        self._found = found
+        self.root, self.parameters = root, parameters
+        self._imports, self._base, self._found = imports, base, found
         self._done: dict[tuple[str, str], Mapping | None] = {}
         self._qualified: dict[str, Mapping] = {}
         self._written: dict[str, dict[str, MappingEntry]] = {}

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from kybflow.dsl.diagnostics.diagnostic import Findings, has_errors
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
-from kybflow.dsl.resolving.exports import EMPTY, Exports
+from kybflow.dsl.resolving.exports import Exports
 from kybflow.dsl.resolving.library_files import (
     LibraryFile,
     LibraryPath,
