@@ -19,7 +19,9 @@ from kybflow.dsl.resolving.library_files import judged
 from kybflow.dsl.resolving.parameters import Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 
-CODES = {"KYB126": "More values than a mission may have, counted after `like`."}
+CODES = {
+    "KYB126": "More values than a mission may have, counted after `like`.",
+}
 MAX_AFTER_LIKE = 200_000
 
 
