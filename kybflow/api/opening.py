@@ -17,9 +17,9 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entry_values import OF_ENTRIES
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.expanding.entry_values import entry_values
+from kybflow.dsl.expanding.flows import entry_values
 from kybflow.dsl.expanding.world import Points
-from kybflow.dsl.language.source import Source
+from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, Values, VehiclePlan
 from kybflow.dsl.reading import nodes
 from kybflow.dsl.reading.composer import compose

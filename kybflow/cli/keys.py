@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.core.terminal import Terminal
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Emit, EnterPhase, Stop, Switch
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.orders import (

@@ -15,7 +15,7 @@ Every folder and file imports only those above it in this list:
     graph         a plan as a drawing
     machine       a plan's state machines, run by `transitions`
 
-In `language`, the types are below the records in this order; the modules that decode, judge and
-write records are above them. The package never imports the runtime or a driver: its functions
+In `language`, `records` and `schema` are below `world` and `plan`; the modules that decode, judge
+and write records are above them. The package never imports the runtime or a driver: its functions
 receive a catalog of parts.
 """

@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.files import File
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.expanding.entry_values import values_for
-from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles
+from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles, values_for
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.names.built_in import BUILT_IN, end_of, failure_of
-from kybflow.dsl.names.option_names import option_values
-from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.language.records import Record
+from kybflow.dsl.names import BUILT_IN, Scopes, end_of, failure_of, option_values
 from kybflow.dsl.plan import (
     ActionKeys,
     ActionPlan,
@@ -28,7 +25,6 @@ from kybflow.dsl.plan import (
     Enable,
     EnterPhase,
     ExpectationPlan,
-    FlowPlan,
     LogText,
     PartPlan,
     Perform,
@@ -51,6 +47,7 @@ if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
 _ORDER = ("next", "then", "failed", "within")
+_TEXTS: dict[str, type[Emit | LogText | Stop]] = {"emit": Emit, "log": LogText, "stop": Stop}
 
 
 def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved: str) -> Plan:
@@ -68,9 +65,20 @@ def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved
         ),
         sources=(*sources, *attachments_of(plan)),
         resolved=resolved,
-        watching=dict(_watching(plan)),
+        watching={
+            name: (seen[0].name, seen[1].but(params=seen[2], label=f"obstacles.{name}"))
+            for name in plan.moving
+            if (seen := plan.tracked_by(name)) is not None
+        },
         tags=TagMap(tag for entry in plan.world.tags for tag in entry.tags),
-        flows=tuple(_flow(flow, plan, scopes.flow(), catalog) for flow in plan.flows),
+        flows=tuple(
+            flow.but(
+                vehicles=(own := own_vehicles(plan, flow)),
+                phases={n: _phase(p, plan, scopes.flow(), catalog) for n, p in flow.phases.items()},
+                waits=not own and bool(given_vehicles(plan, flow)),
+            )
+            for flow in plan.flows
+        ),
         callbacks=tuple(_callback(one, plan, scopes.flow(), catalog) for one in plan.callbacks),
         faults=tuple(
             fault.but(when=_when(fault.when, scopes.condition(fault.vehicle)))
@@ -92,37 +100,23 @@ def _when(condition: Any, scope: Scope) -> Expression | None:
     return _parsed(condition.text, scope) if isinstance(condition, Unparsed) else condition
 
 
-def _watching(plan: Plan) -> Iterator[tuple[str, tuple[str, PartPlan]]]:
-    """Yield the name of each moving obstacle that a sensor can track, with the name of the vehicle
-    and the first such sensor."""
-    for name in plan.moving:
-        seen = plan.tracked_by(name)
-        if seen is not None:
-            vehicle, part, params = seen
-            yield name, (vehicle.name, part.but(params=params, label=f"obstacles.{name}"))
-
-
 def _vehicle(
     vehicle: VehiclePlan, scopes: Scopes, built_in: dict[str, StatePlan], hover_limit: float
 ) -> VehiclePlan:
+    """Return the vehicle with the built-in states and the airframe's cameras, updated with what the
+    sensors of this target know about them."""
     scope, health = scopes.condition(vehicle.name), scopes.health(vehicle.name)
     own = {name: _state(state, scope) for name, state in vehicle.states.items()}
+    cameras: Mapping[str, Camera] = vehicle.own_cameras
+    for use in vehicle.sensors:
+        cameras = use.part.cls.seen_by(use.part.params, cameras)
     return vehicle.but(
         estimators=tuple(e.but(healthy=_when(e.healthy, health)) for e in vehicle.estimators),
         states={**own, **built_in},
         hover_limit=hover_limit,
-        cameras=_cameras(vehicle),
+        cameras=dict(cameras),
         sensors=tuple(_sensors(vehicle)),
     )
-
-
-def _cameras(vehicle: VehiclePlan) -> dict[str, Camera]:
-    """Return the airframe's cameras, updated with what the sensors of this target know about
-    them."""
-    cameras: Mapping[str, Camera] = vehicle.own_cameras
-    for use in vehicle.sensors:
-        cameras = use.part.cls.seen_by(use.part.params, cameras)
-    return dict(cameras)
 
 
 def _sensors(vehicle: VehiclePlan) -> Iterator[SensorPlan]:
@@ -170,13 +164,6 @@ def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
     return states
 
 
-def _flow(flow: FlowPlan, plan: Plan, scope: Scope, catalog: Catalog) -> FlowPlan:
-    own = own_vehicles(plan, flow)
-    phases = {name: _phase(phase, plan, scope, catalog) for name, phase in flow.phases.items()}
-    waits = not own and bool(given_vehicles(plan, flow))
-    return flow.but(vehicles=own, phases=phases, waits=waits)
-
-
 def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> PhasePlan:
     return phase.but(
         run={
@@ -203,20 +190,13 @@ def _request(vehicle: VehiclePlan, request: Request) -> Request:
 
 
 def _callback(callback: CallbackPlan, plan: Plan, scope: Scope, catalog: Catalog) -> CallbackPlan:
-    event, vehicles = _awaited(callback.event, plan)
+    first, dot, name = callback.event.partition(".")
+    vehicles = tuple(plan.fleet) if first == "any" else plan.members(first)
+    if not dot or not vehicles:  # an event of the run, or no event
+        name, vehicles = callback.event, ("",) if callback.event else ()
     actions = (own for action in callback.do for own in _actions(action, plan, catalog))
     when = _when(callback.when, scope)
-    return callback.but(event=event, vehicles=vehicles, actions=tuple(actions), when=when)
-
-
-def _awaited(event: str, plan: Plan) -> tuple[str, tuple[str, ...]]:
-    """Return the event's name without its prefix, and the vehicles that may emit it; an empty
-    string stands for the run."""
-    if not event:
-        return "", ()
-    first, dot, name = event.partition(".")
-    vehicles = tuple(plan.fleet) if first == "any" else plan.members(first)
-    return (name, vehicles) if dot and vehicles else (event, ("",))
+    return callback.but(event=name, vehicles=vehicles, actions=tuple(actions), when=when)
 
 
 def _actions(action: ActionKeys, plan: Plan, catalog: Catalog) -> Iterator[ActionPlan]:
@@ -240,9 +220,7 @@ def _actions(action: ActionKeys, plan: Plan, catalog: Catalog) -> Iterator[Actio
         flow = target or next(flow.name for flow in plan.flows if value in flow.phases)
         yield EnterPhase(flow, value)
     else:
-        texts: dict[str, type[Emit] | type[LogText] | type[Stop]]
-        texts = {"emit": Emit, "log": LogText, "stop": Stop}
-        yield texts[name](value)
+        yield _TEXTS[name](value)
 
 
 def attachments_of(plan: Plan) -> tuple[SourceFile, ...]:

@@ -57,15 +57,12 @@ def read_calibration(file: File) -> Lens:
 def write_calibration(lens: Lens) -> str:
     """Return the text of a calibration file that describes a lens."""
     matrix = (lens.fx, 0.0, lens.cx, 0.0, lens.fy, lens.cy, 0.0, 0.0, 1.0)
-    return "\n".join(
-        (
-            f"image_width: {lens.width}",
-            f"image_height: {lens.height}",
-            f"camera_matrix: {_written(3, 3, matrix)}",
-            "distortion_model: plumb_bob",
-            f"distortion_coefficients: {_written(1, 5, lens.distortion)}",
-            "",
-        )
+    return (
+        f"image_width: {lens.width}\n"
+        f"image_height: {lens.height}\n"
+        f"camera_matrix: {_written(3, 3, matrix)}\n"
+        "distortion_model: plumb_bob\n"
+        f"distortion_coefficients: {_written(1, 5, lens.distortion)}\n"
     )
 
 

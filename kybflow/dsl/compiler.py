@@ -124,31 +124,19 @@ def _passes(
 
 
 def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:
-    """Return the finding with its span at the incorrect value, and with the imports through which
-    the file was reached."""
-    moved = _at_value(diagnostic, files)
-    via = files.via.get(moved.span.file, ())
-    return replace(moved, span=moved.span._replace(via=via)) if via else moved
-
-
-def _at_value(diagnostic: Diagnostic, files: Files) -> Diagnostic:
-    """Return a finding about the `$name` of a chain or a library, moved to the value that a user
-    gave for the name."""
-    span, value = diagnostic.span, diagnostic.span.value
-    if value is None:
-        return diagnostic if span.given is None else _with_the_given(diagnostic, span.given, files)
-    notes = (f"it takes the place of {_written(span, files)} at {span.at}", *diagnostic.notes)
-    related = tuple(other for other in diagnostic.related if other.span != value)
-    return replace(diagnostic, span=value, notes=notes, related=related)
-
-
-def _with_the_given(diagnostic: Diagnostic, given: Span, files: Files) -> Diagnostic:
-    """Return the finding with the source location of a parameter's value, such as its default, as a
-    related location."""
-    if any(other.span == given for other in diagnostic.related):
-        return diagnostic
-    other = Related(given, f"what {_written(diagnostic.span, files)} stands for")
-    return replace(diagnostic, related=(other, *diagnostic.related))
+    """Return the finding with the imports through which its file was reached. A finding about the
+    `$name` of a chain or a library is moved to the value that a user gave for the name; the
+    location of any other value, such as a default, becomes a related location."""
+    span, value, given = diagnostic.span, diagnostic.span.value, diagnostic.span.given
+    notes, related = diagnostic.notes, diagnostic.related
+    if value is not None:
+        notes = (f"it takes the place of {_written(span, files)} at {span.at}", *notes)
+        related = tuple(other for other in related if other.span != value)
+    elif given is not None and all(other.span != given for other in related):
+        related = (Related(given, f"what {_written(span, files)} stands for"), *related)
+    place = span if value is None else value
+    place = place._replace(via=files.via.get(place.file, ()))
+    return replace(diagnostic, span=place, notes=notes, related=related)
 
 
 def _written(span: Span, files: Files) -> str:

@@ -342,13 +342,12 @@ def _guard(
         guards.append(lambda: event in facts.heard)
     if transition.when is not None:
         condition = conditions(transition.when)
-        guards.append(condition if transition.hold <= 0.0 else _held(condition, transition, timers))
+        if transition.hold <= 0.0:
+            guards.append(condition)
+        else:
+            timer, needed = _Timer(condition), transition.hold - _ROUNDING
+            timers.append(timer)
+            guards.append(lambda: timer.held is not None and timer.held >= needed)
     if len(guards) == 1:
         return guards[0]
     return (lambda: all(guard() for guard in guards)) if guards else lambda: False
-
-
-def _held(condition: Guard, transition: TransitionPlan, timers: list[_Timer]) -> Guard:
-    timer, needed = _Timer(condition), transition.hold - _ROUNDING
-    timers.append(timer)
-    return lambda: timer.held is not None and timer.held >= needed

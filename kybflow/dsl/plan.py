@@ -19,8 +19,7 @@ from kybflow.core.params import FLAT, NAMED, OR_NAME, Field, fields_of, key, rec
 from kybflow.core.units import Angle, Duration, Frequency, Position
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import Expression
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.language.types import (
+from kybflow.dsl.language.records import (
     CONDITION,
     EVENT,
     EVENT_FIELD,
@@ -33,6 +32,7 @@ from kybflow.dsl.language.types import (
     TITLE,
     VERSION,
     AnyOf,
+    Record,
     UsesOf,
     part_of,
     record_of,
@@ -419,7 +419,7 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText
 
 @record("action", least=1, others=AnyOf("value", kinds=("object", *SCALARS, "array")))
 class ActionKeys(Record):
-    """What to do: one action.
+    """One action of a callback.
 
     name: the one key that is written. target, value: what the key contains; with `switch`, `set`
     and `perform`, each target is a separate action. part: the action of a package.
@@ -552,7 +552,7 @@ class InputPlan(Record):
 
 @record("fault", is_whole=True)
 class FaultPlan(Record):
-    """One thing that breaks on one vehicle: `at` a time, or `when`.
+    """A fault of one vehicle, which begins `at` a time or `when` a condition first holds.
 
     part: the fault. It begins at `time` seconds of the run, or when `when` first holds, and lasts
     for `duration` seconds, or until the end of the run if that is None.
@@ -581,7 +581,7 @@ Arrive = Literal["together", "in_turns"]
 
 @record("phase")
 class PhasePlan(Record):
-    """What begins together, and what it goes on by. One without a way out is the last.
+    """A step of a flow: what begins together, and the ways out. A phase without any is the last.
 
     On entry a phase gives vehicles to other flows, sets options and requests states of vehicles.
     transitions: evaluated as in a state: `next` from the top, then `within`; the target `end` ends

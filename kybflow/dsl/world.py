@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.params import NAMED, key, record
-from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Path, Position, Speed
+from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Position
 from kybflow.dsl.calibration_file import read_calibration
-from kybflow.dsl.language.source import Record
+from kybflow.dsl.language.records import Record
 from kybflow.vision.tags import FAMILIES, LARGEST, read_tags
 from kybflow.world.cameras import Camera
 from kybflow.world.obstacle_files import read_image, read_info, read_points
@@ -103,19 +103,6 @@ class TagParams(Record):
     facing: TagFacing = key(_FACES, default="up")
 
 
-@record("moving_sphere", missing="KYB108")
-class MovingSphereParams(Record):
-    """A ball that moves along a path and back."""
-
-    along: Path = key("Its path through these points, where it is simulated.")
-    radius: Length = key("Its radius.", above=0.0)
-    speed: Speed = key("Its greatest speed.", above=0.0, at_most=2.0)
-    body: str | None = key(
-        "Its name in motion capture, the obstacle's by default.",
-        default=None,
-    )
-
-
 @record("point_cloud", missing="KYB108")
 class PointCloudParams(Record):
     """A scan: a ball around each point."""
@@ -134,8 +121,7 @@ class PointCloudParams(Record):
         "Rotation of the scan about the vertical, counter-clockwise from above.", default=0.0
     )
     above: Length | None = key(
-        "Leaves out points at or below this height, world frame, such as the floor.",
-        default=None,
+        "Leaves out points at or below this height, world frame, such as the floor.", default=None
     )
 
 
@@ -213,7 +199,7 @@ class Obstacle(Record):
     occupancy: OccupancyParams | None = key(
         "The occupied cells of a map, as upright columns.", default=None
     )
-    moving_sphere: MovingSphereParams | None = key(
+    moving_sphere: MovingSphere | None = key(
         "A ball that moves along a path and back.", default=None
     )
     contact: Literal["forbidden", "allowed"] = key(
@@ -221,7 +207,6 @@ class Obstacle(Record):
         default="forbidden",
     )
     shape: Shape | None = None
-    moving: MovingSphere | None = None
     files: tuple[File, ...] = ()
 
     @property

@@ -16,7 +16,7 @@ from kybflow.core.errors import OptionRefused
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.text import nearest
 from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.language.source import NO_PLACE
+from kybflow.dsl.language.records import NO_PLACE
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Node, Scalar, Sequence

@@ -6,12 +6,11 @@ import hashlib
 from pathlib import Path
 
 import pytest
+from toolchain import compiled, result_of
 
 from kybflow.core.errors import OptionRefused
 from kybflow.core.files import File
-from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.reading.values import MAX_FILE_BYTES
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.options import check_options
 
 MISSION = """kybflow: 1
@@ -40,17 +39,12 @@ def mission(tmp_path: Path) -> Path:
     return path
 
 
-def checked(path: Path, way: str = "ways/way.csv") -> Result:
-    return compile_mission(path, catalog=load_catalog(), sets=(f"way={way}",))
-
-
-def messages(result: Result) -> list[str]:
-    return [d.message for d in result.diagnostics]
+def messages(path: Path, way: str) -> list[str]:
+    return [d.message for d in result_of(path, sets=(f"way={way}",)).diagnostics]
 
 
 def test_a_file_is_read_beside_the_mission_and_stands_in_its_sources(mission: Path) -> None:
-    plan = checked(mission).plan
-    assert plan is not None
+    plan = compiled(mission, warns=True)
     digest = hashlib.sha256(TABLE).hexdigest()
     params = plan.vehicles[0].states["way"].behavior.params
     assert params.file == File("ways/way.csv", digest, TABLE.decode())
@@ -59,15 +53,13 @@ def test_a_file_is_read_beside_the_mission_and_stands_in_its_sources(mission: Pa
 
 
 def test_what_was_compiled_is_what_flies(mission: Path) -> None:
-    plan = checked(mission).plan
+    plan = compiled(mission, warns=True)
     (mission.parent / "ways/way.csv").unlink()
-    assert plan is not None
     assert plan.vehicles[0].states["way"].behavior.params.file.text == TABLE.decode()
 
 
 def test_it_is_no_option(mission: Path) -> None:
-    plan = checked(mission).plan
-    assert plan is not None
+    plan = compiled(mission, warns=True)
     with pytest.raises(OptionRefused, match="read-only"):
         check_options(plan, [("a.behaviors.way.file", "other.csv")])
 
@@ -77,7 +69,7 @@ def test_nothing_outside_of_the_folder_is_read(mission: Path, name: str, tmp_pat
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "way.csv").write_bytes(TABLE)
     (mission.parent / "outside").symlink_to(elsewhere)
-    assert messages(checked(mission, name)) == [f"`{name}` is outside of the mission's folder"]
+    assert messages(mission, name) == [f"`{name}` is outside of the mission's folder"]
 
 
 @pytest.mark.parametrize(
@@ -90,10 +82,10 @@ def test_nothing_outside_of_the_folder_is_read(mission: Path, name: str, tmp_pat
 )
 def test_what_is_no_table_is_refused(mission: Path, data: bytes, message: str) -> None:
     (mission.parent / "ways/bad.csv").write_bytes(data)
-    assert messages(checked(mission, "ways/bad.csv")) == [message]
+    assert messages(mission, "ways/bad.csv") == [message]
 
 
 @pytest.mark.parametrize("name", ["ways", "'.'", "no/such.csv", "x" * 300])
 def test_what_is_no_file_is_refused(mission: Path, name: str) -> None:
-    (message,) = messages(checked(mission, name))
+    (message,) = messages(mission, name)
     assert message.endswith("is no file") or "can't be read" in message

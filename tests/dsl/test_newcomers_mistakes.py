@@ -15,9 +15,7 @@ import pytest
 from toolchain import result_of
 
 from kybflow.api.rehearsal.rehearse import rehearse
-from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.parts.catalog import load_catalog
 
 ONE = """\
 kybflow: 1
@@ -129,18 +127,14 @@ TOLD = [
     Mistake("a goal below the floor", GO, GO.replace("[1, 0, 1]", "[1, 0, -1]#!")),
     Mistake("higher than the fence", UP, UP.replace("1 m", "4 m#!")),
     Mistake(
-        "a fence too low",
-        FENCE,
-        FENCE.replace("2.5]}", "0.8]}#!"),
+        "a fence too low", FENCE, FENCE.replace("2.5]}", "0.8]}#!"),
         more=("height: 1 m", "height: 1 m#!"),
     ),
     Mistake("a start outside of the fence", START, START.replace("[0, 0, 0]", "[9, 0, 0]#!")),
     Mistake("a start in the air", START, START.replace("[0, 0, 0]", "[0, 0, 1]#!")),
     Mistake("no land at the end", HOLD, HOLD.replace("then: down", "then: up#!")),
     Mistake(
-        "nothing leads to the landing",
-        HOLD,
-        HOLD.replace(", then: down", "#!"),
+        "nothing leads to the landing", HOLD, HOLD.replace(", then: down", "#!"),
         more=(DOWN, at(DOWN)),
     ),
     Mistake("a hover without an end", HOLD, HOLD.replace("for_time: 3 s, ", "#!")),
@@ -152,36 +146,28 @@ TOLD = [
     Mistake("the battery as a number", HOLD, leaving("when: battery < 30 %")),
     Mistake("an event that nobody tells", HOLD, leaving("event: arrived")),
     Mistake(
-        "an expectation about a stranger",
-        ERROR,
+        "an expectation about a stranger", ERROR,
         "  - max(drone.position_error in hold) < 10 cm#!\n",
     ),
     Mistake(
-        "an expectation in a state that isn't there", ERROR, at(ERROR.replace("hold", "holding"))
+        "an expectation in a state that isn't there", ERROR, at(ERROR.replace("hold", "holding")),
     ),
     Mistake("an expectation without a bound", ERROR, "  - max(nano.position_error in hold)#!\n"),
     Mistake("no fence", f"world:\n{FENCE}", "", more=("  nano:\n", "  nano:#!\n")),
     Mistake("a key twice", START, f"{START}    start: {{at: [1, 0, 0]}}#!\n"),
     Mistake("two vehicles at one start", "[1, 0, 0]}", "[-1, 0, 0]}#!", TWO),
     Mistake(
-        "two vehicles land in one place",
-        GO_B + DOWN,
-        at(GO_B.replace("[1, 1, 1]", "[-1, 1, 1]")) + at(DOWN),
-        TWO,
+        "two vehicles land in one place", GO_B + DOWN,
+        at(GO_B.replace("[1, 1, 1]", "[-1, 1, 1]")) + at(DOWN), TWO,
     ),
     Mistake(
-        "a vehicle of another name",
-        "  b:",
-        "  b:",
-        TWO,
+        "a vehicle of another name", "  b:", "  b:", TWO,
         (GO_B, GO_B.replace("then: down", "next: [{when: c in landed, go: down}], then: down#!")),
     ),
     Mistake("faster than its airframe", GO, GO.replace("0.5 m/s", "50 m/s#!")),
     Mistake("an opening bracket for a brace", DOWN, "      down: [do: land]#!\n"),
     Mistake(
-        "a list of the wrong thing",
-        "expect:\n",
-        "expect: max(nano.position_error) < 10 cm#!\n",
+        "a list of the wrong thing", "expect:\n", "expect: max(nano.position_error) < 10 cm#!\n",
         more=(ERROR + "  - finally nano in landed\n" + FINISHED, ""),
     ),
     Mistake("decimal comma", UP, UP.replace("1 m", "1,5 m#!")),
@@ -199,22 +185,17 @@ TOLD = [
     Mistake("a condition above the ceiling", HOLD, leaving("when: state.altitude > 40 m")),
     Mistake("a hover that is over at once", HOLD, leaving("when: state.altitude < 40 m")),
     Mistake(
-        "no landing of a low battery",
-        START,
+        "no landing of a low battery", START,
         f"{START}    supervisors: [{{use: battery, land_below: 0 %}}]#!\n",
     ),
     Mistake(
-        "rotors off for a low battery",
-        START,
+        "rotors off for a low battery", START,
         f"{START}    supervisors: [{{use: battery, reaction: cut}}]#!\n",
     ),
-]
+]  # fmt: skip
 REHEARSED = [
     Mistake(
-        "head-on",
-        GO_A,
-        GO_A.replace("[-1, 1, 1]", "[1, 0, 1]#!"),
-        TWO,
+        "head-on", GO_A, GO_A.replace("[-1, 1, 1]", "[1, 0, 1]#!"), TWO,
         (GO_B, GO_B.replace("[1, 1, 1]", "[-1, 0, 1]#!")),
     ),
     Mistake(
@@ -226,7 +207,7 @@ REHEARSED = [
         TWO,
         (GO_A, at(GO_A)),
     ),
-]
+]  # fmt: skip
 """What depends on when each vehicle is where."""
 
 
@@ -235,16 +216,13 @@ def told(mistake: Mistake, folder: Path) -> tuple[list[Diagnostic], set[int]]:
     marked = mistake.marked.split("\n")
     lines = {n for n, line in enumerate(marked, 1) if "#!" in line}
     path = folder / "mission.yaml"
-    path.write_text("\n".join(line.replace("#!", "") for line in marked), encoding="utf-8")
-    found = check_mission(path, catalog=load_catalog()).diagnostics
+    found = result_of(path, "\n".join(line.replace("#!", "") for line in marked)).diagnostics
     return [d for d in found if d.span.file == str(path) and d.span.line in lines], lines
 
 
 @pytest.mark.parametrize("mission", [ONE, TWO])
 def test_without_a_mistake_nothing_is_told(mission: str, tmp_path: Path) -> None:
-    path = tmp_path / "mission.yaml"
-    path.write_text(mission, encoding="utf-8")
-    assert check_mission(path, catalog=load_catalog()).diagnostics == ()
+    assert result_of(tmp_path / "mission.yaml", mission).diagnostics == ()
 
 
 @pytest.mark.parametrize("mistake", TOLD, ids=lambda m: m.name)

@@ -21,6 +21,7 @@ from kybflow.parts.catalog import BASES, load_catalog
 
 REPO = Path(__file__).parents[2]
 SCHEMA = json.loads(schema_text(load_catalog()))
+VALIDATOR = Draft202012Validator(SCHEMA)
 MISSIONS = sorted((REPO / "missions").glob("*.yaml"))
 
 
@@ -39,7 +40,7 @@ def test_it_accepts_every_mission(path: Path) -> None:
     root = read(path, path.name).root
     assert root is not None
     tree = to_json(root)  # as YAML 1.2 reads it: `on` is no boolean
-    assert list(Draft202012Validator(SCHEMA).iter_errors(tree)) == []
+    assert list(VALIDATOR.iter_errors(tree)) == []
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def test_it_accepts_every_mission(path: Path) -> None:
 )
 def test_it_refuses_what_the_compiler_refuses(state: dict[str, object]) -> None:
     tree = {"kybflow": 1, "mission": "m", "vehicles": {"a": {"behaviors": {"s": state}}}}
-    assert list(Draft202012Validator(SCHEMA).iter_errors(tree)) != []
+    assert list(VALIDATOR.iter_errors(tree)) != []
 
 
 @pytest.mark.parametrize(
@@ -75,7 +76,7 @@ def test_it_refuses_what_the_compiler_refuses(state: dict[str, object]) -> None:
 )
 def test_a_part_by_its_name_and_a_choice(key: str, value: object, is_right: bool) -> None:
     tree = {"kybflow": 1, "mission": "m", "vehicles": {"a": {key: value}}}
-    assert Draft202012Validator(SCHEMA).is_valid(tree) is is_right
+    assert VALIDATOR.is_valid(tree) is is_right
 
 
 def keys_of(schema: object, path: str) -> Iterator[tuple[str, dict[str, object]]]:
@@ -112,7 +113,7 @@ def test_it_refuses_an_unknown_action_and_two_in_one(action: dict[str, str], cou
         "kybflow": 1, "mission": "m", "vehicles": vehicles,
         "on": [{"event": "a.landed", "behavior": "s", "do": [action]}],
     }  # fmt: skip
-    assert len(list(Draft202012Validator(SCHEMA).iter_errors(tree))) == count
+    assert len(list(VALIDATOR.iter_errors(tree))) == count
 
 
 def schemas_in(schema: object, path: str = "") -> Iterator[tuple[str, dict[str, object]]]:

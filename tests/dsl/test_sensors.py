@@ -44,9 +44,16 @@ def checked(folder: Path, target: str, name: str = "sim") -> tuple[Plan | None, 
     return result.plan, [f"{d.code} {d.message}" for d in result.diagnostics]
 
 
-def sensors(plan: Plan | None) -> dict[str, list[tuple[str, tuple[str, ...], str]]]:
-    """Of each vehicle: the part, the estimators it is named for, its label."""
+def plan_of(checked: tuple[Plan | None, list[str]]) -> Plan:
+    """The plan of a mission in which nothing is found."""
+    plan, found = checked
+    assert found == []
     assert plan is not None
+    return plan
+
+
+def sensors(plan: Plan) -> dict[str, list[tuple[str, tuple[str, ...], str]]]:
+    """Of each vehicle: the part, the estimators it is named for, its label."""
     return {
         v.name: [(s.part.name, s.estimators, s.part.label) for s in v.sensors]
         for v in plan.vehicles
@@ -54,26 +61,23 @@ def sensors(plan: Plan | None) -> dict[str, list[tuple[str, tuple[str, ...], str
 
 
 def test_the_simulator_brings_a_camera_where_an_estimator_needs_one(tmp_path: Path) -> None:
-    plan, found = checked(tmp_path, "{}")
-    assert found == []
+    plan = plan_of(checked(tmp_path, "{}"))
     brought = ("simulated_camera", (), "sensors.simulated_camera")
     assert sensors(plan) == {"a": [brought], "b": []}
-    assert plan is not None
     assert plan.vehicles[0].sensors[0].part.cls.provides == {Frame}
 
 
 def test_a_named_one_comes_in_place_of_it(tmp_path: Path) -> None:
     own = "{a: {sensors: {tag_camera: {use: simulated_camera, latency: 0.1 s}}}}"
-    plan, found = checked(tmp_path, own)
-    assert found == []
+    plan = plan_of(checked(tmp_path, own))
     assert sensors(plan)["a"] == [("simulated_camera", ("tag_camera",), "sensors.tag_camera")]
-    assert plan is not None
     assert plan.vehicles[0].sensors[0].part.params.latency == 0.1
 
 
 def test_all_holds_for_those_who_have_the_estimator(tmp_path: Path) -> None:
     both = f"{{all: {{sensors: {{tag_camera: {SIMULATED}, mocap: {{use: vrpn, host: mocap}}}}}}}}"
-    plan, _ = checked(tmp_path, both)
+    plan = checked(tmp_path, both)[0]
+    assert plan is not None
     names = {vehicle: [use[0] for use in of] for vehicle, of in sensors(plan).items()}
     assert names == {"a": ["simulated_camera", "vrpn"], "b": ["vrpn"]}
 
@@ -81,19 +85,14 @@ def test_all_holds_for_those_who_have_the_estimator(tmp_path: Path) -> None:
 def test_the_vehicles_own_entry_comes_before_that_of_all(tmp_path: Path) -> None:
     late = "{use: simulated_camera, latency: 0.2 s}"
     both = f"{{all: {{sensors: {{spare: {SIMULATED}}}}}, a: {{sensors: {{spare: {late}}}}}}}"
-    plan, found = checked(tmp_path, both)
-    assert found == []
-    assert plan is not None
-    (sensor,) = plan.vehicles[0].sensors
+    (sensor,) = plan_of(checked(tmp_path, both)).vehicles[0].sensors
     assert (sensor.estimators, sensor.part.params.latency) == (("spare",), 0.2)
 
 
 def test_one_that_two_estimators_share_is_opened_once(tmp_path: Path) -> None:
     both = f"{{a: {{sensors: {{tag_camera: {SIMULATED}, spare: {SIMULATED}}}}}}}"
-    plan, found = checked(tmp_path, both)
-    assert found == []
     shared = ("simulated_camera", ("tag_camera", "spare"), "sensors.tag_camera")
-    assert sensors(plan)["a"] == [shared]
+    assert sensors(plan_of(checked(tmp_path, both)))["a"] == [shared]
 
 
 FRONT = "{front: {at: [0, 0, 0], width: 640, height: 480, field_of_view: 90 deg}}"
@@ -115,9 +114,8 @@ OTHER = "{use: camera, video: front.avi, camera: front}"
 
 
 def test_an_estimator_may_have_several(tmp_path: Path) -> None:
-    plan, found = two_videos(tmp_path, f"{{a: {{sensors: {{tag_camera: [{DOWN}, {OTHER}]}}}}}}")
-    assert found == []
-    assert sensors(plan)["a"] == [
+    both = f"{{a: {{sensors: {{tag_camera: [{DOWN}, {OTHER}]}}}}}}"
+    assert sensors(plan_of(two_videos(tmp_path, both)))["a"] == [
         ("camera", ("tag_camera",), "sensors.tag_camera"),
         ("camera", ("tag_camera",), "sensors.tag_camera.1"),
     ]
@@ -125,9 +123,8 @@ def test_an_estimator_may_have_several(tmp_path: Path) -> None:
 
 def test_a_list_comes_in_place_of_that_of_all(tmp_path: Path) -> None:
     both = f"all: {{sensors: {{tag_camera: [{DOWN}, {OTHER}]}}}}"
-    plan, found = two_videos(tmp_path, f"{{{both}, a: {{sensors: {{tag_camera: [{OTHER}]}}}}}}")
-    assert found == []
-    (one,) = sensors(plan)["a"]
+    own = f"{{{both}, a: {{sensors: {{tag_camera: [{OTHER}]}}}}}}"
+    (one,) = sensors(plan_of(two_videos(tmp_path, own)))["a"]
     assert one == ("camera", ("tag_camera",), "sensors.tag_camera")
 
 
@@ -181,9 +178,7 @@ def test_a_sensor_that_knows_its_own_lens_changes_that_of_the_vehicle(tmp_path: 
         "distortion_coefficients: {data: [0.1, 0, 0, 0]}\n"
     )
     own = "{a: {sensors: {tag_camera: {use: camera, calibration: cam.yaml}}}}"
-    plan, found = checked(tmp_path, own)
-    assert found == []
-    assert plan is not None
+    plan = plan_of(checked(tmp_path, own))
     camera = plan.vehicles[0].cameras["down"]
     assert (camera.lens.width, camera.lens.distortion[0], camera.rate) == (800, 0.1, 30.0)
     assert [s.path.rpartition("/")[2] for s in plan.sources].count("cam.yaml") == 1

@@ -7,13 +7,11 @@ import re
 from pathlib import Path
 
 import pytest
-from toolchain import compiled, invoke
+from toolchain import compiled, invoke, result_of
 
 from kybflow.api.flight import RunRequest, fly
-from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import FlowPlan, Plan, Request
 from kybflow.dsl.resolving.resolve import MAX_AFTER_LIKE
-from kybflow.parts.catalog import load_catalog
 
 HERE = Path(__file__).parent
 SHARED = HERE / "good" / "shared_flow.yaml"
@@ -124,10 +122,9 @@ def test_too_much_through_like_is_refused(tmp_path: Path) -> None:
     phases = "".join(f"      p{i}: {{run: {{a: up}}}}\n" for i in range(1000))
     count = MAX_AFTER_LIKE // 3000 + 1
     like = "".join(f"  f{i}: {{like: f}}\n" for i in range(count))
-    path = tmp_path / "mission.yaml"
     text = MISSION.replace(", lab: LAB", "").replace(", points: {dock: [1, 0, 1]}", "")
-    path.write_text(f"{text}  f:\n    phases:\n{phases}{like}")
-    (finding,) = compile_mission(path, catalog=load_catalog()).diagnostics
+    text = f"{text}  f:\n    phases:\n{phases}{like}"
+    (finding,) = result_of(tmp_path / "mission.yaml", text).diagnostics
     assert finding.code == "KYB126"
 
 

@@ -7,15 +7,14 @@ from math import pi, sqrt
 from pathlib import Path
 
 import pytest
+from toolchain import result_of
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.geometry import LEVEL, from_euler, from_heading, rotate
 from kybflow.dsl.checks.tags import overlap
-from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.expanding.world import tag_of, tags_of
 from kybflow.dsl.world import GridParams, TagParams
-from kybflow.parts.catalog import load_catalog
 from kybflow.vision.tags import FAMILIES, read_tags
 from kybflow.world.tags import Tag, TagMap
 
@@ -155,7 +154,7 @@ def test_overlaps_are_found_among_thousands(tmp_path: Path) -> None:
         return f"36h10, {number}, 0.1, {x:.3f}, {y:.3f}, 0, {generator.uniform(0, 360):.1f}\n"
 
     (tmp_path / "tags.csv").write_text(HEAD + "".join(map(row, range(600))))
-    (tmp_path / "m.yaml").write_text(
+    mission = (
         "kybflow: 1\nmission: m\nimport: {std: kybflow/airframes}\n"
         "world: {tags: {lab: {file: tags.csv}}}\n"
         "vehicles: {a: {like: std.nano_plus, behaviors: {idle: {do: wait_on_ground}}}}\n"
@@ -164,6 +163,6 @@ def test_overlaps_are_found_among_thousands(tmp_path: Path) -> None:
     tags = [row.tag for row in read_tags(File("t.csv", "", text))]
     count = sum(overlap(a, b) for i, a in enumerate(tags) for b in tags[i + 1 :])
     assert count > 100
-    result = check_mission(tmp_path / "m.yaml", catalog=load_catalog())
-    (finding,) = (d for d in result.diagnostics if d.code == "KYB384")
+    found = result_of(tmp_path / "m.yaml", mission).diagnostics
+    (finding,) = (d for d in found if d.code == "KYB384")
     assert finding.label.endswith(f"; {count - 1} more pairs")

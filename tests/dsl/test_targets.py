@@ -81,10 +81,12 @@ def vehicles_of(folder: Path, target: str | None, targets: str = "") -> dict[str
 
 
 def test_drivers_declare_targets_and_one_that_cannot_be_loaded_none() -> None:
-    implied = implied_targets(Yards())
-    assert implied["yard"] == ("yard", {"watchdog": "false", "live": "false"})
-    assert implied["px4"] == ("mavlink", {"autopilot": "px4", "simulator": "true"})
-    assert implied["ardupilot"] == ("mavlink", {"autopilot": "ardupilot", "simulator": "true"})
+    implied = dict(implied_targets(Yards()))
+    assert implied["yard"] == {"use": "yard", "watchdog": "false", "live": "false"}
+    assert implied["px4"] == {"use": "mavlink", "autopilot": "px4", "simulator": "true"}
+    assert implied["ardupilot"] == {
+        "use": "mavlink", "autopilot": "ardupilot", "simulator": "true"
+    }  # fmt: skip
 
 
 def test_every_mission_has_them(tmp_path: Path) -> None:

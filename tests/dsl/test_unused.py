@@ -5,10 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from toolchain import compiled
-
-from kybflow.dsl.compiler import check_mission
-from kybflow.parts.catalog import load_catalog
+from toolchain import compiled, result_of
 
 MISSION = """kybflow: 1
 mission: m
@@ -44,10 +41,8 @@ stacks:
 
 
 def unused(folder: Path, mission: str = MISSION, *sets: str, library: str = LIBRARY) -> list[str]:
-    path = folder / "mission.yaml"
-    path.write_text(mission)
     (folder / "lab.yaml").write_text(library)
-    found = check_mission(path, catalog=load_catalog(), sets=sets).diagnostics
+    found = result_of(folder / "mission.yaml", mission, sets=sets).diagnostics
     assert {d.code for d in found} <= {"KYB112"}, [d.message for d in found]
     return [d.message.removeprefix("nothing uses the ") for d in found]
 
@@ -74,10 +69,7 @@ def test_what_a_library_names_of_the_mission_is_used(tmp_path: Path) -> None:
 
 def test_the_resolved_mission_has_no_more_of_them(tmp_path: Path) -> None:
     unused(tmp_path, MISSION)
-    sets = ("goal=world.points.pad",)
     path = tmp_path / "mission.yaml"
-    plan = compiled(path, sets=sets, warns=True)
-    path.write_text(plan.resolved)
-    assert [d.message for d in check_mission(path, catalog=load_catalog()).diagnostics] == [
-        "nothing uses the group `pair`"
-    ]
+    plan = compiled(path, sets=("goal=world.points.pad",), warns=True)
+    (finding,) = result_of(path, plan.resolved).diagnostics
+    assert finding.message == "nothing uses the group `pair`"

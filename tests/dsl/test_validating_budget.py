@@ -17,7 +17,6 @@ from kybflow.api.validation import validate_paths
 PASSES = (
     ("dsl/reading/composer", "read"),
     ("dsl/language/judge", "judge"),
-    ("dsl/language/shape", "judge"),
     ("dsl/resolving/", "resolve"),
     ("dsl/expanding/", "expand"),
     ("dsl/expressions/", "expressions"),

@@ -100,38 +100,36 @@ vehicles:
 """
 
 
-def lines_of(place: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[str, str]]:
+Lines = dict[str, tuple[str, str]]
+
+
+@pytest.fixture
+def lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Lines:
     """Each line of the resolved mission and its origin, by what it begins with."""
-    (place / "lab.yaml").write_text(LAB)
-    (place / "bee.yaml").write_text(BEE)
-    monkeypatch.chdir(place)
+    (tmp_path / "lab.yaml").write_text(LAB)
+    (tmp_path / "bee.yaml").write_text(BEE)
+    monkeypatch.chdir(tmp_path)
     plan = compiled("bee.yaml", sets=["wait=9s"])
     pairs = [line.rsplit("  # ", 1) for line in plan.resolved.splitlines() if line]
     return {text.strip().partition(",")[0]: (text.strip(), origin) for text, origin in pairs}
 
 
 def test_a_value_that_took_the_place_of_a_parameter_says_where_it_stands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lines: Lines,
 ) -> None:
-    lines = lines_of(tmp_path, monkeypatch)
     assert lines["- {use: limit_speed"][1] == "lab.yaml:7, speed from bee.yaml:5"
     assert lines["tracker: {use: geometric"][1] == "lab.yaml:8, tilt from lab.yaml:3"
     assert lines["start: {at: [1 m"][1] == "bee.yaml:10, at from bee.yaml:4"
     assert lines["up: {do: take_off"][1] == "bee.yaml:12, within from --set:1"
 
 
-def test_angles_and_shares_are_written_as_an_author_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lines = lines_of(tmp_path, monkeypatch)
+def test_angles_and_shares_are_written_as_an_author_does(lines: Lines) -> None:
     assert ", tilt: 15 deg, " in lines["tracker: {use: geometric"][0]
     assert "warn_below: 30 %" in lines["- {use: battery"][0]
 
 
-def test_the_standard_library_is_called_by_its_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    origin = lines_of(tmp_path, monkeypatch)["mass: 1.05 kg"][1]
+def test_the_standard_library_is_called_by_its_package(lines: Lines) -> None:
+    origin = lines["mass: 1.05 kg"][1]
     assert origin.startswith("kybflow/missions/library/airframes.yaml:")
 
 

@@ -9,7 +9,7 @@ from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.checks.flows import Assignment, assignments, phases
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Arrive, PhasePlan, VehiclePlan
 
 _TOGETHER: Arrive = "together"

@@ -36,7 +36,7 @@ from kybflow.dsl.expressions import (
     InState,
     parse,
 )
-from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.names import end_of
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in

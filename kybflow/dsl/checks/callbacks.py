@@ -16,8 +16,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import options_named
+from kybflow.dsl.names import BUILT_IN, options_named
 from kybflow.dsl.plan import ActionKeys, CallbackPlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
 from kybflow.parts.events import AWAITED_EVENTS

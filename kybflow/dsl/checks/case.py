@@ -12,9 +12,8 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions import Condition, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.scopes import Scopes
+from kybflow.dsl.language.records import Record
+from kybflow.dsl.names import BUILT_IN, Scopes
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import Behavior, Flight, Leg
 

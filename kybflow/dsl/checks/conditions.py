@@ -29,7 +29,7 @@ from kybflow.dsl.expressions import (
     parse,
 )
 from kybflow.dsl.expressions.tree import Aggregate
-from kybflow.dsl.language.source import Record
+from kybflow.dsl.language.records import Record
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import chains_of
 

@@ -14,7 +14,7 @@ from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kin
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic
 from kybflow.dsl.expanding.targets import divides, provided
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 
 

@@ -17,7 +17,7 @@ from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.expanding.entry_values import written
+from kybflow.dsl.expanding.flows import written
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,

@@ -27,7 +27,7 @@ from kybflow.dsl.checks.reachability import (
 )
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
-from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.names import end_of
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in

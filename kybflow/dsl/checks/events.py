@@ -13,8 +13,8 @@ from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.language.records import Record
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.events import AWAITED_EVENTS, RUN_EVENTS, VEHICLE_EVENTS, Landed

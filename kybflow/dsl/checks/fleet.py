@@ -24,7 +24,7 @@ from kybflow.dsl.expressions import (
     Read,
     Word,
 )
-from kybflow.dsl.names.built_in import BUILT_IN, end_of
+from kybflow.dsl.names import BUILT_IN, end_of
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, Claim
 from kybflow.parts.observables import is_in

@@ -17,7 +17,7 @@ from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import endless_states, entries_of, left_at, stays
 from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
-from kybflow.dsl.names.built_in import end_of
+from kybflow.dsl.names import end_of
 from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 
 _MOST = 16

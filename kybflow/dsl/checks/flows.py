@@ -13,8 +13,7 @@ from kybflow.dsl.checks.events import given_by_a_person
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions import parse
-from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.names.option_names import unknown_vehicle
+from kybflow.dsl.names import BUILT_IN, unknown_vehicle
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_of
 

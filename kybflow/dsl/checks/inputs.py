@@ -14,7 +14,7 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Text
 from kybflow.dsl.expressions import Axis
 from kybflow.dsl.expressions.describe import quantity
-from kybflow.dsl.names.option_names import no_vehicles
+from kybflow.dsl.names import no_vehicles
 from kybflow.dsl.plan import InputPlan, StatePlan
 from kybflow.dsl.reading.nodes import Scalar, entries_of
 

@@ -61,7 +61,8 @@ def crosses_a_take_off(case: Case) -> Iterator[Diagnostic]:
 
 def _balls(case: Case) -> Iterator[tuple[Obstacle, MovingSphere]]:
     """Yield every moving obstacle."""
-    return ((o, o.moving) for o in case.plan.world.obstacles if o.moving is not None)
+    obstacles = case.plan.world.obstacles
+    return ((o, ball) for o in obstacles if (ball := o.moving_sphere) is not None)
 
 
 def goes_nowhere(case: Case) -> Iterator[Diagnostic]:

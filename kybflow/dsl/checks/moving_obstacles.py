@@ -26,7 +26,7 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
 
 
 def _moving(case: Case) -> list[Obstacle]:
-    return [one for one in case.plan.world.obstacles if one.moving is not None]
+    return [one for one in case.plan.world.obstacles if one.moving_sphere is not None]
 
 
 def _real(case: Case) -> str:

@@ -11,7 +11,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.contexts import contexts
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.names.option_names import no_vehicles
+from kybflow.dsl.names import no_vehicles
 from kybflow.dsl.plan import StatePlan, VehiclePlan
 
 

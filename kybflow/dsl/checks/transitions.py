@@ -15,7 +15,7 @@ from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import PhasePlan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Leg
 from kybflow.parts.observables import chains_of

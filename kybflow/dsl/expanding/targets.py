@@ -15,7 +15,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.language.source import Source
+from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -54,13 +54,13 @@ class Target:
         self._targets = entries_of(root.get("targets"))
         name = target or "sim"
         self.is_written = name in self._targets
-        self._entries = entries_of(self._targets[name].value) if self.is_written else {}
-        self._places = self._decoded(self._entries, decoder)
+        entries = entries_of(self._targets[name].value) if self.is_written else {}
+        self._places = self._decoded(entries, decoder)
         self.name = Text(name, root.entries["mission"].key.span, verbatim=False)
         if self.is_written:
             self.name = self._targets[name].key.as_text
-        elif name != "sim" and name not in (implied := implied_targets(catalog)):
-            known = {*self._targets, *implied, "sim"}
+        elif self._implied() is None:
+            known = {*self._targets, *dict(implied_targets(catalog))}
             message = f"the mission has no target `{name}`"
             place = Span(FILE, 1, 1, 1, len(name) + 1)
             self._found.report("KYB150", message, place, help=did_you_mean(name, known))
@@ -70,12 +70,8 @@ class Target:
         driver that the target's name implies."""
         written = {n: p.driver for n, p in self._places.items() if p.entry("driver") is not None}
         if "all" not in written and not self._vehicles.keys() <= written.keys():
-            name, span = self.name.text, self.name.span
-            implied = {} if name == "sim" else implied_targets(self._decoder.catalog)
-            node: Node | None = Scalar("sim", span) if name == "sim" else None
-            if name in implied:
-                used, values = implied[name]
-                node = _node({"use": used, **values}, span)
+            implied = self._implied()
+            node = None if implied is None else _node(implied, self.name.span)
             if node is not None and (part := self._decoder.part("drivers", node)) is not None:
                 written["all"] = part
         drivers: dict[str, PartPlan] = {}
@@ -87,6 +83,11 @@ class Target:
                 message = f"`{name}` has no driver on the target `{self.name.text}`"
                 self._found.report("KYB151", message, self.name.span)
         return drivers
+
+    def _implied(self) -> dict[str, str] | None:
+        """Return the driver that the target's name implies, with its parameters as text."""
+        targets = implied_targets(self._decoder.catalog)
+        return next((driver for name, driver in targets if name == self.name.text), None)
 
     def _decoded(self, entries: MappingOf[str, MappingEntry], decoder: Decoder) -> dict[str, Place]:
         """Return the entries of a target, for `all` and for each vehicle."""
@@ -165,7 +166,7 @@ class Target:
     def _brought(self, vehicle: VehiclePlan, own: list[SensorPlan]) -> list[SensorPlan]:
         """Return the sensors that the driver adds for estimators that lack measurements. Their
         source location is the first such estimator."""
-        given, driver = _provided(vehicle.driver, own), vehicle.driver
+        given, driver = provided(vehicle.but(sensors=tuple(own))), vehicle.driver
         shows = driver.cls.shows(driver.params)
         parts = [use.part for use in vehicle.estimators]
         lacking = [(p, kinds) for p in parts if (kinds := p.cls.uses(p.params) - given)]
@@ -180,10 +181,10 @@ class Target:
         return brought
 
 
-def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
-    """Return the targets that every mission has in addition to `sim`, each with its driver and the
-    driver's parameters as text. Imports every driver."""
-    found: dict[str, tuple[str, dict[str, str]]] = {}
+def implied_targets(catalog: Catalog) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield the targets that every mission has, each with its driver and the driver's parameters as
+    text. After `sim`, imports one driver after the other."""
+    yield "sim", {"use": "sim"}
     for name in catalog.names("drivers"):
         try:
             targets = catalog.get("drivers", name).cls.targets
@@ -191,8 +192,7 @@ def implied_targets(catalog: Catalog) -> dict[str, tuple[str, dict[str, str]]]:
             continue
         for target, values in targets.items():
             written = {k: str(v).lower() if isinstance(v, bool) else v for k, v in values.items()}
-            found.setdefault(target, (name, written))
-    return found
+            yield target, {"use": name, **written}
 
 
 def _node(values: dict[str, str], span: Span) -> Mapping:
@@ -225,11 +225,7 @@ def _estimators(vehicle: Node) -> Iterator[str]:
 
 def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
     """Return the kinds of measurement that the vehicle's driver and sensors provide."""
-    return _provided(vehicle.driver, vehicle.sensors)
-
-
-def _provided(driver: PartPlan, sensors: Iterable[SensorPlan]) -> frozenset[MeasurementKind]:
-    sources = (driver, *(use.part for use in sensors))
+    sources = (vehicle.driver, *(use.part for use in vehicle.sensors))
     return frozenset(kind for part in sources for kind in part.cls.provides)
 
 
@@ -277,14 +273,10 @@ def inputs_of(root: Mapping, target: str, decoder: Decoder) -> tuple[InputPlan, 
     replaced = inputs_in(targets[target].value) if target in targets else {}
     inputs: list[InputPlan] = []
     for name, entry in own.items():
-        instead = replaced.get(name)
-        is_own = instead is None or is_null(instead.value)
-        value = entry.value if instead is None or is_own else instead.value
-        one = None if is_null(value) else _input(entry.key, value, decoder)
-        if one is not None:
-            inputs.append(one)
-        if instead is not None and not is_null(entry.value):  # checked although it is replaced
-            _input(entry.key, entry.value, decoder)
+        written = (e.value for e in (entry, replaced.get(name)) if e is not None)
+        made = [_input(entry.key, value, decoder) for value in written if not is_null(value)]
+        if made and made[-1] is not None:  # one that is replaced is checked, too
+            inputs.append(made[-1])
     return tuple(inputs)
 
 

@@ -28,6 +28,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.language.decode import Decoder
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -44,7 +45,6 @@ from kybflow.dsl.world import (
     CylinderParams,
     GridParams,
     MapImage,
-    MovingSphereParams,
     Obstacle,
     OccupancyParams,
     PlaneParams,
@@ -79,7 +79,7 @@ _OF_TAGS = ("grid", "tag", "file")
 
 def world_of(node: Node | None, decoder: Decoder) -> World:
     """Return the world of a mission, without the entries that have errors."""
-    body = node if isinstance(node, Mapping) else Mapping({}, Span("", 1, 1, 1, 1))
+    body = node if isinstance(node, Mapping) else EMPTY
     obstacles, tags = (entries_of(body.get(key)).values() for key in ("obstacles", "tags"))
     made = tuple(o for e in obstacles if (o := _obstacle(e, decoder)) is not None)
     printed = tuple(t for e in tags if (t := _tags(e, decoder)) is not None)
@@ -108,9 +108,8 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     obstacle: Obstacle | None = decoder.record(Obstacle, entry.value, name.span, name=name.text)
     if obstacle is None or (solid := getattr(obstacle, kind)) is None:
         return None
-    if isinstance(solid, MovingSphereParams):
-        ball = MovingSphere(solid.along, solid.radius, solid.speed, solid.body)
-        return obstacle.but(moving=ball)
+    if isinstance(solid, MovingSphere):
+        return obstacle
     shape, files = _solid(solid, found)
     return None if shape is None else obstacle.but(shape=shape, files=files)
 
@@ -206,7 +205,8 @@ class Points:
     def apply(self, node: Node) -> Node:
         """Return `node` with coordinates in place of every value that names a point."""
         if isinstance(node, Scalar):
-            return self._scalar(node) if node.text.startswith(PREFIX) else node
+            match = _NAMED.match(node.text)
+            return node if match is None else self._coordinates(match[1], node)
         if id(node) not in self._done:
             self._done[id(node)] = (node, self._replaced(node))
         return self._done[id(node)][1]
@@ -220,14 +220,11 @@ class Points:
         same = all(entries[key].value is e.value for key, e in node.entries.items())
         return node if same else Mapping(entries, node.span)
 
-    def _scalar(self, node: Scalar) -> Node:
-        match = _NAMED.match(node.text)
-        if match is None:
-            return node
-        point = self._points.get(match[1])
+    def _coordinates(self, name: str, node: Scalar) -> Sequence:
+        point = self._points.get(name)
         if point is None:
-            message = f"the world has no point `{match[1]}`"
-            hint = did_you_mean(match[1], self._points) or "name it under `points` of `world`"
+            message = f"the world has no point `{name}`"
+            hint = did_you_mean(name, self._points) or "name it under `points` of `world`"
             self._found.report("KYB154", message, node.span, notes=origin(node), help=hint)
         numbers = (Scalar(repr(number), node.span) for number in point or ZERO)
         return Sequence(tuple(numbers), node.span)

@@ -1,4 +1,4 @@
-"""Decode nodes to records. `kybflow.dsl.language.shape` has already checked the shape of the file,
+"""Decode nodes to records. `kybflow.dsl.language.judge` has already checked the shape of the file,
 and imports, `like` and parameters are resolved."""
 
 from __future__ import annotations
@@ -7,24 +7,15 @@ from collections.abc import Callable, Collection, Container, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 from kybflow.core.errors import KybflowError
-from kybflow.core.params import (
-    TEXT,
-    Choice,
-    Field,
-    ListOf,
-    MappingOf,
-    Numbers,
-    RecordOf,
-    ValueType,
-)
+from kybflow.core.params import TEXT, Choice, Field, ListOf, MappingOf, Numbers, RecordOf, ValueType
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import is_quantity
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.expressions.tree import Unparsed
-from kybflow.dsl.language.source import NO_PLACE, Record, Source
-from kybflow.dsl.language.types import (
+from kybflow.dsl.language.records import (
     CONDITION,
+    EMPTY,
     EVENT,
     PHASE,
     REQUEST,
@@ -34,6 +25,8 @@ from kybflow.dsl.language.types import (
     VERSION,
     AnyOf,
     PartOf,
+    Record,
+    Source,
     UsesOf,
     layout_of,
     part_of,
@@ -53,7 +46,7 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.reading.values import decode_value, example_of
 
 if TYPE_CHECKING:
-    from kybflow.parts.catalog import Catalog, PartSpec
+    from kybflow.parts.catalog import Catalog
 
 CODES = {
     "KYB107": "A parameter that the part doesn't have.",
@@ -70,7 +63,7 @@ _SURE = 0.75
 class Decoder:
     """Decodes the nodes of one mission; a part that several vehicles share is decoded once.
 
-    chains: the names of the chains, which a behavior's name could have been meant for.
+    chains: the names of the chains, for hints about unknown behaviors.
     """
 
     def __init__(self, catalog: Catalog, found: Findings, chains: Iterable[str] = ()) -> None:
@@ -127,12 +120,7 @@ class Decoder:
         return given
 
     def parameters(
-        self,
-        cls: Any,
-        body: Mapping,
-        part: str,
-        head: Span,
-        beside: Collection[str] = (),
+        self, cls: Any, body: Mapping, part: str, head: Span, beside: Collection[str] = ()
     ) -> Any:
         """Return the parameters of `part` in `body` as `cls`, or None if they have errors, which
         are reported.
@@ -201,14 +189,6 @@ class Decoder:
     ) -> PartPlan | None:
         """Return the part called `name` with its parameters in `body`, or None if either has
         errors."""
-        spec = self._spec(kind, name)
-        params = spec and self.parameters(spec.params, body, spec.name, name.span, beside)
-        if spec is None or params is None:
-            return None
-        source = Source(name.span, body)
-        return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
-
-    def _spec(self, kind: str, name: Scalar) -> PartSpec | None:
         if name.text not in self.catalog.names(kind):
             more = self._chains if kind == "behaviors" else ()
             chain = f"chain.{name.text}"
@@ -219,12 +199,17 @@ class Decoder:
             self.found.report("KYB140", message, name.span, help=hint)
             return None
         try:
-            return self.catalog.get(kind, name.text)
+            spec = self.catalog.get(kind, name.text)
         except (KybflowError, ImportError) as error:
             message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
             hint = "mend or update the package that offers it"
             self.found.report("KYB141", message, name.span, help=hint)
             return None
+        params = self.parameters(spec.params, body, spec.name, name.span, beside)
+        if params is None:
+            return None
+        source = Source(name.span, body)
+        return PartPlan(spec.name, spec.cls, params, label, name.span.at, source=source)
 
     def misplaced(self, node: Node, key: str) -> bool:
         """Report KYB103 and return True if `node` is a point where a name is needed. A parameter or
@@ -242,7 +227,7 @@ class Decoder:
             return Request(node.text, source=Source(node.as_text.span))
         if isinstance(node, Mapping) and len(node.entries) == 1:
             [asked] = node.entries.values()
-            values = asked.value if isinstance(asked.value, Mapping) else Mapping({}, NO_PLACE)
+            values = asked.value if isinstance(asked.value, Mapping) else EMPTY
             if values is asked.value or is_null(asked.value):
                 source = Source(asked.key.as_text.span, values)
                 return Request(asked.key.text, source=source)
@@ -315,24 +300,21 @@ class Decoder:
             if use is None:
                 continue
             part: PartPlan = getattr(use, "part", use)
-            if part.alias in parts:
-                self._twice(parts[part.alias], part, entry.value.span)
-            else:
+            first = parts.get(part.alias)
+            if first is None:
                 parts[part.alias] = part
                 uses.append(use)
+                continue
+            # if a stack brings one of the two, report the one that is written in this list
+            is_first, is_second = (use.span.is_in(entry.value.span) for use in (first, part))
+            own, other = (first, part) if is_first and not is_second else (part, first)
+            note, hint = f"the stack has it at {other.span.at}", "leave out yours: the stack has it"
+            if is_first == is_second:
+                note = f"first at {first.span.at}"
+                hint = "give one of them a name of its own with `as: NAME`"
+            message = f"`{part.alias}` is in this list twice"
+            self.found.report("KYB142", message, own.span, notes=(note,), help=hint)
         return tuple(uses)
-
-    def _twice(self, first: PartPlan, second: PartPlan, written: Span) -> None:
-        """Report KYB142 for two parts of the same name in the list `written`. If exactly one of
-        them is written in that list and the other comes from a stack, report at the former."""
-        is_first, is_second = (use.span.is_in(written) for use in (first, second))
-        own, other = (first, second) if is_first and not is_second else (second, first)
-        note, hint = f"the stack has it at {other.span.at}", "leave out yours: the stack has it"
-        if is_first == is_second:
-            note = f"first at {first.span.at}"
-            hint = "give one of them a name of its own with `as: NAME`"
-        message = f"`{second.alias}` is in this list twice"
-        self.found.report("KYB142", message, own.span, notes=(note,), help=hint)
 
 
 _Reader = Callable[[Decoder, MappingEntry, Field], Any]
@@ -349,7 +331,7 @@ _ALONE: dict[ValueType, _Reader] = {
 _READERS: dict[type[ValueType], _Reader] = {
     UsesOf: Decoder._uses, MappingOf: Decoder._mapping, RecordOf: Decoder._nested,
     ListOf: Decoder._list,
-    PartOf: lambda decoder, entry, field: decoder.part(cast(PartOf, field.type), entry.value),
+    PartOf: lambda decoder, entry, field: decoder.part(cast("PartOf", field.type), entry.value),
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
 """The function that decodes a value of each type; `decode_value` decodes all others."""

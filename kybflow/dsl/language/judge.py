@@ -1,20 +1,70 @@
-"""Check the shape of a file before anything is resolved. `shape` decides whether it is valid; if it
-isn't, `jsonschema` finds the errors, and each becomes a finding in the words of the language."""
+"""Check whether a file has the shape that the records declare, before `$name` and `like` are
+resolved and parts are looked up. If it hasn't, `jsonschema` finds the errors with the schema of the
+same records (ADR 22), and each becomes a finding in the words of the language."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
-from kybflow.core.params import INTEGER, Choice, Field, numbers
+from kybflow.core.errors import UnitError
+from kybflow.core.params import (
+    BOOLEAN,
+    FILE,
+    FILE_PATH,
+    INTEGER,
+    TEXT,
+    Choice,
+    Field,
+    ListOf,
+    MappingOf,
+    Numbers,
+    RecordOf,
+    ValueType,
+    numbers,
+)
 from kybflow.core.text import did_you_mean, nearest
-from kybflow.core.units import DIMENSIONS, article
+from kybflow.core.units import DIMENSIONS, article, parse_quantity
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.language.schema import BOUNDS, KINDS, record_schema
-from kybflow.dsl.language.shape import has_shape
+from kybflow.dsl.language.records import (
+    CONDITION,
+    EVENT,
+    PHASE,
+    REQUEST,
+    SENSORS,
+    STATE,
+    TITLE,
+    VERSION,
+    AnyOf,
+    PartOf,
+    RecordLayout,
+    UsesOf,
+    layout_of,
+    part_layout,
+)
+from kybflow.dsl.language.schema import (
+    BOUNDS,
+    KINDS,
+    NAMED,
+    NAMES,
+    PARAMETER,
+    PLACE,
+    TITLE_LENGTH,
+    record_schema,
+)
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, head_of, to_json
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    describe,
+    entries_of,
+    head_of,
+    is_null,
+    to_json,
+)
 from kybflow.dsl.reading.values import TYPES, decode_value
 from kybflow.dsl.reading.yaml_errors import CONDITIONS, missing_colon
 
@@ -29,21 +79,9 @@ CODES = {
     "KYB110": "A name that can't be one.",
     "KYB111": "A version of the language that this program doesn't read.",
 }
+_JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
 _MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
-
-
-class SchemaViolation(NamedTuple):
-    """One error of `jsonschema`. keyword, wanted: the keyword that failed and its value. instance:
-    the invalid value. schema: the schema that contains the keyword. node: the node at which the
-    error occurred. name: what an author calls that node."""
-
-    keyword: str
-    wanted: Any
-    instance: Any
-    schema: dict[str, Any]
-    node: Node
-    name: str
 
 
 def judge_mission(root: Node, found: Findings) -> Mapping:
@@ -69,7 +107,13 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
         return []
     found: list[Diagnostic] = []
     for error in _validator(kind).iter_errors(to_json(root)):
-        node, name = _locate(root, error.absolute_path)
+        node, name = root, ""
+        for step in error.absolute_path:
+            if isinstance(node, Mapping):
+                node, name = node.entries[str(step)].value, str(step)
+            elif isinstance(node, Sequence):
+                name = name if name.endswith("]") else f"{name}[{step}]"
+                node = node.items[int(step)]
         schema = error.schema if isinstance(error.schema, dict) else {}
         keyword, wanted = str(error.validator), error.validator_value
         fault = SchemaViolation(keyword, wanted, error.instance, schema, node, name)
@@ -77,22 +121,171 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
     return found
 
 
+def has_shape(node: Node, cls: Any) -> bool:
+    """Return whether a tree has the shape of a record."""
+    return _is_laid_out(node, layout_of(cls))
+
+
+def _is_laid_out(node: Node, layout: RecordLayout) -> bool:
+    """Return whether a tree has the keys of a layout, with values of the right types."""
+    if not isinstance(node, Mapping):
+        return layout.part is not None and layout.part.word == "use" and _is_text(node)
+    entries, keys = node.entries, layout.keys
+    if len(entries) < layout.least:
+        return False
+    if "like" not in entries or "like" not in keys:
+        lacking = (key not in entries or is_null(entries[key].value) for key in layout.needed)
+        if any(lacking):
+            return False
+    for key, entry in entries.items():
+        field, others = keys.get(key), layout.others
+        if field is None:
+            if layout.part is not None:
+                continue
+            if others is None or (isinstance(others, RecordOf) and not NAMES["name"].match(key)):
+                return False
+            field = Field(type=others)
+        if not (is_null(entry.value) or _fits(entry.value, field.type, field)):
+            return False
+    return True
+
+
+def _fits(node: Node, kind: ValueType, field: Field) -> bool:
+    """Return whether a value has the type `kind`. field: has the bounds of the value."""
+    judge = _ALONE.get(kind) or _JUDGES[type(kind)]
+    return judge(node, kind, field)
+
+
+def _is_text(node: Node, *_: Any) -> TypeGuard[Scalar]:
+    return isinstance(node, Scalar) and isinstance(to_json(node), str)
+
+
+def _is_parameter(node: Node) -> bool:
+    return isinstance(node, Scalar) and PARAMETER.match(node.text) is not None
+
+
+def _is_phase(node: Node, *_: Any) -> bool:
+    inside = [entry.value for entry in entries_of(node).values()]
+    return _is_text(node) or (bool(inside) and all(is_null(n) or _is_text(n) for n in inside))
+
+
+def _is_any_of(node: Node, kind: Any, _: Field) -> bool:
+    if isinstance(node, Scalar):
+        return _JSON[type(to_json(node))] in kind.kinds
+    return ("object" if isinstance(node, Mapping) else "array") in kind.kinds
+
+
+def _is_mapping(node: Node, kind: Any, field: Field) -> bool:
+    if not isinstance(node, Mapping) or len(node.entries) < field.least:
+        return False
+    pattern = NAMES[field.names_like]
+    return all(
+        pattern.match(name) and (is_null(entry.value) or _fits(entry.value, kind.item, field))
+        for name, entry in node.entries.items()
+    )
+
+
+def _is_list(node: Node, kind: Any, field: Field) -> bool:
+    if not isinstance(node, Sequence) or len(node.items) < field.least:
+        return False
+    return all(_fits(item, kind.item, field) for item in node.items)
+
+
+def _is_sensors(node: Node, kind: Any, field: Field) -> bool:
+    if isinstance(node, Sequence):
+        return bool(node.items) and _is_list(node, kind, field)
+    return _fits(node, kind.item, field)
+
+
+def _are_uses(node: Node, kind: Any, field: Field) -> bool:
+    """Return whether each item is a use of a part, or only a stack."""
+    if not isinstance(node, Sequence):
+        return False
+    for item in node.items:
+        if isinstance(item, Mapping) and "stack" in item.entries:
+            stack = item.entries["stack"].value
+            if len(item.entries) > 1 or not (is_null(stack) or _is_text(stack)):
+                return False
+        elif not _fits(item, kind.item, field):
+            return False
+    return True
+
+
+def _are_sized(node: Node, kind: Numbers, size: tuple[int | None, ...], field: Field) -> bool:
+    if isinstance(node, Scalar):
+        is_place = size == (3,) and field.shape != "matrix"
+        if (PLACE if is_place else PARAMETER).match(node.text):
+            return True
+        return not size and _is_quantity(node, kind, field)
+    if not size or not isinstance(node, Sequence) or not node.items:
+        return False
+    if size[0] not in (None, len(node.items)):
+        return False
+    return all(_are_sized(item, kind, size[1:], field) for item in node.items)
+
+
+def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
+    """Return whether the node is a quantity. The bounds are checked only for a number without a
+    unit."""
+    if is_null(node) or isinstance(value := to_json(node), bool):
+        return False
+    try:
+        number = parse_quantity(node.text, kind.dimension)
+    except UnitError:
+        return False
+    return isinstance(value, str) or field.is_within(number)
+
+
+def _is_whole(node: Node, _: Any, field: Field) -> bool:
+    value = to_json(node)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return _is_parameter(node)
+    return value == int(value) and field.is_within(value)
+
+
+_Judge = Callable[[Node, Any, Field], bool]
+_ALONE: dict[ValueType, _Judge] = {
+    TEXT: _is_text, CONDITION: _is_text, EVENT: _is_text, STATE: _is_text, FILE: _is_text,
+    FILE_PATH: _is_text,
+    TITLE: lambda node, *_: _is_text(node) and len(node.text) <= TITLE_LENGTH
+    and NAMES["name"].match(node.text) is not None,
+    PHASE: _is_phase, SENSORS: _is_sensors,
+    VERSION: lambda node, *_: (value := to_json(node)) == 1 and not isinstance(value, bool),
+    REQUEST: lambda node, *_: bool(entries_of(node)) or _is_text(node),
+    INTEGER: _is_whole,
+    BOOLEAN: lambda node, *_: isinstance(to_json(node), bool) or _is_parameter(node),
+}  # fmt: skip
+_JUDGES: dict[type[ValueType], _Judge] = {
+    Numbers: lambda node, kind, field: _are_sized(node, kind, kind.size, field),
+    Choice: lambda node, kind, _: _is_text(node) and (
+        node.text in kind.words or _is_parameter(node)
+    ),
+    ListOf: _is_list, MappingOf: _is_mapping,
+    RecordOf: lambda node, kind, _: (kind.or_name and _is_text(node)) or has_shape(node, kind.cls),
+    PartOf: lambda node, kind, _: _is_laid_out(node, part_layout(kind)),
+    UsesOf: _are_uses, AnyOf: _is_any_of,
+}  # fmt: skip
+"""The function that checks a value of each type."""
+
+
+class SchemaViolation(NamedTuple):
+    """One error of `jsonschema`. keyword, wanted: the keyword that failed and its value. instance:
+    the invalid value. schema: the schema that contains the keyword. node: the node at which the
+    error occurred. name: what an author calls that node."""
+
+    keyword: str
+    wanted: Any
+    instance: Any
+    schema: dict[str, Any]
+    node: Node
+    name: str
+
+
 @functools.cache
 def _validator(kind: Any) -> Validator:
     from jsonschema import Draft202012Validator  # slower to import than the rest of `dsl`
 
     return Draft202012Validator(record_schema(kind))
-
-
-def _locate(root: Node, path: Any) -> tuple[Node, str]:
-    """Return the node at `path`, and what an author calls it."""
-    node, name = root, ""
-    for step in path:
-        if isinstance(node, Mapping):
-            node, name = node.entries[step].value, step
-        elif isinstance(node, Sequence):
-            node, name = node.items[step], name if name.endswith("]") else f"{name}[{step}]"
-    return node, name
 
 
 def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -145,14 +338,10 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     most, name = fault.schema.get("maxLength"), str(fault.instance)
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
-        hint = "a name may contain letters, digits and `_`, and must not begin with a digit"
-        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
+        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=NAMED)
     elif most is not None:
         message = f"`{repr(name[:most])[1:-1]}` can't be the name of a {fault.name}"
-        hint = (
-            "a name may contain letters, digits and `_`, must not begin with a digit, and may have"
-            f" at most {most} characters"
-        )
+        hint = f"{NAMED.replace(', and', ',')}, and may have at most {most} characters"
         yield Diagnostic("KYB110", message, fault.node.span, help=hint)
     else:
         yield from _explain_value(fault)
@@ -180,7 +369,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
         "KYB103",
         f"{place} must be {wanted}, but this is {describe(node)}{shown}",
         node.span,
-        help=_way_out(fault, types) or _reshaped(node, types, name.rpartition("[")[0] or name),
+        help=_way_out(fault, types),
     )
 
 
@@ -188,6 +377,7 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
     """Return the hint how to write a value of one of `types`, or an empty string if none is
     known."""
     node, name, schema = fault.node, fault.name, fault.schema
+    own = name.rpartition("[")[0] or name
     if name in CONDITIONS:
         return "write a condition, like `state.altitude > 1 m`"
     if name == "log" and isinstance(node, Mapping):
@@ -200,23 +390,21 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
         if list(dict.fromkeys(types)) == ["string"]:
             return f'write "{node.text[:60]}" in quotes if you mean the text'
     if schema.get("examples") and fault.keyword == "type":
-        own = name.rpartition("[")[0] or name
         if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
             return f"write `{own}: {{type: {node.text}}}`"
         return f"write it like `{own}: {_flow(schema['examples'][0])}`"
-    return ""
+    return _reshaped(node, types, own)
 
 
 def _reshaped(node: Node, types: list[str], name: str) -> str:
     """Return the hint how to write a mapping where a list is written, or a list where a mapping or
     a text is written; empty if neither applies."""
-    if types == ["object"] and isinstance(node, Sequence):
-        return f"write it in braces: `{name}: {{...}}`" if name else ""
-    if types == ["array"] and isinstance(node, Mapping):
-        return f"write it in brackets: `{name}: [{{...}}]`" if name else ""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
         return "write it as a list: each on a line of its own, behind `- `"
-    return ""
+    if name and types == ["object"] and isinstance(node, Sequence):
+        return f"write it in braces: `{name}: {{...}}`"
+    is_mapping = name and types == ["array"] and isinstance(node, Mapping)
+    return f"write it in brackets: `{name}: [{{...}}]`" if is_mapping else ""
 
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:

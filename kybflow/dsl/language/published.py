@@ -13,21 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.params import Field, ListOf, Numbers, RecordOf
 from kybflow.core.units import DIMENSIONS
-from kybflow.dsl.language.schema import (
-    BOUNDS,
-    KINDS,
-    Schema,
-    Schemas,
-    numbers_schema,
-    snippets,
-)
-from kybflow.dsl.language.types import SENSORS, PartOf, layout_of
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.language.records import SENSORS, PartOf, layout_of
+from kybflow.dsl.language.schema import BOUNDS, KINDS, Schema, Schemas, numbers_schema, snippets
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ActionKeys, CallbackPlan, FlowPlan, PhasePlan, Plan, StatePlan
 from kybflow.parts.events import RUN_EVENTS, VEHICLE_EVENTS
 
 if TYPE_CHECKING:
-    from kybflow.parts.catalog import Catalog, PartSpec
+    from kybflow.parts.catalog import Catalog
 
 _SHOWN = ("title", "description", "examples", "defaultSnippets")
 _NOTHING: Schema = {"type": "null"}
@@ -88,7 +81,12 @@ class Editor:
         if cls in self._offered:
             _offer(schema["properties"], self._offered[cls])
         if cls is ActionKeys:
-            schema = self._with_packages(schema)
+            for name in self._catalog.names("actions"):
+                spec = self._catalog.get("actions", name)
+                params: Any = spec.params
+                one = self.schemas.mapping(layout_of(params), name, spec.summary)
+                schema["properties"][name] = one
+            schema = {**schema, "additionalProperties": False, "maxProperties": 1}
         if kind is SENSORS:
             one = schema["items"]
             kept = {key: schema[key] for key in ("description", "items", "minItems")}
@@ -147,32 +145,19 @@ class Editor:
             choices.append({"pattern": r"^chain\.", "description": "A chain, with its parameters."})
         about = own[word]["description"]
         named = {**own, word: {"description": about, "type": "string", "anyOf": choices}}
-        cases = [self._case(word, name, spec, own) for name, spec in specs.items()]
-        whole = {"properties": named, "allOf": [*schema.get("allOf", ()), *cases]}
+        cases = [*schema.get("allOf", ())]
+        for name, spec in specs.items():
+            # completing, a language server accepts the beginning of a constant in place of the
+            # whole, such as `follow` for `follow_path`, but it matches a pattern exactly
+            written = {"properties": {word: {"const": name, "pattern": f"^{name}$"}}}
+            properties = {**dict.fromkeys(own, True), **self.schemas.properties(spec.fields)}
+            then = {
+                "description": spec.summary, "properties": properties, "additionalProperties": False
+            }  # fmt: skip
+            cases.append({"if": {**written, "required": [word]}, "then": then})
+        whole = {"properties": named, "allOf": cases}
         bare = {"anyOf": [{"enum": list(specs)}, {"not": {"type": "string"}}]}
         return {**whole, **bare} if "string" in schema["type"] else whole
-
-    def _case(self, word: str, name: str, spec: PartSpec, own: Schema) -> Schema:
-        """Return the schema of a part's parameters for its exact name. A language server that
-        completes accepts the beginning of a constant in place of the whole, such as `follow` for
-        `follow_path`, but matches a pattern exactly."""
-        written = {"properties": {word: {"const": name, "pattern": f"^{name}$"}}}
-        properties = {**dict.fromkeys(own, True), **self.schemas.properties(spec.fields)}
-        then = {
-            "description": spec.summary,
-            "properties": properties,
-            "additionalProperties": False,
-        }
-        return {"if": {**written, "required": [word]}, "then": then}
-
-    def _with_packages(self, action: Schema) -> Schema:
-        """Return the schema of one action, including the actions of packages."""
-        properties = action["properties"]
-        for name in self._catalog.names("actions"):
-            spec = self._catalog.get("actions", name)
-            params: Any = spec.params
-            properties[name] = self.schemas.mapping(layout_of(params), name, spec.summary)
-        return {**action, "additionalProperties": False, "maxProperties": 1}
 
 
 def _offer(properties: Schema, texts: dict[str, list[str]]) -> None:

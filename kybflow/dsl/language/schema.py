@@ -23,7 +23,7 @@ from kybflow.core.params import (
     ValueType,
 )
 from kybflow.core.units import Dimension, article, format_quantity, parse_quantity
-from kybflow.dsl.language.types import (
+from kybflow.dsl.language.records import (
     PHASE,
     REQUEST,
     SCALARS,
@@ -70,7 +70,8 @@ KINDS = {
     "null": "nothing",
 }
 """The JSON types in words."""
-_NAMED = "A name may contain letters, digits and `_`, and must not begin with a digit."
+NAMED = "a name may contain letters, digits and `_`, and must not begin with a digit"
+_NAMED = f"{NAMED[0].upper()}{NAMED[1:]}."
 _PLAIN = ("integer", "boolean", "text", "file", "file path", "integers", "names")
 
 
@@ -109,8 +110,10 @@ class Schemas:
     def value(self, field: Field, may_lack: bool = False) -> Schema:
         """Return the schema of the value of one key."""
         make = _ALONE.get(field.type) or _MAKERS.get(type(field.type))
-        text: Schema = {"description": _help(field), "type": "string"}
-        whole = make(self, field.type, field) if make else text
+        about = _help(field)
+        whole: Schema = make(self, field.type, field) if make else {"type": "string"}
+        if about and "description" not in whole:
+            whole = {"description": about, **whole}
         if field.examples:
             whole["examples"] = list(field.examples)
         return self._finish(whole, field, may_lack)
@@ -146,18 +149,12 @@ class Schemas:
         """Return the schema of an integer or a boolean."""
         either = {"type": [kind.shape, "string"], "pattern": f"^{_PARAMETER}$"}
         words = ("true", "false") if kind is BOOLEAN else (_example(field),)
-        return {
-            "description": _help(field),
-            "defaultSnippets": snippets(words),
-            **either,
-            **_bounds(field),
-        }
+        return {"defaultSnippets": snippets(words), **either, **_bounds(field)}
 
     def _choice(self, kind: Any, field: Field) -> Schema:
         needed = {"errorMessage": f"One of {', '.join(f'`{w}`' for w in kind.words)} is needed."}
         choices: list[Schema] = [{"enum": list(kind.words)}, {"pattern": f"^{_PARAMETER}$"}]
         return {
-            "description": _help(field),
             "defaultSnippets": snippets(kind.words),
             "type": "string",
             "anyOf": [{**choice, **needed} for choice in choices],
@@ -166,17 +163,14 @@ class Schemas:
     def _numbers(self, kind: Any, field: Field) -> Schema:
         """Return the schema of numbers: each with a unit, without one if the dimension allows that,
         or `$name`."""
-        return {
-            "description": _help(field),
-            "defaultSnippets": snippets((_example(field),)),
-            **numbers_schema(kind.dimension, kind.size, field),
-        }
+        whole = numbers_schema(kind.dimension, kind.size, field)
+        return {"defaultSnippets": snippets((_example(field),)), **whole}
 
     def _list(self, kind: Any, field: Field) -> Schema:
         about = field.each or ("" if isinstance(kind.item, RecordOf) else "One of them.")
         examples = field.each_examples
         item = replace(field, type=kind.item, help=about, required=True, examples=examples)
-        whole: Schema = {"description": _help(field), "type": "array", "items": self.value(item)}
+        whole: Schema = {"type": "array", "items": self.value(item)}
         if kind.item is INTEGER:
             whole["defaultSnippets"] = snippets((_example(field),))
         return {**whole, "minItems": field.least} if field.least else whole
@@ -192,23 +186,20 @@ class Schemas:
         keys = {**layout.keys, "stack": stack}
         whole = self.mapping(layout._replace(keys=keys, needed=()), title, about)
         alone = {
-            "title": "stack's place",
-            "description": "A stack.",
-            "type": "object",
-            "properties": {"stack": whole["properties"]["stack"]},
-            "additionalProperties": False,
-        }
+            "title": "stack's place", "description": "A stack.", "type": "object",
+            "properties": {"stack": whole["properties"]["stack"]}, "additionalProperties": False,
+        }  # fmt: skip
         named = {**dict.fromkeys(keys, True), **self.properties((layout.keys["use"],), ("use",))}
         either = {"title": title, "properties": named, "required": ["use"]}
         when = {"type": "object", "required": ["stack"]}
         whole["allOf"] = [{"if": when, "then": alone, "else": either}]
         items = self._finish(whole, Field(type=kind.item), False)
-        return {"description": field.help, "type": "array", "items": items}
+        return {"type": "array", "items": items}
 
     def _mapping(self, kind: Any, field: Field) -> Schema:
         item = Field(field.each, name=field.name, type=kind.item, required=True,
                      examples=field.each_examples)  # fmt: skip
-        whole: Schema = {"description": field.help, "type": "object"}
+        whole: Schema = {"type": "object"}
         if field.names_like != "any":
             whole["propertyNames"] = _names(DOTTED if field.names_like == "dotted" else NAME)
         whole["additionalProperties"] = self.value(item, may_lack=True)
@@ -235,10 +226,9 @@ _Maker = Callable[[Schemas, Any, Field], Schema]
 _ALONE: dict[ValueType, _Maker] = {
     INTEGER: Schemas._scalar, BOOLEAN: Schemas._scalar, REQUEST: Schemas._request,
     PHASE: lambda made, _, field: made._either(field.help, Field(field.each)),
-    VERSION: lambda _, __, field: {"description": field.help, "const": 1},
-    TITLE: lambda _, __, field: {
-        "description": field.help, "type": "string", "pattern": NAME,
-        "maxLength": TITLE_LENGTH, "errorMessage": _NAMED,
+    VERSION: lambda *_: {"const": 1},
+    TITLE: lambda *_: {
+        "type": "string", "pattern": NAME, "maxLength": TITLE_LENGTH, "errorMessage": _NAMED
     },
     SENSORS: lambda made, kind, field: {
         **made._use(kind.item, field), "type": ["string", "object", "array"],
@@ -252,9 +242,8 @@ _MAKERS: dict[type[ValueType], _Maker] = {
         **made.record(kind.cls, field.help),
         **({"type": ["string", "object"]} if kind.or_name else {}),
     },
-    AnyOf: lambda _, kind, field: {
-        **({"description": field.help} if field.help else {}),
-        "type": list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0],
+    AnyOf: lambda _, kind, __: {
+        "type": list(kind.kinds) if len(kind.kinds) > 1 else kind.kinds[0]
     },
 }  # fmt: skip
 """The method that makes the schema of each type of value; any other type is a text."""

@@ -26,7 +26,7 @@ from kybflow.core.params import (
     type_of,
 )
 from kybflow.core.units import article
-from kybflow.dsl.language.types import AnyOf, PartOf
+from kybflow.dsl.language.records import AnyOf, PartOf
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.values import bounds_of, shown_value
 
@@ -82,15 +82,9 @@ def _rows(cls: Any) -> Iterator[str]:
         default = f"`{shown_value(field.default, field)}`" if is_plain else ""
         bounds = bounds_of(field)
         value = f"{_words(field.type, field)}, {bounds}" if bounds else _words(field.type, field)
-        yield _row(
-            f"`{field.key}`", field.help, value, "needed" if _is_needed(cls, field) else default
-        )
-
-
-def _is_needed(cls: Any, field: Field) -> bool:
-    """Return whether a key must be written, in the file itself or in the record that it starts from
-    with `like`."""
-    return is_needed(cls, field) or (field.required and field.needed is None)
+        # a key that `like` may bring is needed too
+        needed = is_needed(cls, field) or (field.required and field.needed is None)
+        yield _row(f"`{field.key}`", field.help, value, "needed" if needed else default)
 
 
 def _row(*cells: str) -> str:
@@ -104,20 +98,14 @@ def _words(kind: ValueType, field: Field) -> str:
     if isinstance(kind, PartOf):
         return f"{article(kind.kind[:-1])} with its parameters"
     if isinstance(kind, ListOf):
-        return f"a list of {_several(kind.item, field)}"
+        item = kind.item
+        if isinstance(item, PartOf):
+            return f"a list of {item.kind} with their parameters"
+        one = item.cls.title if isinstance(item, RecordOf) else _words(item, field)
+        return f"a list of {one}{'' if isinstance(item, Numbers | Choice) else 's'}"
     if isinstance(kind, MappingOf):
         return f"names, each with {_words(kind.item, field)}"
     if isinstance(kind, RecordOf):
         name = article(kind.cls.title)
         return f"{name}, or the name of one" if kind.or_name else name
     return " or ".join(kind.kinds) if isinstance(kind, AnyOf) else kind.shape
-
-
-def _several(kind: ValueType, field: Field) -> str:
-    """Return the type of several values in words."""
-    if isinstance(kind, PartOf):
-        return f"{kind.kind} with their parameters"
-    if isinstance(kind, RecordOf):
-        return f"{kind.cls.title}s"
-    words = _words(kind, field)
-    return words if isinstance(kind, Numbers | Choice) else f"{words}s"

@@ -7,21 +7,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from kybflow.core.params import (
-    Field,
-    ListOf,
-    MappingOf,
-    Numbers,
-    RecordOf,
-    ValueType,
-    fields_of,
-)
+from kybflow.core.params import Field, ListOf, MappingOf, Numbers, RecordOf, ValueType, fields_of
 from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, RATIO, Dimension, parse_quantity
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
 from kybflow.dsl.expressions.tree import Unparsed
+from kybflow.dsl.language.records import EVENT_FIELD, STATE, PartOf, Record, UsesOf
 from kybflow.dsl.language.schema import NAMES
-from kybflow.dsl.language.source import Record
-from kybflow.dsl.language.types import EVENT_FIELD, STATE, PartOf, UsesOf
 from kybflow.dsl.plan import ActionKeys, PartPlan, Place, Plan, Request, SensorPlan
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.library_files import without_homes

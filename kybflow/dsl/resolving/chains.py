@@ -17,12 +17,19 @@ from kybflow.core.params import RESERVED, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
 from kybflow.dsl.resolving.exports import Exports, UseMarker, chain_of
-from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
-from kybflow.dsl.resolving.substitution import Substitution, known, names_in, unused_parameter
+from kybflow.dsl.resolving.parameters import (
+    ParameterTable,
+    Setting,
+    Substitution,
+    declare,
+    known,
+    names_in,
+    unused_parameter,
+)
 
 CODES = {
     "KYB158": "A chain whose transition, or `begin`, names a state that it does not have.",
@@ -174,8 +181,8 @@ class Chains:
         return states
 
     def _parameters(self, use: ChainExpansion, exports: Exports, chain: Mapping) -> ParameterTable:
-        """Return the chain's own parameters with the values that its use gives them, and those of
-        its file."""
+        """Return the parameters visible in the chain: its own, with the values given where it is
+        used, and those declared in its file."""
         own = Findings()
         section = chain.get("parameters")
         if section is not None:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -32,7 +33,6 @@ CODES = {
     "KYB157": "A stack that has nothing for the list in which it stands.",
 }
 _CHAIN = 20
-EMPTY = Mapping({}, Span("", 1, 1, 1, 1))
 _STANDARD = "kybflow/airframes"
 SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
 """The sections that a library exports."""
@@ -53,11 +53,8 @@ class Exports:
         parameters: ParameterTable,
         found: Findings,
     ) -> None:
-        self.root = root
-        self.parameters = parameters
-        self._imports = imports
-        self._base = base
-        self._found = found
+        self.root, self.parameters = root, parameters
+        self._imports, self._base, self._found = imports, base, found
         self._done: dict[tuple[str, str], Mapping | None] = {}
         self._qualified: dict[str, Mapping] = {}
         self._written: dict[str, dict[str, MappingEntry]] = {}
@@ -120,9 +117,13 @@ class Exports:
             plain = self._with_stacks(plain)
         used = (like.span,) if section == "flows" and isinstance(like, Scalar) else ()
         whole = merge(base, plain, used)
-        removed = _REMOVED.get(section)
-        if removed is not None:
-            self._judge_removed(base.get(removed), plain.get(removed), removed[:-1])
+        removed = _REMOVED.get(section, "")
+        for inner, entry in entries_of(plain.get(removed)).items():
+            brought = entries_of(base.get(removed))
+            if is_null(entry.value) and inner not in brought:
+                message = f"there is no {removed[:-1]} `{inner}` to remove"
+                hint = did_you_mean(inner, brought) or "leave it away"
+                self._found.warn("KYB129", message, entry.key.span, help=hint)
         airframe = plain.entries.get("airframe")
         if section == "vehicles" and airframe and whole.get("airframe") is not None:
             body = self.started("airframes", airframe.value, whole.get("airframe"))
@@ -130,16 +131,6 @@ class Exports:
                 return None
             whole.entries["airframe"] = MappingEntry(airframe.key, body)
         return whole
-
-    def _judge_removed(self, base: Node | None, own: Node | None, what: str) -> None:
-        """Warn of each behavior or phase that is removed although `like` does not bring it
-        (KYB129). what: `behavior` or `phase`."""
-        brought = entries_of(base)
-        for name, entry in entries_of(own).items():
-            if is_null(entry.value) and name not in brought:
-                message = f"there is no {what} `{name}` to remove"
-                hint = did_you_mean(name, brought) or "leave it away"
-                self._found.warn("KYB129", message, entry.key.span, help=hint)
 
     def started(self, section: str, written: Node, plain: Node | None) -> Node | None:
         """Return the entry that `written` names, or starts from with `like`; return `plain` if it
@@ -182,11 +173,10 @@ class Exports:
         without stacks is returned unchanged."""
         entries: dict[str, MappingEntry] = {}
         for key in LISTS:
-            entry = body.entries.get(key)
-            node = None if entry is None else entry.value
-            if entry is not None and isinstance(node, Sequence) and any(map(stack_of, node.items)):
+            node = body.get(key)
+            if isinstance(node, Sequence) and any(map(stack_of, node.items)):
                 items = tuple([part for item in node.items for part in self._parts(key, item)])
-                entries[key] = entry._replace(value=Sequence(items, node.span))
+                entries[key] = body.entries[key]._replace(value=Sequence(items, node.span))
         return Mapping({**body.entries, **entries}, body.span) if entries else body
 
     def _parts(self, key: str, item: Node) -> tuple[Node, ...]:
@@ -311,8 +301,8 @@ def _has_null(value: Mapping) -> bool:
 
 
 class UseMarker:
-    """Copies nodes whose spans record the locations where `like` or a chain uses them. What an
-    alias shares stays shared."""
+    """Copies nodes so that their spans record the locations where `like` or a chain uses them. A
+    node that aliases share is copied once."""
 
     def __init__(self) -> None:
         self._done: dict[tuple[int, Places], tuple[Node, Node]] = {}

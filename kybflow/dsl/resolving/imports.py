@@ -7,9 +7,10 @@ from pathlib import Path
 
 from kybflow.dsl.diagnostics.diagnostic import Findings, has_errors
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
-from kybflow.dsl.resolving.exports import EMPTY, Exports
+from kybflow.dsl.resolving.exports import Exports
 from kybflow.dsl.resolving.library_files import (
     LibraryFile,
     LibraryPath,
@@ -18,8 +19,7 @@ from kybflow.dsl.resolving.library_files import (
     read_library,
     shown_path,
 )
-from kybflow.dsl.resolving.parameters import ParameterTable, Setting, declare
-from kybflow.dsl.resolving.substitution import Substitution, known
+from kybflow.dsl.resolving.parameters import ParameterTable, Setting, Substitution, declare, known
 
 CODES = {
     "KYB122": "Files that import each other in a cycle.",
@@ -55,8 +55,8 @@ class Files:
         self.via.setdefault(source.file, via)
 
     def may_open(self, target: LibraryPath, real: str, at: Span, found: Findings) -> bool:
-        """Return whether the import of `target` at `at` may be followed; otherwise report why. The
-        imports may not form a cycle or exceed their number."""
+        """Return whether the import of `target` at `at` may be followed; otherwise report why. A
+        mission may have `MAX_IMPORTS` imports, and none of them may lead back to itself."""
         self._imports += 1
         if self._imports > MAX_IMPORTS:
             if self._imports == MAX_IMPORTS + 1:

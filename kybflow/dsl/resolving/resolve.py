@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
 from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
 from kybflow.dsl.resolving.chains import Chains
-from kybflow.dsl.resolving.exports import EMPTY, Exports, UseMarker
+from kybflow.dsl.resolving.exports import Exports, UseMarker
 from kybflow.dsl.resolving.imports import Files, library_root, load
 from kybflow.dsl.resolving.library_files import judged
 from kybflow.dsl.resolving.parameters import Setting, declare

@@ -49,7 +49,7 @@ def unused_names(
     used = set(_POINT.findall("\n".join((*texts.values(), *given)))) if points else set()
     for name, entry in points.items() if "$" not in used else ():
         if name not in used:
-            yield _warning("point", entry, f"use it as `{PREFIX}{name}`")
+            yield _warning("KYB112", "point", entry, f"use it as `{PREFIX}{name}`")
     sections = {key: _named(root.get(key)) for key in _WAYS}
     if not any(sections.values()):
         return
@@ -62,7 +62,7 @@ def unused_names(
             used = words
         for name, entry in entries.items():
             if name not in used:
-                yield _warning(key.removesuffix("s"), entry, _WAYS[key].format(name))
+                yield _warning("KYB112", key.removesuffix("s"), entry, _WAYS[key].format(name))
 
 
 def _nodes(settings: MappingOf[str, Setting]) -> list[Node]:
@@ -93,10 +93,10 @@ def _texts_of(root: Mapping) -> Iterator[str]:
             waiting += (*(entry.value for entry in entries.values()), *items_of(node))
 
 
-def _warning(kind: str, entry: MappingEntry, way: str) -> Diagnostic:
+def _warning(code: str, kind: str, entry: MappingEntry, way: str) -> Diagnostic:
     message = f"nothing uses the {kind} `{entry.key.text}`"
     hint, span = f"{way}, or remove it", entry.key.span
-    return Diagnostic("KYB112", message, span, help=hint, severity=Severity.WARNING)
+    return Diagnostic(code, message, span, help=hint, severity=Severity.WARNING)
 
 
 def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator[Diagnostic]:
@@ -106,8 +106,4 @@ def unused_imports(root: Mapping, settings: MappingOf[str, Setting]) -> Iterator
     words = " ".join(s.text for s in scalars_in(*nodes, *_nodes(settings)))
     for name, entry in entries_of(root.get("import")).items():
         if f"{name}." not in words:
-            message = f"nothing uses the import `{name}`"
-            hint = f"use it as `{name}.NAME`, or remove it"
-            yield Diagnostic(
-                "KYB128", message, entry.key.span, help=hint, severity=Severity.WARNING
-            )
+            yield _warning("KYB128", "import", entry, f"use it as `{name}.NAME`")

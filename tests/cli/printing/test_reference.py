@@ -15,7 +15,7 @@ from kybflow.core.params import Field, RecordOf, fields_of
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.expressions.tree import Function
 from kybflow.dsl.language.tables import missing_tables, records, with_tables
-from kybflow.dsl.names.built_in import BUILT_IN as STATES
+from kybflow.dsl.names import BUILT_IN as STATES
 from kybflow.parts.action import BUILT_IN as ACTIONS
 from kybflow.parts.catalog import load_catalog, own_catalog
 from kybflow.parts.events import ENGINE_EVENTS

@@ -10,7 +10,7 @@ from plans import NANO, plan, state
 from kybflow.core.signals import Battery, CommandKind, Pose, SetpointKind
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.data import chains_that_do_not_connect, control_rates, missing_measurements
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Leg
 from kybflow.parts.catalog import PartSpec

@@ -13,60 +13,23 @@ from jsonschema import Draft202012Validator
 from toolchain import ROOT
 
 from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.language.judge import is_library
+from kybflow.dsl.language.judge import has_shape, is_library
 from kybflow.dsl.language.schema import record_schema
-from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, to_json
 
 FILES = sorted((ROOT / "missions").glob("**/*.yaml"))
 KINDS = {kind: Draft202012Validator(record_schema(kind)) for kind in (Plan, Library)}
-VALUES = """
-- null
-- true
-- 1
-- 1.0
-- 1.5
-- -2
-- 100000
-- ""
-- "1"
-- " 3 m "
-- 3 m
-- 2 s
-- 40 %
-- 20 deg
-- +.5e-3
-- hover
-- std.mk_quadro
-- $name
-- $name.x
-- world.points.pad
-- "name\\n"
-- up
-- aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa
-- []
-- [1, 2, 3]
-- [1 m, 2 m, $z]
-- [1, 2, 3, 4]
-- [[0, 0, 1], [1, 1, 1]]
-- [a, b]
-- {}
-- {a: 1}
-- {a: null, b.c: {}}
-- {1: x}
-- {stack: indoor}
-- {stack: indoor, use: fence}
-- {use: fence, as: null}
-- {from: [0, 0, 0], to: [1, 1, 1]}
-- {like: other}
-- {phases: {}}
-- {phases: {a: {run: {x: y}}}}
-- {type: length, default: 1 m}
-- {go: home, after: -1 s}
-- {event: a.landed, do: []}
-"""
+VALUES = """[
+  null, true, 1, 1.0, 1.5, -2, 100000, "", "1", " 3 m ", 3 m, 2 s, 40 %, 20 deg, +.5e-3, hover,
+  std.mk_quadro, $name, $name.x, world.points.pad, "name\\n", up,
+  aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa, [], [1, 2, 3],
+  [1 m, 2 m, $z], [1, 2, 3, 4], [[0, 0, 1], [1, 1, 1]], [a, b], {}, {a: 1}, {a: null, b.c: {}},
+  {1: x}, {stack: indoor}, {stack: indoor, use: fence}, {use: fence, as: null},
+  {from: [0, 0, 0], to: [1, 1, 1]}, {like: other}, {phases: {}}, {phases: {a: {run: {x: y}}}},
+  {type: length, default: 1 m}, {go: home, after: -1 s}, {event: a.landed, do: []},
+]"""
 
 
 def read(text: str) -> Node:

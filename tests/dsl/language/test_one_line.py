@@ -19,8 +19,8 @@ from toolchain import ROOT
 
 import kybflow
 from kybflow.core.params import RESERVED, fields_of
+from kybflow.dsl.language.records import PartOf
 from kybflow.dsl.language.tables import records
-from kybflow.dsl.language.types import PartOf
 
 
 class Key(NamedTuple):
@@ -53,49 +53,29 @@ class Key(NamedTuple):
 
 KEYS = {
     "vehicle": Key(
-        file="dsl/plan.py",
-        before="    home: Position | None = key(",
+        file="dsl/plan.py", before="    home: Position | None = key(",
         line='spares: int = key("Batteries at hand.", default=1, at_least=0, at_most=9)',
         record="vehicle",
         said="Batteries at hand. Default: 1. At least 0 and at most 9.",
-        facts={"minimum": 0, "maximum": 9},
-        offered=["1"],
+        facts={"minimum": 0, "maximum": 9}, offered=["1"],
         row="| `spares` | Batteries at hand. | integer, at least 0 and at most 9 | `1` |",
-        written="4",
-        value=4,
-        text="4",
-        wrong="12",
-        code="KYB105",
+        written="4", value=4, text="4", wrong="12", code="KYB105",
     ),
     "input": Key(
-        file="dsl/plan.py",
-        before="    dead_man: str | None = key(",
+        file="dsl/plan.py", before="    dead_man: str | None = key(",
         line='hand: Literal["left", "right"] = key("The hand that holds it.", default="right")',
-        record="input",
-        said="The hand that holds it. Default: right.",
-        facts={"enum": ["left", "right"]},
-        offered=["left", "right"],
+        record="input", said="The hand that holds it. Default: right.",
+        facts={"enum": ["left", "right"]}, offered=["left", "right"],
         row="| `hand` | The hand that holds it. | left \\| right | `right` |",
-        written="left",
-        value="left",
-        text="left",
-        wrong="both",
-        code="KYB109",
+        written="left", value="left", text="left", wrong="both", code="KYB109",
     ),
     "phase": Key(
-        file="dsl/plan.py",
-        before="    arrive: Arrive | None = key(",
+        file="dsl/plan.py", before="    arrive: Arrive | None = key(",
         line='lull: Duration | None = key("How long it rests.", default=None, above=0.0)',
-        record="phase",
-        said="How long it rests. Above 0 s.",
-        facts={"exclusiveMinimum": 0.0, "x-dimension": "duration"},
-        offered=["300 ms"],
+        record="phase", said="How long it rests. Above 0 s.",
+        facts={"exclusiveMinimum": 0.0, "x-dimension": "duration"}, offered=["300 ms"],
         row="| `lull` | How long it rests. | duration [s], above 0 s |  |",
-        written="1.5 s",
-        value=1.5,
-        text="1.5 s",
-        wrong="1.5 m",
-        code="KYB104",
+        written="1.5 s", value=1.5, text="1.5 s", wrong="1.5 m", code="KYB104",
     ),
     "target": Key(
         file="dsl/plan.py",
@@ -106,15 +86,10 @@ KEYS = {
         facts={"exclusiveMinimum": 0.0, "maximum": 500.0, "x-dimension": "length"},
         offered=["50 m"],
         row="| `reach` | How far it is heard. | length [m], above 0 m and at most 500 m | `50 m` |",
-        written="80 cm",
-        value=0.8,
-        text="0.8 m",
-        wrong="2 km",
-        code="KYB105",
+        written="80 cm", value=0.8, text="0.8 m", wrong="2 km", code="KYB105",
     ),
     "option": Key(
-        file="runtime/behaviors/hover.py",
-        before="    for_time: Duration | None = param(",
+        file="runtime/behaviors/hover.py", before="    for_time: Duration | None = param(",
         line="stiffness: Matrix[Literal[2], Literal[2], Length] = "
         'param("How it gives way.", default=((1.0, 0.0), (0.0, 1.0)), at_least=0.0)',
         record="",
@@ -123,13 +98,10 @@ KEYS = {
         offered=["[[1 m, 0 m], [0 m, 1 m]]"],
         row="| `stiffness` | 2 x 2 matrix of length [m] | [[1 m, 0 m], [0 m, 1 m]] | at least 0 m |"
         "  | How it gives way. |",
-        written="[[2 m, 0], [50 cm, 1]]",
-        value=[[2.0, 0.0], [0.5, 1.0]],
-        text="[[2 m, 0 m], [0.5 m, 1 m]]",
-        wrong="[[2 m, 0], [-1 m, 1]]",
-        code="KYB105",
+        written="[[2 m, 0], [50 cm, 1]]", value=[[2.0, 0.0], [0.5, 1.0]],
+        text="[[2 m, 0 m], [0.5 m, 1 m]]", wrong="[[2 m, 0], [-1 m, 1]]", code="KYB105",
     ),
-}
+}  # fmt: skip
 MISSION = """\
 kybflow: 1
 mission: one_line

@@ -1,22 +1,52 @@
-"""Resolve the names of options, `a.processors.limit_speed.speed`, and of the vehicles and groups
-before the first dot."""
+"""The names that a mission may use: the states that every vehicle has, options such as
+`a.processors.limit_speed.speed`, and the scopes of expressions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.diagnostics.spans import Span, Text
-from kybflow.dsl.names.built_in import BUILT_IN
+from kybflow.dsl.expressions import Scope
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node
 from kybflow.dsl.reading.values import decode_value
+from kybflow.parts import AIR, GROUND, Leg
+from kybflow.parts.observables import chains_of
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
+
+BUILT_IN = {
+    "landed": "wait_on_ground",
+    "brake": "brake",
+    "hover": "hover",
+    "auto_home": "go_home",
+    "auto_land": "land",
+    "land_blind": "land_blind",
+    "fault": "wait_on_ground",
+}
+"""The behavior of each built-in state. `brake` is followed by `hover`, `hover` after `hover_limit`
+by `auto_land`, `auto_home` by `auto_land`, `auto_land` by `landed`, and `land_blind` by `fault`,
+which only a reset leaves."""
+
+
+def end_of(legs: Iterable[Leg]) -> str:
+    """Return the state that follows a behavior without `then` when it is done."""
+    return "brake" if any(leg.end is AIR for leg in legs) else "landed"
+
+
+def failure_of(legs: Iterable[Leg]) -> str:
+    """Return the state that follows a behavior without `failed` when it fails: `landed` if it stays
+    on the ground, `brake` if it can begin and end in the air, `auto_land` for a take-off or a
+    landing, during which the vehicle may be on the ground."""
+    every = tuple(legs)
+    if all(leg == (GROUND, GROUND) for leg in every):
+        return "landed"
+    return "brake" if (AIR, AIR) in every else "auto_land"
 
 
 class Option(NamedTuple):
@@ -34,14 +64,9 @@ def unknown_vehicle(
     """Return the finding about the characters `start` to `end` of `name`, which are not a vehicle
     or group."""
     stop = len(name.text) if end is None else end
-    word = name.text[start:stop]
-    return Diagnostic(
-        code,
-        f"there is no vehicle `{word}`",
-        name.part(start, stop),
-        label="unknown",
-        help=did_you_mean(word, (*plan.fleet, *plan.groups)),
-    )
+    word, place = name.text[start:stop], name.part(start, stop)
+    hint = did_you_mean(word, (*plan.fleet, *plan.groups))
+    return Diagnostic(code, f"there is no vehicle `{word}`", place, label="unknown", help=hint)
 
 
 def no_vehicle(code: str, name: str, span: Span, plan: Plan) -> Diagnostic:
@@ -126,3 +151,49 @@ def _parts(vehicle: VehiclePlan, catalog: Catalog) -> dict[str, tuple[tuple[Fiel
         *vehicle.supervisors, *(state.behavior for state in vehicle.states.values()),
     )  # fmt: skip
     return parts | {use.label: (use.fields, use.params) for use in uses}
+
+
+class Scopes:
+    """The scope of every expression of a plan. Each scope is created once, because it caches what
+    was parsed in it."""
+
+    def __init__(self, plan: Plan) -> None:
+        vehicles, fleet = plan.vehicles, plan.fleet
+        self._states = {
+            v.name: (
+                *v.states,
+                *dict.fromkeys(c for s in v.states for c in chains_of(s)),
+                *BUILT_IN,
+            )
+            for v in vehicles
+        }
+        estimators = {v.name: tuple(use.part.alias for use in v.estimators) for v in vehicles}
+        groups = {
+            name: tuple(member for member in members if member in fleet)
+            for name, members in plan.groups.items()
+        }
+        carriers = frozenset(v.name for v in vehicles if v.payload is not None)
+        self._known = (estimators, plan.points, groups, carriers)
+        self._inputs = {use.name: use.axes for use in plan.inputs}
+        self._conditions: dict[str | None, Scope] = {}
+        self._health = {own: Scope("health", {}, own) for own in fleet}
+        self._expectation = Scope("expectation", self._states, None, *self._known)
+
+    def condition(self, vehicle: str | None) -> Scope:
+        """Return the scope of a `when` of `vehicle`; None for a flow or callback. The name of a
+        chain counts as a state, which is active in all states of the chain."""
+        if vehicle not in self._conditions:
+            scope = Scope("condition", self._states, vehicle, *self._known, self._inputs)
+            self._conditions[vehicle] = scope
+        return self._conditions[vehicle]
+
+    def flow(self) -> Scope:
+        """Return the scope of a `when` in a phase or callback, in which every vehicle is named."""
+        return self.condition(None)
+
+    def health(self, vehicle: str) -> Scope:
+        """Return the scope of `healthy` of an estimator: its own age and spread."""
+        return self._health[vehicle]
+
+    def expectation(self) -> Scope:
+        return self._expectation
