@@ -118,7 +118,7 @@ def _numbers(node: Node, key: str) -> Iterator[float]:
     try:
         value = float(node.text)
     except ValueError:
-        raise FileError(f"`{node.text[:20]}` in `{key}` is no number", node.span.line) from None
+        raise FileError(f"`{node.text[:20]}` in `{key}` is not a number", node.span.line) from None
     if not isfinite(value):
         raise FileError(f"`{node.text}` in `{key}` is not finite", node.span.line)
     yield value

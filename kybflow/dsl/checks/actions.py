@@ -18,6 +18,7 @@ from kybflow.parts import Act
 
 _ROUNDING = 1e-6
 _TIGHTEN = "tighten its parameters with `set` instead"
+_TOO_MUCH = {"tilt": "tilt that far", "speed": "fly that fast", "climb": "climb that fast"}
 
 
 def switches(case: Case) -> Iterator[Diagnostic]:
@@ -92,12 +93,13 @@ def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
             if name not in LIMITS or dimension not in (SPEED, ANGLE) or value is None:
                 continue
             if limit is not None and value > limit + _ROUNDING:
+                most = format_quantity(limit, dimension)
                 yield Diagnostic(
                     "KYB442",
-                    f"`{option.name}` is set to more than `{vehicle}` can do",
+                    f"`{vehicle}` can't {_TOO_MUCH[name]}",
                     node.span,
-                    label=f"its airframe has a {name} of {format_quantity(limit, dimension)}",
-                    help="set a lower value",
+                    label=f"its airframe allows {most}",
+                    help=f"set at most `{most}`",
                 )
                 break
 

@@ -98,13 +98,19 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             extent = fence.size[2] if is_height else max(fence.size)
             if value is None or value <= (extent if is_height else 0.5 * extent):
                 continue
-            usual, across = quantity(_usual(field), LENGTH), "high" if is_height else "wide"
+            usual, size = quantity(_usual(field), LENGTH), quantity(extent, LENGTH)
+            what = f"`{field.name}` of {quantity(value, LENGTH)}"
+            message = f"{what} leaves `{part.alias}` no room to fly inside the fence"
+            note = f"that is more than half of the fence's longest side, {size}"
+            if is_height:
+                message, note = f"{what} is higher than the fence", f"the fence is {size} high"
+            elif field.name == "tolerance":
+                message = f"with a {what}, `{part.alias}` is done almost anywhere inside the fence"
             yield Diagnostic(
                 "KYB427",
-                f"`{field.name}` of `{part.alias}` is too large to have an effect in this fence",
+                message,
                 part.span_of(field.name),
-                label=quantity(value, LENGTH),
-                notes=(f"the fence is {quantity(extent, LENGTH)} {across}",),
+                notes=(note,),
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
@@ -130,14 +136,13 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
         lift = airframe.max_thrust / airframe.mass - GRAVITY
         most = max(GRAVITY * tan(airframe.tilt), lift)
         if field.dimension is ACCELERATION and number.value > most + _ROUNDING:
-            usual = quantity(_usual(field), ACCELERATION)
+            usual, limit = quantity(_usual(field), ACCELERATION), quantity(most, ACCELERATION)
             yield Diagnostic(
                 "KYB428",
-                f"`{vehicle.name}` can't accelerate like that",
+                f"`{vehicle.name}` can't accelerate that fast",
                 part.span_of(field.name),
-                label=quantity(number.value, ACCELERATION),
-                notes=(f"its tilt and its rotors give at most {quantity(most, ACCELERATION)}",),
-                help=f"write a smaller value, such as `{field.name}: {usual}`",
+                label=f"its tilt and its rotors allow {limit}",
+                help=f"write at most `{field.name}: {limit}`; usual is {usual}",
                 severity=Severity.WARNING,
             )
 

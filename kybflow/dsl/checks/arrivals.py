@@ -36,7 +36,7 @@ def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
             who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "no vehicle"
             yield Diagnostic(
                 "KYB530",
-                f"`{phase.name}` runs {who}, so `arrive: {phase.arrive}` makes no sense",
+                f"`{phase.name}` runs {who}, so `arrive: {phase.arrive}` has no effect",
                 phase.span_of("arrive"),
                 label="needs at least two vehicles",
                 help="remove it, or add the other vehicles to `run`",

@@ -71,12 +71,13 @@ def expectations(case: Case) -> Iterator[Diagnostic]:
 
 class TypedCondition(NamedTuple):
     """A condition as written and as parsed. own: the vehicle that it belongs to; None for an
-    expectation, a callback or a flow. is_expected: whether it belongs to an expectation."""
+    expectation, a callback or a flow. key: the key under which it is written: `when`, `healthy` or
+    `expect`."""
 
     text: Text
     condition: Condition
     own: str | None
-    is_expected: bool = False
+    key: str
 
 
 def after_the_end(case: Case) -> Iterator[Diagnostic]:
@@ -141,7 +142,7 @@ def _typed(
 ) -> Iterator[TypedCondition]:
     text, condition = owner.text_of(key), case.condition(owner, key, scope)
     if text is not None and condition is not None:
-        yield TypedCondition(text, condition, own)
+        yield TypedCondition(text, condition, own, key)
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
@@ -149,9 +150,9 @@ def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
             case Always(condition) | Eventually(condition) | Finally(condition):
-                yield TypedCondition(text, condition, None, is_expected=True)
+                yield TypedCondition(text, condition, None, "expect")
             case Compare(left=Aggregate()) as condition:
-                yield TypedCondition(text, condition, None, is_expected=True)
+                yield TypedCondition(text, condition, None, "expect")
 
 
 _STICKS = "sticks."

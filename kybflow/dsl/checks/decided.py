@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
-from kybflow.core.units import DURATION, Dimension, format_quantity
+from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, named_states, nodes
 from kybflow.dsl.checks.durations import disturbances, longest_time
@@ -186,10 +186,26 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
     """
     for found in case.cached(_decided):
         if not found.holds and found.is_certain:
-            hint = "correct the bound, or write `or` where both can't hold at once"
-            if isinstance(found.typed.condition, Compare) and found.typed.is_expected:
-                hint = "correct the bound, or check one state: `min(a.state.altitude in hold)`"
-            yield _told(case, found, "KYB253", "can never hold", "never true", hint)
+            hint = "correct the bound"
+            match found.typed.condition:
+                case And():
+                    hint += ", or write `or` where both can't hold at once"
+                case Compare(_, Aggregate("min" | "max", inner, _, None)):
+                    shown = shown_value(inner)
+                    hint += f", or check one state, such as `min({shown} in hold)`"
+                case _ if found.typed.key == "healthy":
+                    hint = "write a bound that it can reach, such as `age < 250 ms`"
+            label = _NEVER[found.typed.key]
+            yield _told(case, found, "KYB253", "can never hold", label, hint)
+
+
+_NEVER = {
+    "when": "never triggers",
+    "healthy": "the estimator is never used",
+    "expect": "always fails",
+}
+"""What follows from a condition that never holds, by the key under which it is written."""
+_ALWAYS = {"when": "triggers at once", "healthy": "is always healthy", "expect": "can't fail"}
 
 
 def always_true(case: Case) -> Iterator[Diagnostic]:
@@ -201,10 +217,11 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
     for found in case.cached(_decided):
         if found.holds and found.is_certain:
             hint = "correct the bound, or remove the condition"
-            told = _told(case, found, "KYB254", "always holds", "always true", hint)
+            label = _ALWAYS[found.typed.key]
+            told = _told(case, found, "KYB254", "always holds", label, hint)
             asked = nodes(found.typed.condition)
             of_a_state = any(isinstance(node, Aggregate) and node.state for node in asked)
-            is_empty = found.typed.is_expected and not of_a_state
+            is_empty = found.typed.key == "expect" and not of_a_state
             yield told if is_empty else replace(told, severity=Severity.WARNING)
 
 
@@ -231,7 +248,8 @@ def generous(case: Case) -> Iterator[Diagnostic]:
     for found in case.cached(_decided):
         if found.holds and not found.is_certain:
             hint = "choose a tighter bound, or remove the condition"
-            told = _told(case, found, "KYB411", "holds in every normal flight", "always true", hint)
+            what, label = "holds in every normal flight", "checks almost nothing"
+            told = _told(case, found, "KYB411", what, label, hint)
             yield replace(told, severity=Severity.WARNING)
 
 
@@ -242,22 +260,45 @@ def _told(case: Case, found: _Decided, code: str, what: str, label: str, hint: s
 
 
 def _limits(case: Case, found: _Decided) -> Iterator[str]:
-    """Yield the ranges of the values that decide a condition, except where physical limits alone
-    do."""
+    """Yield the ranges of the values that decide a condition, and what limits them."""
     usual, certain, _ = reaches_of(case)(found.typed.own)
     bounds, nature = (certain if found.is_certain else usual), physical_bounds(inf)
     is_known = always_holds if found.holds else never_holds
     for node in nodes(found.typed.condition):
         match node:
             case Compare(
-                _, (Read() | Distance() | Separation() | Aggregate()) as value, Quantity(_, unit)
-            ) if is_known(node, bounds) and not is_known(node, nature):
-                yield _range(value, usual(value), unit)
+                operator,
+                (Read() | Distance() | Separation() | Aggregate()) as value,
+                Quantity(_, unit),
+            ) if is_known(node, bounds):
+                is_high = (operator in (">", ">=")) is not found.holds
+                if is_known(node, nature):
+                    limit = quantity(nature(value)[is_high], unit)
+                    side = "above" if is_high else "below"
+                    yield f"`{shown_value(value)}` is never {side} {limit}"
+                    continue
+                low, high = (quantity(bound, unit) for bound in usual(value))
+                why = _limited_by(value, unit, is_high, usual)
+                yield f"`{shown_value(value)}` stays between {low} and {high}, because {why}"
 
 
-def _range(value: Value | Aggregate, reached: tuple[float, float], dimension: Dimension) -> str:
-    low, high = (quantity(bound, dimension) for bound in reached)
-    return f"`{shown_value(value)}` goes from {low} to {high}"
+def _limited_by(
+    value: Value | Aggregate, dimension: Dimension, is_high: bool, usual: Bounds
+) -> str:
+    """Return what limits a value to the bounds `usual`, to be read after `because`. is_high:
+    whether the upper limit is meant."""
+    if isinstance(value, Aggregate):
+        if usual(value)[is_high] != usual(value.value)[is_high] and value.function != "rms":
+            return "every vehicle begins at its start"
+        value = value.value
+    match value:
+        case Read(_, "estimate.age"):
+            return "no vehicle flies on an older estimate"
+        case Read(_, "estimate.spread") if not is_high:
+            return "no estimate is more certain"
+    if dimension is DURATION:
+        return "the run ends at its `time_limit`"
+    return "of the fence" if dimension is LENGTH else "of the airframe"
 
 
 def false_at_first(case: Case) -> Iterator[Diagnostic]:

@@ -58,21 +58,16 @@ def _heard(records: Iterable[Record]) -> Iterator[Text]:
 
 
 def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
-    hint, notes = did_you_mean(event.text, known.names(own, groups)), list[str]()
+    hint, notes = did_you_mean(event.text, known.names(own, groups)), tuple[str, ...]()
     if "." not in event.text and any(event.text in events for events in known.of.values()):
         hint = f"it is an event of a vehicle: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
     elif not hint.startswith("did"):
-        notes = [_of_a_person(event.text.rpartition(".")[2])]
+        name = event.text.rpartition(".")[2]
+        given = f"{OPERATOR}{name}"
+        notes = (f"a person's event is called `{given}` (test it with `--emit {given}@2s`)",)
+        hint = f"write `event: {given}`, or emit `{name}` in a callback: `{{emit: {name}}}`"
     message = f"nothing emits the event `{event.text}`"
-    return Diagnostic("KYB208", message, event.span, "never occurs", tuple(notes), hint)
-
-
-def _of_a_person(name: str) -> str:
-    """Return a note on how an operator or a callback can raise an event that no part emits."""
-    given = f"{OPERATOR}{name}"
-    return (
-        f"a person emits `{given}` (`--emit {given}@2s`), a callback any name (`{{emit: {name}}}`)"
-    )
+    return Diagnostic("KYB208", message, event.span, "never occurs", notes, hint)
 
 
 def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:

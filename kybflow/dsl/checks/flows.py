@@ -25,8 +25,8 @@ def flow_names(case: Case) -> Iterator[Diagnostic]:
     plan = case.plan
     for flow in plan.flows:
         name = flow.name
-        taken = dict.fromkeys(plan.fleet, "a vehicle's name")
-        taken |= dict.fromkeys(plan.groups, "a group's name")
+        taken = dict.fromkeys(plan.fleet, "already the name of a vehicle")
+        taken |= dict.fromkeys(plan.groups, "already the name of a group")
         taken |= dict.fromkeys(WORDS, "a reserved word")
         if name in taken:
             message, hint = f"a flow can't be called `{name}`", "give it another name"
@@ -48,11 +48,13 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
         for _, goal in goals_of(phase, "give"):
             if goal.text not in plan.flows_by_name:
                 message = f"there is no flow `{goal.text}`"
-                hint = did_you_mean(goal.text, [n for n in plan.flows_by_name if n != flow.name])
+                others = plan.flows_by_name.keys() - {flow.name, *plan.fleet, *plan.groups}
+                hint = did_you_mean(goal.text, others)
                 yield Diagnostic("KYB193", message, goal.span, label="unknown", help=hint)
             elif goal.text == flow.name:
                 message = f"`{goal.text}` can't give a vehicle to itself"
-                yield Diagnostic("KYB193", message, goal.span, label="already controls it")
+                hint = "give it to another flow, or remove it"
+                yield Diagnostic("KYB193", message, goal.span, "already controls it", help=hint)
 
 
 def _nobody(who: Text, plan: Plan) -> Diagnostic:
@@ -120,7 +122,7 @@ def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
         for phase in flow.phases.values() if found <= {*flow.phases} else ():
             if phase.name not in found | {END} and not phase.inherited:
                 message = f"the phase `{phase.name}` is never reached"
-                hint = f"let another phase go there, as `go: {phase.name}`, or remove it"
+                hint = f"let another phase lead to it (`go: {phase.name}`), or remove it"
                 label = "no transition leads here"
                 yield Diagnostic("KYB196", message, phase.span, label=label, help=hint)
 
@@ -220,11 +222,11 @@ def groups(case: Case) -> Iterator[Diagnostic]:
     for name, entry in entries_of(own_groups and own_groups.value).items():
         span, own = entry.key.span, items_of(entry.value)
         if name in plan.fleet:
-            message, hint = f"`{name}` is already a vehicle", "give the group another name"
-            yield Diagnostic("KYB190", message, span, label="a group", help=hint)
+            message = f"`{name}` is the name of a vehicle and of a group"
+            yield Diagnostic("KYB190", message, span, help="give the group another name")
         elif name in WORDS:
-            message = f"a group can't be called `{name}`"
-            yield Diagnostic("KYB190", message, span, label="a reserved word")
+            message, hint = f"a group can't be called `{name}`", "give it another name"
+            yield Diagnostic("KYB190", message, span, label="a reserved word", help=hint)
         if not own:
             message = f"the group `{name}` is empty"
             yield Diagnostic("KYB190", message, span, help="list a vehicle, or remove the group")
@@ -239,12 +241,11 @@ def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic
             message = f"`{member.text}` is twice in `{group}`"
             yield Diagnostic("KYB190", message, member.span, help="list it once")
         elif member.text not in plan.fleet:
-            is_group = member.text in plan.groups
+            message, label = f"there is no vehicle `{member.text}`", "unknown"
             hint = did_you_mean(member.text, plan.fleet)
-            if is_group:
-                hint = "a group contains vehicles: list each of them"
-            message = f"there is no vehicle `{member.text}`"
-            label = "a group" if is_group else "unknown"
+            if member.text in plan.groups:
+                message = f"`{member.text}` is a group, and a group may contain only vehicles"
+                label, hint = "", "list each of its vehicles"
             yield Diagnostic("KYB190", message, member.span, label=label, help=hint)
         first.setdefault(member.text, member)
 

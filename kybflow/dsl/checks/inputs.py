@@ -62,7 +62,7 @@ def missing_axes(case: Case) -> Iterator[Diagnostic]:
                 name.span,
                 label=f"`{state.behavior.name}` needs it",
                 notes=(f"`{name.text}` ({use.part.name}) is at {use.part.span.at}",),
-                help=f"its axes are {axes}",
+                help=f"use another input: the axes of this one are {axes}",
             )
 
 
@@ -135,9 +135,9 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
     """KYB406: an input has the name of a vehicle, a group, a flow or a reserved word, so
     `NAME.x` would be ambiguous."""
     plan = case.plan
-    taken = dict.fromkeys(plan.fleet, "a vehicle's name")
-    taken |= dict.fromkeys(plan.groups, "a group's name")
-    taken |= dict.fromkeys(plan.flows_by_name, "a flow's name")
+    taken = dict.fromkeys(plan.fleet, "already the name of a vehicle")
+    taken |= dict.fromkeys(plan.groups, "already the name of a group")
+    taken |= dict.fromkeys(plan.flows_by_name, "already the name of a flow")
     taken |= dict.fromkeys(WORDS, "a reserved word")
     for use in plan.inputs:
         if use.name in taken:

@@ -106,15 +106,17 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
     what = f"would make `{name}` oscillate"
     if holds(loop.margins, _SWINGS):
         little = "little" if code == "KYB324" else "too little"
-        what = f"leaves `{name}` {little} margin"
-    written = (key for key in (MATRIX, *GAINS, "observer") if tracker.is_written(key))
+        what = f"leaves `{name}` {little} stability margin"
+    hint = _way_out(loop, bound)
+    keys = ("observer",) if "`observer: " in hint else (MATRIX, *GAINS, "observer")
+    written = (key for key in keys if tracker.is_written(key))
     return Diagnostic(
         code,
         f"`{tracker.name}` {what}",
         tracker.span_of(next(written, "")),
         label=in_words(loop.margins),
         notes=(f"required: at least {in_words(bound)}", *_estimated(loop)),
-        help=_way_out(loop, bound),
+        help=hint,
     )
 
 
@@ -132,7 +134,7 @@ def _way_out(loop: _Closed, bound: Margins) -> str:
         return f"write at most `observer: {quickest_observer(outer, inner, bound):g} Hz`"
     gains = designed(outer, inner)
     if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
-        return "no gains suit this loop: make it respond faster"
+        return "no gains suit this attitude loop: make it respond faster"
     if outer.stiffness is not None:
         k, d, i = (f"{gain:.3g}" for gain in gains)
         start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"

@@ -71,7 +71,7 @@ def goes_nowhere(case: Case) -> Iterator[Diagnostic]:
         if all(point == first for point in sphere.along):
             yield Diagnostic(
                 "KYB557",
-                f"`{ball.name}` moves along a path of a single point",
+                f"the points of `{ball.name}`'s path are all equal",
                 ball.span,
                 label=f"stays at {shown_point(first)}",
                 help="add another point to `along`, or write a `sphere`",

@@ -168,6 +168,9 @@ def _merged(a: _Holder, b: _Holder) -> _Holder:
     return (a if a.given is not None else b).doubtful
 
 
+_ASKED = {"run": "behaviors", "give": "flows"}
+
+
 def assigned_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB242: a phase requests two different things from one vehicle, through its own name and a
     group, or through two groups."""
@@ -179,11 +182,14 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
                 if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
                         "KYB242",
-                        f"this phase requests both `{before.goal.text}` and "
-                        f"`{assignment.goal.text}` from `{assignment.vehicle}`",
+                        f"this phase gives `{assignment.vehicle}` two {_ASKED[key]}: "
+                        f"`{before.goal.text}` and `{assignment.goal.text}`",
                         assignment.who.span,
-                        label="a second time",
-                        notes=(f"first as `{before.who.text}`",),
+                        notes=tuple(
+                            f"`{assignment.vehicle}` is a member of `{who}`"
+                            for who in dict.fromkeys((before.who.text, assignment.who.text))
+                            if who != assignment.vehicle
+                        ),
                         help="name each vehicle once per phase",
                     )
 

@@ -74,7 +74,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
                 "KYB251",
                 f"only a condition or an event ends `{path[0]}`",
                 vehicle.states[path[0]].span,
-                label="may never be left",
+                label="might never end",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
                 severity=Severity.WARNING,

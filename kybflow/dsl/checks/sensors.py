@@ -75,7 +75,7 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
                 use.part.span,
                 label="" if first.estimators == use.estimators else beside,
                 notes=(f"the other is at {first.part.span.at}",),
-                help="remove one: all estimators of the vehicle receive its measurements",
+                help="remove one: every estimator of the vehicle receives what the other measures",
             )
             break
 

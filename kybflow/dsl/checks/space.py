@@ -13,6 +13,7 @@ from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.expressions.describe import quantity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.dsl.reading import nodes
 from kybflow.parts import AIR, GROUND, Footprint
@@ -117,20 +118,23 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
         is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
         limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
         origin = footprint.origin
-        verb = "fly" if limit == vehicle.airframe.speed else "climb and descend"
+        is_climb = limit != vehicle.airframe.speed
+        way = "climbs" if any(leg.start is GROUND for leg in legs) else "descends"
         if footprint.speed <= limit + _ROUNDING:
             continue
+        most, is_written = quantity(limit, SPEED), state.behavior.is_written("speed")
         yield Diagnostic(
             "KYB314",
-            f"`{state.name}` is too fast for `{vehicle.name}`",
+            f"`{state.name}` {way if is_climb else 'flies'} faster than `{vehicle.name}` can",
             state.behavior.span_of("speed"),
-            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
+            label=f"reaches {quantity(footprint.speed, SPEED)}",
             notes=(
-                f"its airframe may {verb} at {format_quantity(limit, SPEED)}",
+                f"its airframe {'climbs and descends' if is_climb else 'flies'} at {most} at most",
                 *((f"fastest at {origin.fastest}",) if origin is not None else ()),
             ),
+            help=f"write at most `speed: {most}`" if is_written else "fly it more slowly",
             related=(
-                *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
+                *the_limit(vehicle, "climb" if is_climb else "speed"),
                 *values_of(state.behavior),
             ),
         )

@@ -154,7 +154,10 @@ def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
     ]
     if needing:
         return f"write it only in {' and '.join(needing)}, which reaches it"
-    return f"let another behavior go there, as `then: {name}`, or remove it"
+    if case.plan.flows:
+        a_flow = f"let a flow run it (`run: {{{vehicle.name}: {name}}}`)"
+        return f"let a behavior lead to it (`then: {name}`), {a_flow}, or remove it"
+    return f"let another behavior lead to it (`then: {name}`), or remove it"
 
 
 def _unreached(

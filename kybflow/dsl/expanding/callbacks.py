@@ -147,7 +147,8 @@ def _fault(node: Mapping, decoder: Decoder) -> FaultPlan | None:
         both = when is not None
         what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
         message = f"{what} has {'both `at` and' if both else 'neither `at` nor'} `when`"
-        span = node.entries["when"].key.span if both else head_of(node)
+        span = name.span if isinstance(name, Scalar) else head_of(node)
+        span = node.entries["when"].key.span if both else span
         hint = "write one: `at: 20 s` or `when: CONDITION`"
         decoder.found.report("KYB180", message, span, help=hint)
     fault: FaultPlan | None = decoder.record(FaultPlan, node, node.span)

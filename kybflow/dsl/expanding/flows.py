@@ -34,7 +34,7 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
         written = [name for name, phase in phases if isinstance(phase.value, Mapping)]
         if not written:
             message = f"the flow `{name}` needs `phases`"
-            hint = "write `phases: {...}`, or start from a flow that has some"
+            hint = "write `phases: {...}`, or name a flow in `like` that has some"
             decoder.found.report("KYB102", message, entry.key.span, help=hint)
             continue
         first: dict[str, Any] = {} if body.get("begin") is not None else {"begin": written[0]}

@@ -80,11 +80,12 @@ def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
         return needed
     if not rate.is_integer():
         message = f"`control` must be a whole number of Hz, but this is {rate:g} Hz"
-        decoder.found.report("KYB152", message, node.span)
+        decoder.found.report("KYB152", message, node.span, help=f"write `{rate:.0f} Hz`")
     elif not LEAST_CONTROL <= rate <= MOST_CONTROL:
-        message = f"`control` can't be {rate:g} Hz"
-        hint = f"fly with {LEAST_CONTROL} to {MOST_CONTROL} Hz: below, no tracker holds a vehicle"
-        decoder.found.report("KYB152", message, node.span, help=hint)
+        message = f"`control` can't be {node.text}"
+        why = "no tracker holds a vehicle at such a low rate" if rate < LEAST_CONTROL else ""
+        hint = f"write {LEAST_CONTROL} to {MOST_CONTROL} Hz"
+        decoder.found.report("KYB152", message, node.span, why, help=hint)
     return int(rate)
 
 

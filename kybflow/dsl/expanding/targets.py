@@ -84,8 +84,11 @@ class Target:
             if driver is not None:
                 drivers[name] = driver
             elif self.is_written and name not in written and "all" not in written:
-                message = f"`{name}` has no driver on the target `{self.name.text}`"
-                self._found.report("KYB151", message, self.name.span)
+                target = self.name.text
+                message = f"`{name}` has no driver on the target `{target}`"
+                hint = f"write `{target}: {{{name}: {{driver: NAME}}}}`"
+                hint += "; `kybflow parts` lists the drivers"
+                self._found.report("KYB151", message, self.name.span, help=hint)
         return drivers
 
     def _decoded(self, entries: MappingOf[str, MappingEntry], decoder: Decoder) -> dict[str, Place]:

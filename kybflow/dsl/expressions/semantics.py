@@ -154,7 +154,7 @@ class Semantics:
             known = _fitting(rest, OBSERVABLES, other)
             self.report_unknown(inner, f"`{rest}` of `{first}` is unknown", known)
         elif first in scope.inputs and rest:
-            self.report_unknown(inner, f"`{rest}` is no axis of `{first}`", scope.inputs[first])
+            self.report_unknown(inner, f"`{first}` has no axis `{rest}`", scope.inputs[first])
         else:
             own = list(OBSERVABLES) if scope.own is not None else []
             others = [f"{v}.{name}" for v in scope.vehicles for name in OBSERVABLES]
@@ -184,7 +184,7 @@ class Semantics:
         if left.node is not None and right.node is not None and is_mixed:
             own, other = type_name(left.dimension), type_name(right.dimension)
             message = f"`{left.source}` is {own}, but `{right.source}` is {other}"
-            self.report("KYB212", right.token, message, other)
+            self.report("KYB212", right.token, message, "can't be compared")
         if operator not in ("==", "!=") and left.dimension is right.dimension is None:
             message = "names are compared with `==` and `!=`"
             self.report("KYB212", right.token, message, "names have no order")
@@ -211,11 +211,12 @@ class Semantics:
             value = self.measured(side.token, other.dimension, is_of)
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
                 message = f"`{other.source}` is never more than 100 % or less than 0 %"
-                self.report("KYB215", side.token, message, "never reached")
+                hint = "write a value from 0 % to 100 %"
+                self.report("KYB215", side.token, message, "never reached", hint)
             return Quantity(value, other.dimension)
         if is_quantity(side):
-            message = f"{is_of}, `{side.source}` is a quantity"
-            self.report("KYB212", side.token, message, "a quantity")
+            message = f"{is_of}, but `{side.source}` is a quantity"
+            self.report("KYB212", side.token, message, "a name is needed")
         elif other.dimension is None and isinstance(other.node, Read):
             return self._word(side.token, other.node)
         else:

@@ -222,7 +222,7 @@ class Decoder:
             return self.catalog.get(kind, name.text)
         except (KybflowError, ImportError) as error:
             message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
-            hint = "mend or update the package that offers it"
+            hint = "correct or update the package that provides it"
             self.found.report("KYB141", message, name.span, help=hint)
             return None
 
@@ -363,7 +363,7 @@ def meant(
     if not known:
         return f"`{part}` has no parameters"
     if key.lower() in known and key.lower() in node.entries:
-        return f"`{key.lower()}` is written, too: remove one of them"
+        return f"remove `{key}`: `{key.lower()}` is already set"
     near = nearest(key, known) or nearest(key, beside, _SURE)
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
         return did_you_mean(key, {*known, *beside})

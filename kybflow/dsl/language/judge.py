@@ -4,6 +4,7 @@ isn't, `jsonschema` finds the errors, and each becomes a finding in the words of
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +15,16 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
 from kybflow.dsl.language.schema import BOUNDS, KINDS, record_schema
 from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, head_of, to_json
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    describe,
+    head_of,
+    shown_node,
+    to_json,
+)
 from kybflow.dsl.reading.values import TYPES, decode_value
 from kybflow.dsl.reading.yaml_errors import CONDITIONS, missing_colon
 
@@ -103,7 +113,7 @@ def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
         if key not in known:
             what = fault.schema["title"]
             hint = _NEVER.get((what, key)) or did_you_mean(key, known)
-            message = f"`{key}` is no key of {article(what)}"
+            message = f"`{key}` is not a key of {article(what)}"
             yield Diagnostic("KYB101", message, entry.key.span, help=hint)
 
 
@@ -126,8 +136,8 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
 def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     shown = node.text if isinstance(node, Scalar) else describe(node)
-    message = f"version `{shown}` of the language is not known here"
-    yield Diagnostic("KYB111", message, node.span, help="this program reads `kybflow: 1`")
+    message = f"version `{shown}` of the mission language is not supported"
+    yield Diagnostic("KYB111", message, node.span, help="write `kybflow: 1`")
 
 
 def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -135,7 +145,10 @@ def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
         yield from _explain_value(fault)
         return
     is_list = fault.keyword == "minItems"
-    hint = f"name one at least, or leave out `{fault.name}`" if is_list else ""
+    examples = fault.schema.get("examples", [{"NAME": "{...}"}])
+    hint = f"write at least one entry: `{fault.name}: {_flow(examples[0])}`"
+    if is_list:
+        hint = f"name at least one, or leave out `{fault.name}`"
     yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span, help=hint)
 
 
@@ -146,16 +159,25 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
         hint = "a name may contain letters, digits and `_`, and must not begin with a digit"
+        if _WORDS.fullmatch(name):
+            hint = f"write `{re.sub('[- ]', '_', name)}`: {hint}"
         yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
     elif most is not None:
         message = f"`{repr(name[:most])[1:-1]}` can't be the name of a {fault.name}"
-        hint = (
-            "a name may contain letters, digits and `_`, must not begin with a digit, and may have"
-            f" at most {most} characters"
-        )
-        yield Diagnostic("KYB110", message, fault.node.span, help=hint)
+        yield Diagnostic("KYB110", message, fault.node.span, help=_rule_of_names(most))
     else:
         yield from _explain_value(fault)
+
+
+_WORDS = re.compile(r"[A-Za-z]\w*([- ]\w+)+", re.ASCII)
+"""Words that would be a name if they were joined with `_`."""
+
+
+def _rule_of_names(most: int) -> str:
+    return (
+        "a name may contain letters, digits and `_`, must not begin with a digit, and may have at "
+        f"most {most} characters"
+    )
 
 
 def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -175,10 +197,9 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
         types.remove("string")
     wanted = " or ".join(dict.fromkeys(KINDS[t] for t in types)) or "another value"
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
-    shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
     yield Diagnostic(
         "KYB103",
-        f"{place} must be {wanted}, but this is {describe(node)}{shown}",
+        f"{place} must be {wanted}, but this is {shown_node(node)}",
         node.span,
         help=_way_out(fault, types) or _reshaped(node, types, name.rpartition("[")[0] or name),
     )
@@ -198,7 +219,8 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
         if "array" in types and node.text.startswith("-"):
             return "a list has a space after each `-`"
         if list(dict.fromkeys(types)) == ["string"]:
-            return f'write "{node.text[:60]}" in quotes if you mean the text'
+            most, quoted = schema.get("maxLength"), f'"{node.text[:60]}" in quotes'
+            return _rule_of_names(most) if most else f"write {quoted} if you mean the text"
     if schema.get("examples") and fault.keyword == "type":
         own = name.rpartition("[")[0] or name
         if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
@@ -215,7 +237,7 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
     if types == ["array"] and isinstance(node, Mapping):
         return f"write it in brackets: `{name}: [{{...}}]`" if name else ""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
-        return "write it as a list: each on a line of its own, behind `- `"
+        return "write it as a list: each item on its own line, after `- `"
     return ""
 
 

@@ -101,7 +101,7 @@ def _option(
         found.report("KYB233", message, name.part(start, end), help=did_you_mean("", known))
     elif not rest:
         hint = "an option is `VEHICLE.PART.PARAMETER`, like `a.processors.limit_speed.speed`"
-        found.report("KYB233", f"`{name.text}` is no option", name.span, help=hint)
+        found.report("KYB233", f"`{name.text}` is not an option", name.span, help=hint)
     elif label not in parts:
         part = label or rest
         message, hint = f"`{vehicle.name}` has no part `{part}`", did_you_mean(part, parts)

@@ -94,7 +94,8 @@ class _Composer:
         loader.get_event()
         if not loader.check_event(StreamEndEvent):
             second = loader.get_event()
-            raise self._stopped("KYB006", "a second document begins here", second)
+            hint = "a file holds one mission: remove `---`, or move the rest to a file of its own"
+            raise self._stopped("KYB006", "a second document begins here", second, hint)
         return root
 
     def _node(self, event: Any, depth: int) -> Node:
@@ -121,7 +122,7 @@ class _Composer:
         name = event.anchor
         node = self._anchors.get(name)
         if node is None:
-            inside = f"`*{name}` is inside of `&{name}`"
+            inside = f"`*{name}` is inside `&{name}`"
             message = inside if name in self._anchors else f"nothing is marked `&{name}`"
             raise self._stopped("KYB013", message, event)
         self._total += self._sizes[name]

@@ -147,6 +147,17 @@ def describe(node: Node) -> str:
     return "text" if isinstance(value, str) else "a number"
 
 
+def shown_node(node: Node, most: int = 60) -> str:
+    """Return the kind of a node in words, and its text: `the number `7``, or `a list of 2`."""
+    kind = describe(node)
+    if isinstance(node, Sequence):
+        size = len(node.items)
+        return f"{kind} with one element" if size == 1 else f"{kind} of {size}"
+    if not isinstance(node, Scalar) or not node.text:
+        return kind
+    return f"the {kind.removeprefix('a ')} `{node.text[:most]}`"
+
+
 def is_null(node: Node) -> bool:
     return isinstance(node, Scalar) and node.is_null
 

@@ -51,7 +51,7 @@ def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
     start = Span(file, 1, 1, 1, 1)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            found.report("KYB001", f"`{file}` is no file", start, help=_near(path))
+            found.report("KYB001", f"`{file}` is not a file", start, help=_near(path))
             return None
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)

@@ -138,7 +138,7 @@ class Exports:
         for name, entry in entries_of(own).items():
             if is_null(entry.value) and name not in brought:
                 message = f"there is no {what} `{name}` to remove"
-                hint = did_you_mean(name, brought) or "leave it away"
+                hint = did_you_mean(name, brought) or "leave it out"
                 self._found.warn("KYB129", message, entry.key.span, help=hint)
 
     def started(self, section: str, written: Node, plain: Node | None) -> Node | None:
@@ -161,7 +161,8 @@ class Exports:
         if key in self._open or len(self._open) > _CHAIN:
             verb = "has" if section == "stacks" else "is like"
             chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
-            self._found.report("KYB125", f"{chain[:200]}: this never ends", name.span)
+            message, hint = f"{chain[:200]}: this never ends", "remove one of these uses"
+            self._found.report("KYB125", message, name.span, help=hint)
             return None
         library, _, inner = name.text.rpartition(".")
         exports = self._imports.get(library) if library else self
@@ -219,7 +220,7 @@ class Exports:
         if inner in exports.written("chains"):
             return exports, inner
         known = [f"chain.{own}" for own in self.names("chains")]
-        hint = did_you_mean(name.text, known) or "no chain is at hand"
+        hint = did_you_mean(name.text, known) or "no chain is defined"
         message = f"no chain is called `{name.text.removeprefix('chain.')}`"
         self._found.report("KYB124", message, name.span, help=hint)
         return None

@@ -80,13 +80,16 @@ def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
         before, equals, value = text.partition("=")
         name, span = before.strip(), Span(SET, line, 1, line, len(text) + 1)
         if not equals or not NAME.match(name) or not value.strip() or "\n" in text:
-            hint = "write `--set name=value`"
-            found.report("KYB135", f"`{text}` is not a setting", span, help=hint)
+            is_lacking = NAME.match(name) is not None and not value.strip()
+            hint = f"write `--set {name}=VALUE`" if is_lacking else "write `--set NAME=VALUE`"
+            message = f"`--set {name}` has no value" if is_lacking else f"can't read `--set {text}`"
+            found.report("KYB135", message, span, help=hint)
             continue
         own = Findings()
         node = compose(value, SET, own)
         if node is None or own.all or isinstance(node, Mapping):
-            found.report("KYB135", f"`{value}` is no value of a parameter", span)
+            message = f"`{value}` can't be the value of a parameter"
+            found.report("KYB135", message, span, help="write one value, or a list in `[...]`")
             continue
         place = span._replace(end_column=len(before) + 1)
         if name in settings:
@@ -151,7 +154,9 @@ def _declare(
     assert isinstance(kind, Scalar)
     if kind.text not in TYPES:
         hint = did_you_mean(kind.text, TYPES)
-        found.report("KYB134", f"`{kind.text}` is no type of a parameter", kind.span, help=hint)
+        found.report(
+            "KYB134", f"a parameter can't have the type `{kind.text}`", kind.span, help=hint
+        )
         return None
     field = _field(name, kind.text, body, found)
     low = max((b for b in (field.above, field.at_least) if b is not None), default=-inf)

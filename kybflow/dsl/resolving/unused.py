@@ -29,7 +29,7 @@ CODES = {
 _WORD = re.compile(r"\w+")
 _POINT = re.compile(re.escape(PREFIX) + r"(\w+|\$)")
 _WAYS = {
-    "groups": "name it where a vehicle is asked for",
+    "groups": "name it where a vehicle is expected",
     "stacks": "use it as `- stack: {}`",
     "chains": "use it as `do: chain.{}`",
 }

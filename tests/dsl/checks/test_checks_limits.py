@@ -39,7 +39,7 @@ class Bench(Sim):
     ("target", "found"),
     [
         ("sim", []),
-        ("lab", ["KYB396 `release_payload` needs a servo, but `bench` controls none"]),
+        ("lab", ["KYB396 `release_payload` needs a servo, but the driver `bench` has none"]),
     ],
 )
 def test_a_driver_without_a_servo_refuses_the_release(tmp_path: Path, target, found) -> None:
