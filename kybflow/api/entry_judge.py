@@ -10,14 +10,13 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entry_values import OF_ENTRIES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.expanding.entry_values import entry_values
 from kybflow.dsl.expanding.world import Points
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import Plan, Values
-from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Scalar
+from kybflow.dsl.reading.reader import compose
 from kybflow.parts.catalog import Catalog
 
 _HERE = Span("the command", 1, 1, 1, 1)

@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile, read
 from kybflow.dsl.resolving.exports import SECTIONS

@@ -12,7 +12,7 @@ from kybflow.api.library import OWN, Shipped, libraries, missions
 from kybflow.core.errors import KybflowError
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Span
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.reading.nodes import Mapping, Scalar, entries_of
 from kybflow.parts.catalog import load_catalog

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from kybflow.dsl.compiler import Result, check_mission
-from kybflow.dsl.diagnostics.render import render_all, to_json
-from kybflow.dsl.reading.folders import mission_files
+from kybflow.dsl.diagnostics import render_all, to_json
+from kybflow.dsl.reading.reader import mission_files
 from kybflow.parts.catalog import load_catalog
 
 

@@ -17,9 +17,9 @@ from math import isfinite
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
+from kybflow.dsl.reading.reader import compose
 from kybflow.world.cameras import Lens
 
 _TAGGED = "KYB008"

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
 from kybflow.core.signals import NS, Battery
-from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.dsl.reading.reader import PROVENANCE, RESOLVED
 from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.growing_file import whole_lines
 from kybflow.recording.layout import (

@@ -9,7 +9,7 @@ from command_lines import command as command_of
 from toolchain import ROOT
 
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.render import render
+from kybflow.dsl.diagnostics import render
 from kybflow.parts.catalog import load_catalog
 from kybflow.parts.observables import OBSERVABLES
 

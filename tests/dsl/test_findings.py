@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import (
+from kybflow.dsl.diagnostics import (
     Diagnostic,
     Findings,
     Severity,
+    Span,
     Stopped,
 )
-from kybflow.dsl.diagnostics.spans import Span
 
 HERE = Span("m.yaml", 1, 1, 1, 2)
 ERROR = Diagnostic("KYB101", "an error", HERE, help="mend it")

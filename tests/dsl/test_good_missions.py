@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from kybflow.dsl.compiler import check_mission
-from kybflow.dsl.diagnostics.render import render_all
+from kybflow.dsl.diagnostics import render_all
 from kybflow.parts.catalog import load_catalog
 
 GOOD = Path(__file__).parent / "good"

@@ -12,10 +12,8 @@ from plans import part, plan, state, then, vehicle
 
 from kybflow.core.units import RATIO
 from kybflow.dsl.expressions import Compare, Quantity, Read
-from kybflow.dsl.graph.drawing import Edge, drawings
-from kybflow.dsl.graph.layout import Size, arranged
-from kybflow.dsl.graph.mermaid import mermaid
-from kybflow.dsl.graph.svg import svg
+from kybflow.dsl.graph.drawing import Edge, drawings, mermaid
+from kybflow.dsl.graph.svg import Size, arranged, svg
 from kybflow.dsl.plan import (
     CallbackPlan,
     FlowPlan,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from fake_view import FakeView
 
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import GroupInState, Not, Scope, Separation, describe, parse
 from kybflow.runtime.conditions import bind
 

@@ -16,7 +16,7 @@ from toolchain import result_of
 
 from kybflow.api.rehearsal.rehearse import rehearse
 from kybflow.dsl.compiler import check_mission
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.parts.catalog import load_catalog
 
 ONE = """\

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from kybflow.cli.output import coloured
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.render import render, to_json
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Span, render, to_json
 
 
 def finding(line: int, start: int, end: int, message: str = "wrong") -> Diagnostic:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.reading.reader import compose
 
 SLIPS = {
     "a line without a colon": ("up:\n  do: hover\n  height 1 m\n  then: b\n", 3, "`height: 1 m`"),

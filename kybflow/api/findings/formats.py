@@ -20,9 +20,7 @@ from urllib.parse import quote
 
 from kybflow import __version__
 from kybflow.api.findings.codes import codes
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.render import clipped, printable, ways_to
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Span, clipped, printable, ways_to
 
 _INSTALLED = frozenset({"site-packages", "dist-packages"})
 

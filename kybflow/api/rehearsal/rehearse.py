@@ -15,7 +15,7 @@ from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
 from kybflow.core.errors import PartFailed
 from kybflow.core.signals import Event
 from kybflow.core.units import format_measured
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, has_errors, in_order
+from kybflow.dsl.diagnostics import Diagnostic, has_errors, in_order
 from kybflow.dsl.plan import Plan
 from kybflow.runtime.clock import SimulatedClock
 from kybflow.runtime.commanding.awaited import check_emitted

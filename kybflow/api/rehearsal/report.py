@@ -6,8 +6,7 @@ import json
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from kybflow.dsl.diagnostics.diagnostic import Severity
-from kybflow.dsl.diagnostics.render import render_all, to_json
+from kybflow.dsl.diagnostics import Severity, render_all, to_json
 
 if TYPE_CHECKING:
     from kybflow.api.rehearsal.rehearse import Rehearsal

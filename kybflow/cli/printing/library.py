@@ -19,7 +19,7 @@ from kybflow.api.library import (
 )
 from kybflow.cli.output import columns, grouped
 from kybflow.core.errors import KybflowError
-from kybflow.dsl.diagnostics.render import render
+from kybflow.dsl.diagnostics import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 
 _INSTALL = "setuptools installs none without `package-data`"

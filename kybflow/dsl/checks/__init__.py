@@ -19,8 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Span
 from kybflow.dsl.expanding.entry_values import entered_states, valued_requests
 from kybflow.dsl.plan import Plan
 

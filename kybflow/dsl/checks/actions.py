@@ -8,8 +8,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.checks.limits import LIMITS
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Text
 from kybflow.dsl.names.option_names import option_values, unknown_vehicle
 from kybflow.dsl.plan import ActionKeys
 from kybflow.dsl.reading.nodes import Node

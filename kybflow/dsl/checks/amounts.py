@@ -20,9 +20,8 @@ from kybflow.core.units import (
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.checks.flows import Assignment, assignments, phases
 from kybflow.dsl.checks.reachability import endless_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import Arrive, PhasePlan, VehiclePlan
 

@@ -21,7 +21,7 @@ from kybflow.dsl.checks.durations import (
 from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import FlightNode
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
 from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan
 from kybflow.parts.observables import is_in

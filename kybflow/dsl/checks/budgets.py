@@ -25,8 +25,7 @@ from kybflow.dsl.checks.durations import (
 )
 from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
 from kybflow.dsl.checks.space import the_time_limit
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions import (
     Eventually,
     Expression,

@@ -14,8 +14,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import options_named
 from kybflow.dsl.plan import ActionKeys, CallbackPlan

@@ -13,8 +13,7 @@ from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Text
 from kybflow.dsl.expressions import (
     Always,
     Compare,

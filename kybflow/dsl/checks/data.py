@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expanding.targets import divides, provided
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan

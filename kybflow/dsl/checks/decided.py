@@ -15,8 +15,7 @@ from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, named_
 from kybflow.dsl.checks.durations import disturbances, longest_time
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, Text
 from kybflow.dsl.expanding.entry_values import written
 from kybflow.dsl.expressions import (
     Aggregate,
@@ -37,14 +36,13 @@ from kybflow.dsl.expressions import (
     Word,
     parse,
 )
-from kybflow.dsl.expressions.describe import quantity, shown_value
 from kybflow.dsl.expressions.reasoning import (
     Bounds,
     always_holds,
     never_holds,
     physical_bounds,
 )
-from kybflow.dsl.expressions.tree import Value
+from kybflow.dsl.expressions.tree import Value, quantity, shown_value
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR
 

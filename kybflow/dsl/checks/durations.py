@@ -25,7 +25,7 @@ from kybflow.dsl.checks.reachability import (
     flight_graph,
     may_end,
 )
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Span
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
 from kybflow.dsl.names.built_in import end_of
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan

@@ -11,10 +11,9 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import the_cameras
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
-from kybflow.dsl.expressions.tree import Read
+from kybflow.dsl.expressions.tree import Read, quantity
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.parts import Estimator
 

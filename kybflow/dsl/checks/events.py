@@ -9,10 +9,8 @@ from functools import cached_property
 from kybflow.core.events import AlarmRaised, BaseEvent
 from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.checks.case import Case, transitions_of
-from kybflow.dsl.checks.contexts import contexts
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.checks.case import Case, contexts, transitions_of
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import Plan, VehiclePlan

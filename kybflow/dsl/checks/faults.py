@@ -13,8 +13,7 @@ from kybflow.core.signals import NS, Time, kind_name
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import entries_of

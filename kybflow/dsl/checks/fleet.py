@@ -12,7 +12,7 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.checks.space import shown_point
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions import (
     And,
     Compare,

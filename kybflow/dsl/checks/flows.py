@@ -10,8 +10,7 @@ from typing import Literal, NamedTuple, get_args
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import given_by_a_person
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import unknown_vehicle

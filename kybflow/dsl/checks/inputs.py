@@ -10,10 +10,9 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import WORDS, Case, transitions_of
 from kybflow.dsl.checks.conditions import conditions_of, nodes
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions import Axis
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.names.option_names import no_vehicles
 from kybflow.dsl.plan import InputPlan, StatePlan
 from kybflow.dsl.reading.nodes import Scalar, entries_of

@@ -8,7 +8,7 @@ from math import radians
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.flight.loops.design import (
     ASKED,

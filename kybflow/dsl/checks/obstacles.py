@@ -13,7 +13,7 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.actions import actions_of, sets_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape

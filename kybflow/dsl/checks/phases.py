@@ -18,8 +18,7 @@ from typing import NamedTuple
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flows import ASKED, Assignment, assignments, handovers, phases, runs_of
 from kybflow.dsl.checks.reachability import PHRASES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import GROUNDED, named_vehicles, own_vehicles
 from kybflow.dsl.expressions import And, Condition, GroupInState, InState
 from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan

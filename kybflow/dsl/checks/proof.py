@@ -22,7 +22,7 @@ from kybflow.dsl.checks.reachability import (
     flight_graph,
 )
 from kybflow.dsl.checks.transitions import reached_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import LANDED, KnownEvents, known_events
 from kybflow.dsl.checks.reachability import PHRASES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import ActionKeys, CallbackPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 

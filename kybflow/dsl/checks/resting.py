@@ -18,8 +18,7 @@ from kybflow.dsl.checks.reachability import (
     may_end,
 )
 from kybflow.dsl.checks.space import aim_of, shown_point
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import END, FlowPlan, StatePlan, VehiclePlan

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kybflow.core.params import Field
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 
 
 def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:

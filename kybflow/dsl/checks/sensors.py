@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
 
 

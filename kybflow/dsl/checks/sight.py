@@ -12,7 +12,7 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import reckons
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, the_cameras
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag

@@ -11,9 +11,8 @@ from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.dsl.reading import nodes
 from kybflow.parts import AIR, GROUND, Footprint

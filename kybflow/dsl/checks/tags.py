@@ -10,7 +10,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rotate, sub
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.world import Tags
 from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from kybflow.dsl.checks.case import TARGETS, WORDS, Case, no_state, part_of, wrong_goal
 from kybflow.dsl.checks.flows import all_known, phases
 from kybflow.dsl.checks.reachability import PHRASES, FlightEdge, endless_states, flight_graph
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Span, Text
 from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies

@@ -11,10 +11,9 @@ from typing import Any
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
-from kybflow.dsl.checks.case import Case, transitions_of
-from kybflow.dsl.checks.contexts import contexts
+from kybflow.dsl.checks.case import Case, contexts, transitions_of
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import Objection
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import PartPlan, Plan, Request, StatePlan, Values, VehiclePlan
 from kybflow.dsl.reading.nodes import Mapping, entries_of, is_null

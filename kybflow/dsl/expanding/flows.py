@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.expanding.states import next_transition
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source

@@ -9,8 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from kybflow.core.params import fields_of
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Findings, Span
 from kybflow.dsl.expanding.callbacks import callbacks_of, faults_of
 from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
 from kybflow.dsl.expanding.targets import Target, inputs_of, needed_rate

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.names.built_in import failure_of
@@ -46,7 +46,7 @@ def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> Chai
     assert isinstance(body, Mapping)
     for key, inner in body.entries.items():
         if key not in OF_CHAINS:
-            message = f"`{key}` is no key of a chain's own entry"
+            message = f"`{key}` is not a key of a chain's own entry"
             hint = did_you_mean(key, OF_CHAINS)
             decoder.found.report("KYB101", message, inner.key.span, help=hint)
     chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)

@@ -12,8 +12,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.params import fields_of
 from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Findings, Severity, Span, Text
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.source import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan

@@ -6,8 +6,7 @@ from math import degrees, tan
 
 from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
 from kybflow.dsl.calibration_file import read_calibration
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.expanding.states import states_of
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Body, ChainPlan, PartPlan, Start, StatePlan, VehiclePlan

@@ -25,8 +25,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Findings, Span
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import (

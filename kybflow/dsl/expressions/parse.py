@@ -24,12 +24,11 @@ from typing import NamedTuple, cast, get_args
 
 from kybflow.core.text import nearest
 from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Text
+from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Findings, Text
 from kybflow.dsl.expressions import tree
-from kybflow.dsl.expressions.describe import shown_value
 from kybflow.dsl.expressions.semantics import HEALTH, Operand, Scope, Semantics, is_quantity
 from kybflow.dsl.expressions.tokens import Cursor, Token, Unreadable
+from kybflow.dsl.expressions.tree import shown_value
 from kybflow.parts.observables import OBSERVABLES
 
 __all__ = ["Scope", "parse"]
@@ -202,7 +201,7 @@ class _Parser:
             self._depth -= 1
 
     def _group_in_state(self) -> tree.Condition:
-        quantifier = cast(tree.Quantifier, self._tokens.take().text)
+        quantifier = cast("tree.Quantifier", self._tokens.take().text)
         name = self._name("a group")
         vehicles = self._semantics.group(name)
         self._tokens.expect("in")
@@ -220,7 +219,7 @@ class _Parser:
             hint = f"did you mean `{near} {follows.text} in ...`?"
             raise self._tokens.stopped("KYB210", message, "", hint)
         token = self._tokens.of_kind("operator", "a comparison such as `<`")
-        operator = cast(tree.ComparisonOperator, token.text)
+        operator = cast("tree.ComparisonOperator", token.text)
         right = self._operand()
         if self._tokens.peek().kind == "operator":
             raise self._tokens.unexpected(_NEXT)
@@ -356,7 +355,7 @@ class _Parser:
                 message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
                 hint = "leave out `in ...`"
                 self._semantics.report("KYB212", inner.token, message, "of no one vehicle", hint)
-        function = cast(tree.Function, token.text)
+        function = cast("tree.Function", token.text)
         owner = vehicle if state else None
         return tree.Aggregate(function, measured, owner, state), inner.dimension
 

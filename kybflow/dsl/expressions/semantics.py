@@ -11,8 +11,7 @@ from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, RATIO, Dimension, article, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Findings, goals_like
-from kybflow.dsl.diagnostics.spans import PREFIX, Text
+from kybflow.dsl.diagnostics import PREFIX, Findings, Text, goals_like
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Aggregate,

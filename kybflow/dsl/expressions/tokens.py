@@ -7,8 +7,7 @@ import re
 from typing import NamedTuple
 
 from kybflow.core.text import as_typed
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Findings, Text
 from kybflow.dsl.reading.nodes import NAME_A_POINT, no_commas
 
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})

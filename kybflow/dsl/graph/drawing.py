@@ -1,4 +1,5 @@
-"""The boxes and edges that are drawn for the state machines of vehicles and flows, before layout.
+"""The boxes and edges that are drawn for the state machines of vehicles and flows, and their text
+for Mermaid.
 
 The mission's own transitions are drawn, and those that the language adds for the normal course; the
 failure transitions that the language adds are not. Vehicles with the same machine share a drawing.
@@ -11,7 +12,7 @@ from typing import NamedTuple
 
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import describe
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import (
     END,
     FlowPlan,
@@ -204,3 +205,42 @@ def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[
         names = tuple(name for name, own in requests_to.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)
         yield group or ", ".join(names), goal
+
+
+def mermaid(plan: Plan) -> str:
+    """Return the state machines as one `stateDiagram-v2`, each in its own box."""
+    lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
+    for number, drawing in enumerate(drawings(plan), start=1):
+        lines += _box(f"m{number}", drawing)
+    return "\n".join(lines) + "\n"
+
+
+def _box(prefix: str, drawing: Drawing) -> list[str]:
+    ids = {box.name: f"{prefix}s{number}" for number, box in enumerate(drawing.boxes, start=1)}
+    lines = [f'  state "{drawing.title}" as {prefix} {{', f"    [*] --> {ids[drawing.begin]}"]
+    for box in drawing.boxes:
+        label = _escaped(f"{box.name}<br>{box.part}{', ' if box.flight else ''}{box.flight}")
+        lines.append(f'    state "{label}" as {ids[box.name]}')
+    for edge in drawing.edges:
+        label = "asks" if edge.is_request else _escaped("<br>".join(edge.labels))
+        lines.append(f"    {ids[edge.source]} --> {ids[edge.target]} : {label}")
+    built_in = ",".join(ids[box.name] for box in drawing.boxes if box.is_built_in)
+    lines.append("  }")
+    asking = ",".join(ids[box.name] for box in drawing.boxes if box.is_asker)
+    if asking:
+        lines += [
+            f"  classDef asks{prefix} fill: #efe9f6, stroke: #8468ad, stroke-dasharray: 2",
+            f"  class {asking} asks{prefix}",
+        ]
+    if built_in:
+        lines += [
+            f"  classDef builtIn{prefix} stroke-dasharray: 4, fill: none",
+            f"  class {built_in} builtIn{prefix}",
+        ]
+    return lines
+
+
+def _escaped(text: str) -> str:
+    """Return text for a label of Mermaid, in which only our line breaks remain markup."""
+    escapes = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", ":": "#58;", ";": "#59;"}
+    return "<br>".join("".join(escapes.get(c, c) for c in line) for line in text.split("<br>"))

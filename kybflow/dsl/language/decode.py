@@ -19,8 +19,7 @@ from kybflow.core.params import (
 )
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import is_quantity
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.source import NO_PLACE, Record, Source
 from kybflow.dsl.language.types import (
@@ -349,7 +348,7 @@ _ALONE: dict[ValueType, _Reader] = {
 _READERS: dict[type[ValueType], _Reader] = {
     UsesOf: Decoder._uses, MappingOf: Decoder._mapping, RecordOf: Decoder._nested,
     ListOf: Decoder._list,
-    PartOf: lambda decoder, entry, field: decoder.part(cast(PartOf, field.type), entry.value),
+    PartOf: lambda decoder, entry, field: decoder.part(cast("PartOf", field.type), entry.value),
     AnyOf: lambda _, entry, __: entry.value,
 }  # fmt: skip
 """The function that decodes a value of each type; `decode_value` decodes all others."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from kybflow.core.params import INTEGER, Choice, Field, numbers
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import DIMENSIONS, article
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Diagnostic, Findings
 from kybflow.dsl.language.schema import BOUNDS, KINDS, record_schema
 from kybflow.dsl.language.shape import has_shape
 from kybflow.dsl.plan import Plan

@@ -17,7 +17,7 @@ from kybflow.core.params import (
     fields_of,
 )
 from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, RATIO, Dimension, parse_quantity
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Span
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.schema import NAMES
 from kybflow.dsl.language.source import Record

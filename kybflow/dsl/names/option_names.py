@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from kybflow.dsl.diagnostics.spans import Inset, Span, Text
+from kybflow.dsl.diagnostics import Inset, Span, Text
 
 _NULL = frozenset({"", "~", "null", "Null", "NULL"})
 _TRUE = frozenset({"true", "True", "TRUE"})

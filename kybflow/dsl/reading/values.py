@@ -38,8 +38,7 @@ from kybflow.core.units import (
     is_quantity,
     parse_quantity,
 )
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX
+from kybflow.dsl.diagnostics import PREFIX, Findings
 from kybflow.dsl.reading.nodes import (
     Mapping,
     Node,

@@ -13,8 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from kybflow.core.text import as_typed
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import NAME_A_POINT, MappingEntry, Scalar, is_cut, no_commas
 
 CODES = {

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
     Mapping,

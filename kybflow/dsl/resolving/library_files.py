@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import kybflow
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Diagnostic, Findings
 from kybflow.dsl.language.judge import judge_file
 from kybflow.dsl.plan import Library
 from kybflow.dsl.reading.nodes import Mapping, Scalar

@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 from kybflow.core.params import TEXT, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, SET, Span
+from kybflow.dsl.diagnostics import PREFIX, SET, Findings, Span
 from kybflow.dsl.plan import Parameter
-from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import (
     NAME,
     Mapping,
@@ -26,6 +24,7 @@ from kybflow.dsl.reading.nodes import (
     Sequence,
     entries_of,
 )
+from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import (
     QUANTITIES,
     TYPES,

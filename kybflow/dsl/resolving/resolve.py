@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping as MappingOf
 from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Findings, Span
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entries_of
 from kybflow.dsl.reading.reader import ParsedFile

@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Inset, Span
+from kybflow.dsl.diagnostics import Findings, Inset, Span
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence
 from kybflow.dsl.resolving.parameters import BoundParameter, ParameterTable
 

@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator
 from collections.abc import Mapping as MappingOf
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import PREFIX
+from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Severity
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,

@@ -7,7 +7,7 @@ from pathlib import Path
 from toolchain import invoke
 
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.diagnostic import Severity
+from kybflow.dsl.diagnostics import Severity
 from kybflow.parts.catalog import load_catalog
 
 MISSION = """kybflow: 1
