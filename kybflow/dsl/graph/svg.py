@@ -1,10 +1,10 @@
 """Arrange the drawings of state machines, and write them as SVG without scripts, fonts or links.
 
 The layout is layered, after Sugiyama, Tagawa and Toda (1981). A box's layer follows from the
-longest path to it over the arrows that do not close a cycle. Each arrow becomes a chain with one vertex in
-every layer that it passes; the first of them carries its label, so neither boxes nor labels can
-overlap. Barycentres determine the order within a layer. Positions are the feasible ones nearest to
-the mean of the neighbours (isotonic regression), in sweeps down and up.
+longest path to it over the arrows that do not close a cycle. Each arrow becomes a chain with one
+vertex in every layer that it passes; the first of them carries its label, so neither boxes nor
+labels can overlap. Barycentres determine the order within a layer. Positions are the feasible ones
+nearest to the mean of the neighbours (isotonic regression), in sweeps down and up.
 """
 
 from __future__ import annotations
